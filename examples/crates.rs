@@ -63,8 +63,11 @@ fn graph() -> Graph {
             continue;
         }
         let dependencies = package["dependencies"].as_array().expect("dependencies");
-        let uses = dependencies.iter().filter(|it| it["kind"].is_null());
-        let uses = uses.map(name).filter(|name| known.contains(name));
+        let uses = dependencies
+            .iter()
+            .filter(|it| it["kind"].is_null())
+            .map(name)
+            .filter(|name| known.contains(name));
         graph.insert(short(name(package)), uses.map(short).collect());
     }
     graph

@@ -84,8 +84,12 @@ fn metadata() -> Value {
 
 /// Returns the packages on which the program depends, other than for tests and builds.
 fn linked(metadata: &Value) -> BTreeSet<&str> {
-    let nodes = metadata["resolve"]["nodes"].as_array().expect("nodes");
-    let nodes: BTreeMap<&str, &Value> = nodes.iter().map(|it| (text_of(&it["id"]), it)).collect();
+    let nodes: BTreeMap<&str, &Value> = metadata["resolve"]["nodes"]
+        .as_array()
+        .expect("nodes")
+        .iter()
+        .map(|it| (text_of(&it["id"]), it))
+        .collect();
     let mut linked = BTreeSet::new();
     let mut open = vec![text_of(&metadata["resolve"]["root"])];
     while let Some(id) = open.pop() {

@@ -127,7 +127,7 @@ impl Report {
         header("trainings of a and b, spread", names);
         for (a, b) in SIDES {
             for spread in SPREADS {
-                if a == 1 && 0.0 < spread {
+                if a == 1 && spread > 0.0 {
                     continue;
                 }
                 let name = format!("{a} and {b}, {:.0}", 100.0 * spread);

@@ -81,13 +81,14 @@ impl Cell {
     pub fn cover(&self, experiments: u64, seed: u64) -> Coverage {
         let truth = self.truth();
         let all = (0..experiments).into_par_iter();
-        let sums = all.map(|number| self.experiment((seed, number), truth));
-        let sums = sums.reduce(Sums::default, |a, b| Sums {
-            covered: a.covered + b.covered,
-            width: a.width + b.width,
-            estimate: a.estimate + b.estimate,
-            square: a.square + b.square,
-        });
+        let sums = all
+            .map(|number| self.experiment((seed, number), truth))
+            .reduce(Sums::default, |a, b| Sums {
+                covered: a.covered + b.covered,
+                width: a.width + b.width,
+                estimate: a.estimate + b.estimate,
+                square: a.square + b.square,
+            });
         let n = experiments as f64;
         let variance = sums.square / n - (sums.estimate / n).powi(2);
         Coverage {
@@ -187,7 +188,7 @@ impl Trainings {
             return self.rate;
         }
         let size = self.rate * (1.0 - self.rate) / (self.spread * self.spread) - 1.0;
-        assert!(0.0 < size, "no rates in [0, 1] spread so far: {self:?}");
+        assert!(size > 0.0, "no rates in [0, 1] spread so far: {self:?}");
         let good = gamma(self.rate * size, dice);
         let bad = gamma((1.0 - self.rate) * size, dice);
         good / (good + bad)
@@ -230,7 +231,7 @@ fn gamma(shape: f64, dice: &mut ChaCha8Rng) -> f64 {
         let x = normal(dice);
         let v = (1.0 + c * x).powi(3);
         let u = 1.0 - dice.random::<f64>();
-        if 0.0 < v && libm::log(u) < 0.5 * x * x + d - d * v + d * libm::log(v) {
+        if v > 0.0 && libm::log(u) < 0.5 * x * x + d - d * v + d * libm::log(v) {
             return d * v;
         }
     }

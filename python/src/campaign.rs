@@ -108,14 +108,21 @@ pub(crate) fn train_ado<'py>(
         goals.iter().map(goal).collect::<PyResult<Vec<_>>>()
     });
     let goals = goals.transpose()?;
-    let per_ado = options.per_ado.as_deref().map(|word| {
-        let what = || format!("`per_ado={word:?}` is not known");
-        let mode = word.parse::<PerAdoMode>();
-        mode.map_err(|_| wrong(what(), "known: independent, alternating"))
-    });
-    let per_ado = per_ado.transpose()?;
-    let from = options.from_run.as_deref().map(RunDir::open).transpose();
-    let from = from.map_err(failed)?;
+    let per_ado = options
+        .per_ado
+        .as_deref()
+        .map(|word| {
+            let what = || format!("`per_ado={word:?}` is not known");
+            let mode = word.parse::<PerAdoMode>();
+            mode.map_err(|_| wrong(what(), "known: independent, alternating"))
+        })
+        .transpose()?;
+    let from = options
+        .from_run
+        .as_deref()
+        .map(RunDir::open)
+        .transpose()
+        .map_err(failed)?;
     let found = running.watched(py, move |watch| {
         let request = TrainRequest {
             seed: options.seed,
@@ -183,12 +190,15 @@ pub(crate) fn eval_run<'py>(
     let nominal = placed(&run.scenario().map_err(failed)?, options.plant.as_deref())?;
     let ego = options.ego.as_ref().map(|ego| ego.bind(py));
     let egos = egos(&nominal, ego)?;
-    let ados = options.ados.iter().map(|word| {
-        let known = || "known: trained, all, and those of `brakecheck eval --help`";
-        let kind = word.parse::<AdoKind>();
-        kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
-    });
-    let ados = ados.collect::<PyResult<Vec<_>>>()?;
+    let ados = options
+        .ados
+        .iter()
+        .map(|word| {
+            let known = || "known: trained, all, and those of `brakecheck eval --help`";
+            let kind = word.parse::<AdoKind>();
+            kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
+        })
+        .collect::<PyResult<Vec<_>>>()?;
     let temperature = options.temperature;
     if temperature.is_some_and(|it| !(1e-6..=1e6).contains(&it)) || options.draws == 0 {
         return Err(wrong(
@@ -263,8 +273,11 @@ pub(crate) fn eval_world<'py>(
         return objects(py, &something(rows)?);
     };
     let spaces = nominal.world().spaces();
-    let policy = PythonPolicy::new(act.bind(py), spaces.actions, spaces.neutral);
-    let policy = Arc::new(policy);
+    let policy = Arc::new(PythonPolicy::new(
+        act.bind(py),
+        spaces.actions,
+        spaces.neutral,
+    ));
     let acting = policy.clone();
     let rows = running.watched(py, move |watch| {
         let policy = &*acting;

@@ -252,8 +252,11 @@ impl PythonController {
     fn forked(&self, instance: Arc<Instance>) -> Option<Option<Instance>> {
         instance.fork.as_ref()?;
         let ask = move |py: Python<'_>| {
-            let fork = instance.fork.as_ref().map(|fork| fork.clone_ref(py));
-            let fork = fork.unwrap_or_else(|| py.None());
+            let fork = instance
+                .fork
+                .as_ref()
+                .map(|fork| fork.clone_ref(py))
+                .unwrap_or_else(|| py.None());
             Ok((fork, PyTuple::empty(py).unbind()))
         };
         let copied = call(self.limit(), ask, |copy| {

@@ -10,8 +10,8 @@ use crate::error::raised;
 
 /// Dictionaries, lists and numbers, as `--json` would print them.
 pub(crate) fn objects<'py>(py: Python<'py>, what: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
-    let value = serde_json::to_value(what);
-    let value = value.map_err(|error| raised("FaultError", error.to_string()))?;
+    let value =
+        serde_json::to_value(what).map_err(|error| raised("FaultError", error.to_string()))?;
     object(py, &value)
 }
 

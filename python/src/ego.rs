@@ -69,11 +69,12 @@ pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerF
         Source::Object => given.get_type().into_any(),
         Source::Class | Source::Function => given.clone(),
     };
-    let name = match named.getattr("__qualname__") {
+    let name = (match named.getattr("__qualname__") {
         Ok(name) => name.extract::<String>()?,
         Err(_) => given.get_type().qualname()?.to_string(),
-    };
-    let name = name.replace(".<locals>", "").replace(['<', '>'], "");
+    })
+    .replace(".<locals>", "")
+    .replace(['<', '>'], "");
     let maker = Maker {
         given: Arc::new(given.clone().unbind()),
         source,

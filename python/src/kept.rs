@@ -35,8 +35,8 @@ pub(crate) fn replay_kept(
     options: ReplayOptions,
     running: Running,
 ) -> PyResult<Vec<RawReplayed>> {
-    let found = Regressions::find(&options.path, options.episode.as_deref()).map_err(failed)?;
-    let mut found = found
+    let mut found = Regressions::find(&options.path, options.episode.as_deref())
+        .map_err(failed)?
         .allow_programs(options.allow_programs)
         .allow_invalid(running.allow_invalid);
     let ego = options.ego.as_ref().map(|ego| ego.bind(py));
@@ -53,21 +53,25 @@ pub(crate) fn replay_kept(
         found = found.against(name.as_deref(), &command).map_err(failed)?;
         requested_ego = Some(name.map_or_else(|| command.join(" "), |name| stem(&name)));
     }
-    let recorded = found.kept().iter();
-    let recorded = recorded.map(|kept| stem(&kept.counterexample.ego));
+    let recorded = found
+        .kept()
+        .iter()
+        .map(|kept| stem(&kept.counterexample.ego));
     let egos: Vec<String> = recorded
         .map(|recorded| requested_ego.clone().unwrap_or(recorded))
         .collect();
-    let replayed = running.watched(py, move |_| {
-        let replayed = if found.is_recorded_ego() {
-            found.replay_recorded()?
-        } else {
-            found.replay()?
-        };
-        found.check_faults(&replayed)?;
-        Ok(replayed)
-    })?;
-    let replayed = replayed.into_iter().zip(egos);
+    let replayed = running
+        .watched(py, move |_| {
+            let replayed = if found.is_recorded_ego() {
+                found.replay_recorded()?
+            } else {
+                found.replay()?
+            };
+            found.check_faults(&replayed)?;
+            Ok(replayed)
+        })?
+        .into_iter()
+        .zip(egos);
     let raw = |(replayed, ego)| RawReplayed {
         replayed: Arc::new(replayed),
         ego,
@@ -94,8 +98,11 @@ impl RawReplayed {
             identical,
             ..
         } = &*self.replayed;
-        let start = scenario.axes().into_iter().zip(&episode.start.0);
-        let start = start.map(|(axis, value)| (axis.name, json!(value)));
+        let start = scenario
+            .axes()
+            .into_iter()
+            .zip(&episode.start.0)
+            .map(|(axis, value)| (axis.name, json!(value)));
         let differs = self.replayed.first_difference.as_ref();
         objects(
             py,

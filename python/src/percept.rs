@@ -267,8 +267,9 @@ pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
             lateral_mps: command.lateral_mps,
         });
     }
-    let both = answer.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>();
-    let both = both.and_then(|(accel, lateral)| Ok((number(&accel)?, number(&lateral)?)));
+    let both = answer
+        .extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>()
+        .and_then(|(accel, lateral)| Ok((number(&accel)?, number(&lateral)?)));
     if let Ok((accel_mps2, lateral_mps)) = both {
         return Ok(ego::Command {
             accel_mps2,

@@ -75,11 +75,14 @@ impl RawRecording {
     ) -> PyResult<RawRecording> {
         let names: Vec<&str> = ids.0.iter().map(String::as_str).collect();
         let ids = rows(&names, &ids.1)?;
-        let classes = more.classes.map(|(names, at)| {
-            let classes: Vec<Class> = names.iter().map(|it| class(it)).collect::<PyResult<_>>()?;
-            rows(&classes, &at)
-        });
-        let classes = classes.transpose()?;
+        let classes = more
+            .classes
+            .map(|(names, at)| {
+                let classes: Vec<Class> =
+                    names.iter().map(|it| class(it)).collect::<PyResult<_>>()?;
+                rows(&classes, &at)
+            })
+            .transpose()?;
         let (x_m, y_m) = (places_m.0.as_slice()?, places_m.1.as_slice()?);
         let mut columns = RecordingColumns::new(&ids, times_s.as_slice()?, x_m, y_m);
         columns.heading_rad = more
@@ -132,11 +135,14 @@ impl RawRecording {
             leads,
             ..
         } = &self.0;
-        let bound = BoundRules::bind(&file, recording);
-        let bound = bound.map_err(|error| wrong(error.to_string(), error.help()))?;
-        let results = py.detach(|| bound.evaluate(recording, frame, leads));
-        let results = results.map_err(|error| wrong(error.to_string(), error.help()))?;
-        let results: Vec<_> = results.iter().map(|it| it.summary()).collect();
+        let bound = BoundRules::bind(&file, recording)
+            .map_err(|error| wrong(error.to_string(), error.help()))?;
+        let results: Vec<_> = py
+            .detach(|| bound.evaluate(recording, frame, leads))
+            .map_err(|error| wrong(error.to_string(), error.help()))?
+            .iter()
+            .map(|it| it.summary())
+            .collect();
         objects(py, &results)
     }
 
@@ -196,12 +202,15 @@ pub(crate) fn fit_traffic<'py>(
     recordings: Vec<PyRef<'py, RawRecording>>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let analyses: Vec<Analysis> = recordings.iter().map(|it| it.0.clone()).collect();
-    let sources = analyses.iter().map(|it| SourceFile {
-        name: it.recording.name.clone(),
-        sha256: None,
-    });
-    let sources = sources.collect();
-    let model = py.detach(|| brakecheck_traffic::fit_traffic(name, sources, &analyses));
-    let model = model.map_err(|error| wrong(error.to_string(), error.help()))?;
+    let sources = analyses
+        .iter()
+        .map(|it| SourceFile {
+            name: it.recording.name.clone(),
+            sha256: None,
+        })
+        .collect();
+    let model = py
+        .detach(|| brakecheck_traffic::fit_traffic(name, sources, &analyses))
+        .map_err(|error| wrong(error.to_string(), error.help()))?;
     Ok((model.to_ron(), objects(py, &model)?))
 }

@@ -52,8 +52,9 @@ impl RawFormula {
         rho_max: Option<f64>,
     ) -> PyResult<RawFormula> {
         let formula = parsed(&text)?;
-        let formulas = formulas.into_iter();
-        let formulas = formulas.map(|(name, text)| Ok((name, parsed(&text)?)));
+        let formulas = formulas
+            .into_iter()
+            .map(|(name, text)| Ok((name, parsed(&text)?)));
         if let Some((name, value)) = constants.iter().find(|(_, value)| !value.is_finite()) {
             let what = format!("the constant `{name}` is {value}");
             return Err(wrong(what, "constants are finite numbers"));
@@ -165,8 +166,12 @@ impl RawFormula {
         let named = |(name, boolean, _): &Column<'_>| (name.clone(), *boolean);
         let whole = schema(columns.iter().map(named), dt_s)?;
         // What the formula does not read may be of any length, and hold a NaN.
-        let read = self.bind(&whole)?.signals();
-        let read: Vec<&Column<'_>> = read.into_iter().map(|at| &columns[at]).collect();
+        let read: Vec<&Column<'_>> = self
+            .bind(&whole)?
+            .signals()
+            .into_iter()
+            .map(|at| &columns[at])
+            .collect();
         // A formula that reads nothing still needs to know how many samples.
         let read = if read.is_empty() {
             columns.iter().collect()
@@ -176,8 +181,7 @@ impl RawFormula {
         let schema = Arc::new(schema(read.iter().map(|column| named(column)), dt_s)?);
         let monitor = self.bind(&schema)?;
         let slices = read.iter().map(|(_, _, values)| Ok(values.as_slice()?));
-        let samples = Samples::new(schema, slices.collect::<PyResult<_>>()?);
-        let samples = samples.map_err(|error| {
+        let samples = Samples::new(schema, slices.collect::<PyResult<_>>()?).map_err(|error| {
             wrong(
                 error.to_string(),
                 "a run has one finite number per signal and sample",

@@ -81,9 +81,10 @@ impl RawVector {
         let group = |first| Group::new(&world, in_lanes, SHARE.min(count - first));
         let all = py.detach(|| (0..count).step_by(SHARE).map(group).collect());
         check_interrupted()?;
-        let pool = (jobs != 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(jobs).build());
-        let pool = pool.transpose();
-        let pool = pool.map_err(|error| raised("FaultError", error.to_string()))?;
+        let pool = (jobs != 1)
+            .then(|| rayon::ThreadPoolBuilder::new().num_threads(jobs).build())
+            .transpose()
+            .map_err(|error| raised("FaultError", error.to_string()))?;
         Ok(RawVector {
             waits: pool.is_some() || world.program().is_some(),
             groups: Arc::new(Mutex::new(Groups {

@@ -102,8 +102,7 @@ impl RawWorld {
                 "low": observed.mid - observed.half, "high": observed.mid + observed.half,
             })
         });
-        let axes = world.axes();
-        let axes = axes.iter().map(
+        let axes = world.axes().iter().map(
             |axis| json!({ "name": axis.name, "unit": axis.unit, "low": axis.lo, "high": axis.hi }),
         );
         let spaces = world.world().spaces();
@@ -145,8 +144,7 @@ impl RawWorld {
 fn ados(world: &Scenario) -> Vec<serde_json::Value> {
     match world.world() {
         World::Drive(drive) => {
-            let sets = drive.spec().action_sets();
-            let sets = sets.map(|(name, actions, neutral)| {
+            let sets = drive.spec().action_sets().map(|(name, actions, neutral)| {
                 let labels: Vec<_> = (0..actions.len()).map(|a| actions.label(a)).collect();
                 json!({ "name": name, "actions": labels, "neutral": neutral })
             });

@@ -84,7 +84,7 @@ struct MergeArgs {
 
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(seconds) if seconds.is_finite() && 0.0 < seconds => Ok(seconds),
+        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
         _ => Err("seconds are a number above 0, such as 10".to_owned()),
     }
 }
@@ -208,10 +208,11 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
     drop(bar);
     let (done, all) = (ran.done, ran.all);
     if args.common.json {
-        let failed = ran.failed.iter();
-        let failed =
-            failed.map(|(piece, error)| json!({ "piece": piece, "why": error.to_string() }));
-        let failed: Vec<_> = failed.collect();
+        let failed: Vec<_> = ran
+            .failed
+            .iter()
+            .map(|(piece, error)| json!({ "piece": piece, "why": error.to_string() }))
+            .collect();
         print_json(&json!({ "pieces": all, "done": done, "failed": failed }))?;
     } else {
         terminal::data(&format!("{done} of {all} pieces are there"))?;
@@ -280,7 +281,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     let invalid = merged.summary.invalid_share();
     // Pieces may have run in other processes, so the log of this process has no faults.
     // A row without a valid start is no result, whatever share is allowed.
-    if args.common.allow_invalid < invalid || 1.0 <= invalid {
+    if args.common.allow_invalid < invalid || invalid >= 1.0 {
         return Err(Failure::fault(
             format!(
                 "in a row {:.1} % of the starts are invalid: the ego or the physics failed to run",
@@ -323,12 +324,12 @@ fn rates(rows: &[SummaryRow]) -> String {
 fn remarks(rows: &[SummaryRow]) -> String {
     let mut text = String::new();
     let trivial = rows.iter().map(|row| row.trivial).max().unwrap_or(0);
-    if 0 < trivial {
+    if trivial > 0 {
         text.push_str(&format!(
             "left out: {trivial} starts from which the nominal ego fails without an adversary\n"
         ));
     }
-    for row in rows.iter().filter(|row| 0 < row.invalid) {
+    for row in rows.iter().filter(|row| row.invalid > 0) {
         let (ego, ado, invalid) = (&row.ego, &row.ado, row.invalid);
         text.push_str(&format!(
             "invalid: {ego}, {ado}: {invalid} starts on which the ego or the physics failed to run\n"
@@ -345,7 +346,7 @@ fn gates(gates: &[GateVerdict]) -> String {
         .take(SHOWN)
         .map(|gate| gate.to_string())
         .collect();
-    if SHOWN < closed.len() {
+    if closed.len() > SHOWN {
         lines.push(format!(
             "and {} more that are held up",
             closed.len() - SHOWN

@@ -34,8 +34,8 @@ fn shipped(world: &str) -> String {
 
 /// Runs a command line, and returns whether it succeeded.
 fn run(args: &[String]) -> bool {
-    let cli = Cli::try_parse_from(std::iter::once("brakecheck".to_owned()).chain(args.to_vec()));
-    let cli = cli.unwrap_or_else(|error| panic!("{args:?}: {error}"));
+    let cli = Cli::try_parse_from(std::iter::once("brakecheck".to_owned()).chain(args.to_vec()))
+        .unwrap_or_else(|error| panic!("{args:?}: {error}"));
     let common = cli.verb.common();
     let ended = with_jobs(&common, || carry_out(cli.verb));
     matches!(ended, Ok(Exit::Done))
@@ -150,8 +150,7 @@ fn untimed(path: &Path, bytes: Vec<u8>) -> Vec<u8> {
     };
     let mut kept = String::new();
     for line in text.lines() {
-        let line = times(line).unwrap_or_else(|| line.to_owned());
-        let line = unsealed(&line);
+        let line = unsealed(&times(line).unwrap_or_else(|| line.to_owned()));
         let mut parts = line.split("cpu_s\":");
         kept.push_str(parts.next().unwrap_or_default());
         for part in parts {

@@ -19,15 +19,18 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
     let test = &args.test;
     let given = [
         (!test.ado.is_empty(), "--ado"),
-        (1 < test.tries, "--tries"),
+        (test.tries > 1, "--tries"),
         (test.temperature.is_some(), "--temperature"),
-        (0 < test.runs, "--runs"),
+        (test.runs > 0, "--runs"),
         // Points are played by the ego itself, so their failures can be kept.
         (test.keep.dir().is_some() && !has_points, "--keep"),
         (args.theorems, "--theorems"),
     ];
-    let given = given.iter().filter(|(is_given, _)| *is_given);
-    let given: Vec<&str> = given.map(|(_, option)| *option).collect();
+    let given: Vec<&str> = given
+        .iter()
+        .filter(|(is_given, _)| *is_given)
+        .map(|(_, option)| *option)
+        .collect();
     if given.is_empty() {
         return Ok(());
     }

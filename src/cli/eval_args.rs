@@ -35,7 +35,7 @@ fn members(text: &str) -> Result<usize, &'static str> {
     if text == "all" {
         return Ok(usize::MAX);
     }
-    let number = whole_number(text).filter(|number| 0 < *number);
+    let number = whole_number(text).filter(|number| *number > 0);
     number
         .and_then(|number| usize::try_from(number).ok())
         .ok_or("all, or a number of members from 1")

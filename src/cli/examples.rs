@@ -66,12 +66,15 @@ mod tests {
         let program = Cli::command();
         for verb in program.get_subcommands().filter(|verb| !verb.is_hide_set()) {
             let name = verb.get_name();
-            let help = verb.get_after_help().map(ToString::to_string);
-            let help = help.unwrap_or_default();
+            let help = verb
+                .get_after_help()
+                .map(ToString::to_string)
+                .unwrap_or_default();
             let mut lines = help.lines().map(str::trim);
             let begins = format!("brakecheck {name} ");
-            let example = lines.find(|line| line.starts_with(&begins));
-            let example = example.unwrap_or_else(|| panic!("`{name}` has no example: {help:?}"));
+            let example = lines
+                .find(|line| line.starts_with(&begins))
+                .unwrap_or_else(|| panic!("`{name}` has no example: {help:?}"));
             if let Err(error) = Cli::try_parse_from(words(example)) {
                 panic!("{example}: {error}");
             }

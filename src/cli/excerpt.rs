@@ -52,8 +52,8 @@ impl Excerpt {
             window.line(line, at);
             at += line.len();
             shown += usize::from(line_start < at);
-            behind += usize::from(end < at || MOST_LINES <= shown);
-            if 1 < behind {
+            behind += usize::from(end < at || shown >= MOST_LINES);
+            if behind > 1 {
                 break;
             }
         }
@@ -94,7 +94,7 @@ impl ExcerptWindow {
             Some(_) => before.take(CHARS_BEFORE).last().map_or(0, |(i, _)| i),
             None => 0,
         };
-        if 0 < first {
+        if first > 0 {
             self.text.push('…');
         }
         let mut ends = words.len();

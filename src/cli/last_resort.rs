@@ -52,8 +52,10 @@ mod tests {
         assert_eq!(guarded(|| Exit::Counterexample), Exit::Counterexample);
         let here = || panic!("planted");
         assert_eq!(guarded(here), Exit::Fault);
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(2).build();
-        let threads = threads.expect("a pool");
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(2)
+            .build()
+            .expect("a pool");
         let elsewhere = || threads.install(|| -> Exit { panic!("planted") });
         assert_eq!(guarded(elsewhere), Exit::Fault);
     }

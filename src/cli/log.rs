@@ -5,9 +5,9 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
-    Analysis, ColumnMap, MappedCarriageway, ModelError, ReadError, SourceFile, TimeColumn,
-    TrafficModel, TrafficRecording, fit_traffic, read_csv, read_csv_timed, read_lanelets,
-    read_mcap, read_osi, read_xml, read_xosc, svg_instant, svg_overview,
+    Analysis, ColumnMap, CsvColumns, MappedCarriageway, ModelError, ReadError, RecordingMeta,
+    SourceFile, TimeColumn, TrafficModel, TrafficRecording, fit_traffic, read_lanelets, read_mcap,
+    read_osi, read_xml, read_xosc, svg_instant, svg_overview,
 };
 use clap::Args;
 use serde_json::{Value, json};
@@ -91,10 +91,10 @@ pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
     if let Some(path) = &args.picture {
         draw(args, path, &recordings)?;
     }
-    let reports = recordings
+    let reports: Vec<Value> = recordings
         .iter()
-        .map(|(analysis, map)| report(analysis, map));
-    let reports: Vec<Value> = reports.collect();
+        .map(|(analysis, map)| report(analysis, map))
+        .collect();
     let model = match &args.fit {
         Some(path) => {
             let analyses: Vec<Analysis> = recordings.into_iter().map(|it| it.0).collect();
@@ -138,12 +138,13 @@ fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> 
     });
     drawn.ok_or_else(|| {
         let tracks = recording.tracks.iter().filter(|it| it.id == id);
-        let spans = tracks.map(|it| {
-            let from_s = it.first_sample as f64 * recording.dt_s;
-            let to_s = (it.end_sample() - 1) as f64 * recording.dt_s;
-            format!("{from_s:.2} to {to_s:.2} s")
-        });
-        let spans: Vec<String> = spans.collect();
+        let spans: Vec<String> = tracks
+            .map(|it| {
+                let from_s = it.first_sample as f64 * recording.dt_s;
+                let to_s = (it.end_sample() - 1) as f64 * recording.dt_s;
+                format!("{from_s:.2} to {to_s:.2} s")
+            })
+            .collect();
         let help = if spans.is_empty() {
             format!("name a road user of `{}`", recording.name)
         } else {
@@ -264,7 +265,7 @@ fn read(
     // Some recorders write endings in capitals.
     let format = format.to_ascii_lowercase();
     if !matches!(&*format, "xosc" | "osi" | "mcap" | "xml") {
-        return read_rows(rows, &name, map, time);
+        return read_rows(file, rows, map, time);
     }
     // A column map without effect would hide a mistake.
     if map.is_some() || time.is_some() {
@@ -286,18 +287,38 @@ fn read(
 }
 
 fn read_rows(
+    file: &Path,
     rows: File,
-    name: &str,
     map: Option<&(ColumnMap, String)>,
     time: Option<&str>,
 ) -> Result<(TrafficRecording, String), Failure> {
-    Ok(match map {
-        Some((map, known)) => (read_csv(rows, name, map)?, known.clone()),
-        None => {
-            let (recording, known) = read_csv_timed(rows, name, time)?;
-            (recording, known.to_owned())
-        }
-    })
+    let meta = meta_beside(file)?;
+    let columns = CsvColumns {
+        map: map.map(|(map, _)| map),
+        time,
+        meta: Some(&meta),
+    };
+    let (recording, guessed) = columns.read(rows, &file.display().to_string())?;
+    let known = map.map_or(guessed, |(_, known)| known);
+    Ok((recording, known.to_owned()))
+}
+
+/// Reads the files beside `NN_tracks.csv`, as far as they are there.
+fn meta_beside(file: &Path) -> Result<RecordingMeta, Failure> {
+    let name = file.file_name().and_then(OsStr::to_str).unwrap_or_default();
+    let mut meta = RecordingMeta::default();
+    let Some(start) = name.strip_suffix("tracks.csv") else {
+        return Ok(meta);
+    };
+    let beside = |ending: &str| Some(file.with_file_name(format!("{start}{ending}.csv")));
+    let is_there = |path: &PathBuf| path.is_file();
+    if let Some(path) = beside("recordingMeta").filter(is_there) {
+        meta = meta.with_recording(open(&path)?, &path.display().to_string())?;
+    }
+    if let Some(path) = beside("tracksMeta").filter(is_there) {
+        meta = meta.with_tracks(open(&path)?, &path.display().to_string())?;
+    }
+    Ok(meta)
 }
 
 fn open(file: &Path) -> Result<File, Failure> {

@@ -61,9 +61,10 @@ fn corrected(counts: &ReadCounts) -> [(usize, &'static str); 6] {
     ]
 }
 
-fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 5] {
+fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 6] {
     [
         (counts.jumps, "jumps at which tracks are split"),
+        (counts.sideways, "steps that jump to the side"),
         (counts.reused_ids, "identities of a second vehicle"),
         (counts.varying_sizes, "tracks with varying lengths"),
         (

@@ -312,7 +312,7 @@ fn finite_or_word(value: f64) -> serde_json::Value {
     if value.is_finite() {
         value.into()
     } else {
-        if 0.0 < value { "inf" } else { "-inf" }.into()
+        if value > 0.0 { "inf" } else { "-inf" }.into()
     }
 }
 
@@ -339,9 +339,9 @@ fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
     // out.
     let alone = |row: &Row| {
         row.fails_alone
-            .is_some_and(|it| it.left_out && 0 < it.starts)
+            .is_some_and(|it| it.left_out && it.starts > 0)
     };
-    let found = rows.iter().any(|row| 0 < row.successes || alone(row));
+    let found = rows.iter().any(|row| row.successes > 0 || alone(row));
     if terminal::stopped() {
         terminal::note("interrupted: the rows cover the starts that were finished");
         return Exit::Interrupted;

@@ -30,7 +30,7 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
 /// Parses a finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && 0.0 < value => Ok(value),
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("a number above 0, such as 0.25".to_owned()),
     }
 }

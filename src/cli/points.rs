@@ -78,8 +78,7 @@ fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failu
 
 fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(), Failure> {
     if args.test.common.json {
-        let rows = tables.iter().flat_map(|table| &table.rows);
-        let rows: Vec<_> = rows.collect();
+        let rows: Vec<_> = tables.iter().flat_map(|table| &table.rows).collect();
         return print_json(&json!({ "rows": rows, "points": tables }));
     }
     args.test.live.data(&text(args, world, tables))
@@ -119,18 +118,23 @@ fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
 /// A line per point, a column per ego.
 fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
     let axes = world.axes();
-    let axes = axes.iter().map(|axis| match axis.unit {
+    let axis_names = axes.iter().map(|axis| match axis.unit {
         "" => axis.name.clone(),
         unit => format!("{}, {unit}", axis.name),
     });
     let egos = tables.iter().map(|table| table.ego.clone());
-    let columns = std::iter::once("point".to_owned()).chain(axes).chain(egos);
+    let columns = std::iter::once("point".to_owned())
+        .chain(axis_names)
+        .chain(egos);
     // All egos play the same points, so the first table has all rows.
-    let points = tables.first().map(|table| table.points.as_slice());
-    let points = points.unwrap_or_default().iter().enumerate();
+    let points = tables
+        .first()
+        .map(|table| table.points.as_slice())
+        .unwrap_or_default()
+        .iter()
+        .enumerate();
     let rows = points.map(|(nth, point)| {
-        let values = point.start.values();
-        let values = values.map(|value| format!("{:.3}", value));
+        let values = point.start.values().map(|value| format!("{:.3}", value));
         let outcomes = tables.iter().map(move |table| outcome(&table.points[nth]));
         let cells = std::iter::once(point.point.to_string());
         cells.chain(values).chain(outcomes)

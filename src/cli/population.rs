@@ -119,8 +119,8 @@ fn refuse_options(args: &EvalArgs) -> Result<(), Failure> {
     // An option without effect would suggest a result that it did not have.
     let given = [
         (!test.ado.is_empty(), "--ado"),
-        (1 < test.tries, "--tries"),
-        (0 < test.runs, "--runs"),
+        (test.tries > 1, "--tries"),
+        (test.runs > 0, "--runs"),
         (test.keep.dir().is_some(), "--keep"),
         (args.theorems, "--theorems"),
     ];
@@ -152,8 +152,9 @@ fn members(args: &EvalArgs, most: usize) -> Result<Vec<RunDir>, Failure> {
 /// Returns the single ego to test.
 fn ego(args: &EvalArgs, members: &[RunDir]) -> Result<EgoUnderTest, Failure> {
     let test = &args.test;
-    let first = members.first();
-    let first = first.ok_or(crate::population::PopulationError::NoMember)?;
+    let first = members
+        .first()
+        .ok_or(crate::population::PopulationError::NoMember)?;
     let world = first.scenario()?;
     let world = match test.plant {
         Some(plant) => on_plant(&world, plant)?,
@@ -232,10 +233,11 @@ fn text(results: &PopulationResults, world: &Scenario) -> String {
 fn cell_table(results: &PopulationResults, world: &Scenario) -> String {
     let listed = results.cells.iter().take(LISTED);
     let rows = listed.map(|count| [count.cell.in_words(world), count.failures.to_string()]);
-    let table = TextTable::new(["cell", "starts"], rows).numbers_from(1);
-    let table = table.to_terminal();
+    let table = TextTable::new(["cell", "starts"], rows)
+        .numbers_from(1)
+        .to_terminal();
     let more = results.cells.len().saturating_sub(LISTED);
-    if 0 < more {
+    if more > 0 {
         return format!("{table}\n{more} more cells are in `--json`");
     }
     table

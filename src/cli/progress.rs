@@ -51,8 +51,10 @@ impl ProgressPhase {
     fn label(&self) -> String {
         let mut label = String::new();
         // "1/1" says nothing.
-        let step = self.step.filter(|(_, of)| 1 < *of);
-        let step = step.map(|(at, of)| format!("{at}/{of} "));
+        let step = self
+            .step
+            .filter(|(_, of)| *of > 1)
+            .map(|(at, of)| format!("{at}/{of} "));
         let what = format!("{}{}", step.unwrap_or_default(), self.what);
         let parts = [&self.title, &what, &self.detail];
         for (part, between) in parts.into_iter().zip(["", ": ", ", "]) {

@@ -85,8 +85,11 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
 fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), Failure> {
     // Labels of another run are computed by replays, so they run in parallel.
     let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
-    let rows = replayed.iter().zip(&known);
-    let rows: Vec<_> = rows.map(|(it, about)| row(it, about)).collect();
+    let rows: Vec<_> = replayed
+        .iter()
+        .zip(&known)
+        .map(|(it, about)| row(it, about))
+        .collect();
     let in_all = ReplayCounts::of(replayed);
     let summary = if recorded {
         as_recorded(&in_all, replayed)
@@ -293,10 +296,13 @@ fn table(replayed: &[Replayed]) -> String {
     // A common directory is printed once, above the table.
     let directory = first.filter(|_| directories.all(|other| other == first));
     let lines = replayed.iter().map(|replayed| {
-        let contact = replayed.episode.contact.as_ref();
-        let contact = contact.map_or("–".to_owned(), |touch| {
-            format!("{:.3} s, {:.2} m/s", touch.time_s, touch.closing_speed_mps)
-        });
+        let contact = replayed
+            .episode
+            .contact
+            .as_ref()
+            .map_or("–".to_owned(), |touch| {
+                format!("{:.3} s, {:.2} m/s", touch.time_s, touch.closing_speed_mps)
+            });
         let bits = if replayed.identical {
             "identical".to_owned()
         } else {

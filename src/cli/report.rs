@@ -95,8 +95,10 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
     drop(bar);
     // The page ends with the commands that make it again.
     report.commands = commands(args, &run);
-    let html = args.output.clone();
-    let html = html.unwrap_or_else(|| run.path().join("report.html"));
+    let html = args
+        .output
+        .clone()
+        .unwrap_or_else(|| run.path().join("report.html"));
     if args.scenarios {
         write_scenarios(&html, &mut report, args.seed)?;
     }
@@ -217,7 +219,7 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     }
     let mut rows = report.tested.iter().map(|tested| &tested.row);
     // A row without a valid start is no result, whatever share is allowed.
-    let is_unheeded = |share: f64| args.common.allow_invalid < share || 1.0 <= share;
+    let is_unheeded = |share: f64| args.common.allow_invalid < share || share >= 1.0;
     let row = rows.find(|row| is_unheeded(row.invalid_share()))?;
     Some(Failure::fault(
         format!(
@@ -296,7 +298,7 @@ fn this_page(args: &ReportArgs) -> String {
     if let Some(ego) = &args.ego {
         option("--ego", vec![ego.clone()]);
     }
-    if 0.0 < args.common.allow_invalid {
+    if args.common.allow_invalid > 0.0 {
         option(
             "--allow-invalid",
             vec![args.common.allow_invalid.to_string()],

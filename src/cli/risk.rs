@@ -95,8 +95,11 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     let egos = egos(args, &world)?;
     // Egos may be programs, which start only with consent.
     consent_to(&egos)?;
-    let run = args.run.as_ref().map(|run| open_run(run, &args.common));
-    let run = run.transpose()?;
+    let run = args
+        .run
+        .as_ref()
+        .map(|run| open_run(run, &args.common))
+        .transpose()?;
     let known = known(args, &world, run.as_ref())?;
     let policy = policy(args, run.as_ref())?;
     let mut request = RiskRequest::new(&traffic, &egos);

@@ -195,7 +195,7 @@ fn ados(test: &TestArgs, run: &RunDir) -> Vec<AdoKind> {
 
 /// Refuses to adapt to egos in worlds without driving.
 fn can_learn(test: &TestArgs, nominal: &Scenario) -> Result<(), Failure> {
-    if 0 < test.runs && nominal.drive().is_none() {
+    if test.runs > 0 && nominal.drive().is_none() {
         return Err(Failure::input(
             "`--runs` learns how an ego drives, and in this world no vehicle drives",
             "leave it out: the ado of a grid plays as it was trained",

@@ -76,8 +76,9 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     args.method.refuse_others(&given(args))?;
     args.live.check(args.common.json)?;
     let is_run = args.world.is_dir();
-    let run = is_run.then(|| open_run(&args.world, &args.common));
-    let run = run.transpose()?;
+    let run = is_run
+        .then(|| open_run(&args.world, &args.common))
+        .transpose()?;
     let (world, nominal) = worlds(args, run.as_ref())?;
     args.traffic.keep_one(args.keep.dir())?;
     let egos = args.traffic.levels(args.ego.find(&nominal)?);
@@ -175,7 +176,7 @@ fn stored(
 fn anytime_lines(rows: &[Row]) -> String {
     let mut text = String::new();
     // A single budget is in the table already.
-    for row in rows.iter().filter(|row| 1 < row.anytime.len()) {
+    for row in rows.iter().filter(|row| row.anytime.len() > 1) {
         let part = |at: &crate::run_dir::Anytime| {
             format!("{}: {:.1} %", at.budget, 100.0 * at.success_rate)
         };
@@ -242,8 +243,9 @@ mod tests {
 
     #[test]
     fn a_method_of_the_list_is_a_value_with_its_help() {
-        let parsed = Alone::try_parse_from(["search", "a.ron", "--method", "mutate"]);
-        let parsed = parsed.map_err(|e| e.to_string()).expect("in the list");
+        let parsed = Alone::try_parse_from(["search", "a.ron", "--method", "mutate"])
+            .map_err(|e| e.to_string())
+            .expect("in the list");
         assert_eq!(parsed.search.method.name, "mutate");
         let help = Alone::command().render_long_help().to_string();
         for says in ["- mutate: ", "(uniform, hold, cem, mutate) [default: 100]"] {

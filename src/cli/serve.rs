@@ -42,7 +42,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
         "{} decisions, {} messages answered with an error",
         served.decisions, served.errors
     ));
-    if 0 < served.episodes {
+    if served.episodes > 0 {
         terminal::note(&format!(
             "{} judged episodes, the ego failed in {} of them, {} kept",
             served.episodes, served.successes, served.kept

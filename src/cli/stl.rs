@@ -104,8 +104,9 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
         constants: constants(&args.constants)?,
         ..Names::default()
     };
-    let monitor = formula.bind_with(trace.schema(), &names, &args.settings());
-    let monitor = monitor.map_err(in_formula)?;
+    let monitor = formula
+        .bind_with(trace.schema(), &names, &args.settings())
+        .map_err(in_formula)?;
     // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
         terminal::note(&short);
@@ -268,8 +269,7 @@ fn read(args: &StlArgs, file: &str) -> Result<ReadTrace, Failure> {
 pub(super) fn constants(given: &[String]) -> Result<Constants, Failure> {
     let mut constants = Constants::new();
     for text in given {
-        let pair = text.split_once('=');
-        let pair = pair.and_then(|(name, value)| {
+        let pair = text.split_once('=').and_then(|(name, value)| {
             let value: f64 = value.trim().parse().ok()?;
             // Constants must be finite, as all values of a trace are.
             value.is_finite().then(|| (name.trim().to_owned(), value))

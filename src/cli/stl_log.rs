@@ -43,7 +43,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     }
     let reports: Vec<Value> = checked.iter().map(CheckedRecording::json).collect();
     args.emit_json(&json!({ "recordings": reports }))?;
-    let is_broken = |it: &CheckedRecording| it.results.iter().any(|rule| 0 < rule.episodes);
+    let is_broken = |it: &CheckedRecording| it.results.iter().any(|rule| rule.episodes > 0);
     Ok(
         if args.fail_on_counterexample && checked.iter().any(is_broken) {
             Exit::Counterexample
@@ -63,10 +63,11 @@ fn evaluated(args: &StlArgs) -> Result<Vec<CheckedRecording>, Failure> {
     };
     for (analysis, map) in log::read_all(&args.log, columns, args.road.as_deref())? {
         log_reading::note(&analysis, &map);
-        let bound = BoundRules::bind(&rules, &analysis.recording);
-        let bound = bound.map_err(|error| in_rule_file(&source, &rules, error))?;
-        let results = bound.evaluate(&analysis.recording, &analysis.frame, &analysis.leads);
-        let results = results.map_err(|error| in_rule_file(&source, &rules, error))?;
+        let bound = BoundRules::bind(&rules, &analysis.recording)
+            .map_err(|error| in_rule_file(&source, &rules, error))?;
+        let results = bound
+            .evaluate(&analysis.recording, &analysis.frame, &analysis.leads)
+            .map_err(|error| in_rule_file(&source, &rules, error))?;
         let evaluated = EvaluatedRows::of(&analysis.recording, &analysis.frame, &analysis.leads);
         terminal::note(&format!("evaluated: {evaluated}"));
         checked.push(CheckedRecording {
@@ -180,12 +181,15 @@ impl CheckedRecording {
 
     fn json(&self) -> Value {
         let recording = &self.analysis.recording;
-        let rules = self.results.iter().zip(&self.pictures);
-        let rules = rules.map(|(it, picture)| {
-            let mut rule = json!(it.summary());
-            rule["picture"] = json!(picture);
-            rule
-        });
+        let rules = self
+            .results
+            .iter()
+            .zip(&self.pictures)
+            .map(|(it, picture)| {
+                let mut rule = json!(it.summary());
+                rule["picture"] = json!(picture);
+                rule
+            });
         json!({
             "file": recording.name,
             "map": self.map,

@@ -87,11 +87,13 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             ));
         }
         if let Some(severity) = &row.severity {
-            let late = row.foul_before_contact_rate.filter(|share| *share > 0.0);
-            let late = late.map_or(String::new(), |share| {
-                let share = percent(share);
-                format!("; on {share} of the starts a rule broke between failure and contact")
-            });
+            let late = row
+                .foul_before_contact_rate
+                .filter(|share| *share > 0.0)
+                .map_or(String::new(), |share| {
+                    let share = percent(share);
+                    format!("; on {share} of the starts a rule broke between failure and contact")
+                });
             let unjudged = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
             let unjudged = unjudged.map_or(String::new(), |of| {
                 let sample = of.judged + of.not_judged;
@@ -111,8 +113,11 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             _ => format!("{groups} groups"),
         });
         // With a single kind there is nothing to distinguish.
-        let kinds = row.kinds.iter().filter(|_| row.kinds.len() > 1);
-        let kinds = kinds.map(ToString::to_string);
+        let kinds = row
+            .kinds
+            .iter()
+            .filter(|_| row.kinds.len() > 1)
+            .map(ToString::to_string);
         let failures: Vec<String> = groups.into_iter().chain(kinds).collect();
         if !failures.is_empty() {
             let failures = failures.join("; ");
@@ -143,7 +148,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
                 repeats.gate,
                 100.0 * repeats.failing_share
             ));
-            if 0 < repeats.differing {
+            if repeats.differing > 0 {
                 text.push_str(&format!(
                     "; on {} starts its commands differ between the runs",
                     repeats.differing
@@ -182,8 +187,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     relations.sort();
     relations.dedup();
     for relation in relations {
-        let block = egos.iter().filter(|ego| ego.relation == relation);
-        let block: Vec<&ReusedOn> = block.collect();
+        let block: Vec<&ReusedOn> = egos.iter().filter(|ego| ego.relation == relation).collect();
         let rows: Vec<Row> = block.iter().flat_map(|ego| ego.rows.clone()).collect();
         let of_block = summaries.iter().filter(|sum| sum.relation == relation);
         text.push_str(&format!(
@@ -198,7 +202,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     let of_all = summaries
         .iter()
         .filter(|sum| sum.relation == Relation::Changed);
-    if 0 < of_all.clone().count() {
+    if of_all.clone().count() > 0 {
         let heading = Relation::Changed.heading();
         text.push_str(&format!("\n\n# {heading}\n{}", summary(of_all)));
     }
@@ -343,7 +347,7 @@ fn uncounted(rows: &[Row]) -> String {
     // With a single ego its name would only repeat.
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let named = rows.iter().filter_map(|row| {
-        let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
+        let (uncounted, starts) = (row.uncounted.filter(|count| *count > 0)?, row.starts);
         let name = if one_ego {
             row.ado.to_string()
         } else {
@@ -421,7 +425,7 @@ fn opening(rows: &[Row]) -> String {
     }
     text.push_str(&by_itself(rows, all));
     let invalid: usize = rows.iter().map(|row| row.invalid).sum();
-    if 0 < invalid {
+    if invalid > 0 {
         text.push_str(&format!("; {invalid} invalid, in no rate"));
     }
     text

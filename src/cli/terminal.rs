@@ -136,8 +136,9 @@ fn read_line<P: CommandLine>(
             argument
         }
     };
-    let line = P::command().mut_args(negative);
-    let line = line.mut_subcommands(|verb| verb.mut_args(negative));
+    let line = P::command()
+        .mut_args(negative)
+        .mut_subcommands(|verb| verb.mut_args(negative));
     P::from_arg_matches(&line.try_get_matches_from(arguments)?)
 }
 
@@ -165,8 +166,10 @@ where
 {
     // 0 lets rayon take one thread per core.
     let jobs = usize::from(common.jobs.unwrap_or(0));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
-    let pool = pool.map_err(|error| Failure::fault(error.to_string(), None))?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(jobs)
+        .build()
+        .map_err(|error| Failure::fault(error.to_string(), None))?;
     // A pool of its own limits all parallel loops of the verb.
     pool.install(verb)
 }

@@ -50,7 +50,7 @@ pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
     }
     for program in programs {
         let cost = program.cost();
-        if 0 < cost.steps {
+        if cost.steps > 0 {
             watch.note(&format!(
                 "`{}` gave {} commands in {} episodes, also in trivial starts and checks; \
                  waiting for them took {:.1} s in all, {:.2} ms each, on {} processes",
@@ -63,7 +63,7 @@ pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
             ));
         }
         let compared = program.transcripts().compared();
-        if 0 < compared {
+        if compared > 0 {
             watch.note(&format!(
                 "{compared} of its episodes were played again, each in a new process, to \
                  compare the commands"

@@ -243,8 +243,10 @@ fn on_the_road(carried: &CarryOver) -> String {
     ));
     let forecasts = carried.rows.iter().flat_map(|row| {
         let plain = forecast_row(&row.ego, row.ado, "ε < τ", &row.forecast);
-        let sharper = row.sharper.as_ref();
-        let sharper = sharper.map(|s| forecast_row(&row.ego, row.ado, "sharper", &s.forecast));
+        let sharper = row
+            .sharper
+            .as_ref()
+            .map(|s| forecast_row(&row.ego, row.ado, "sharper", &s.forecast));
         std::iter::once(plain).chain(sharper)
     });
     let header = [
@@ -298,7 +300,7 @@ fn number(value: f64) -> String {
     match value.abs() {
         size if size.is_infinite() => "∞".to_owned(),
         // Three decimals would print such a number as 0.
-        size if 0.0 < size && size < 5e-4 => format!("{value:.0e}"),
+        size if size > 0.0 && size < 5e-4 => format!("{value:.0e}"),
         _ => format!("{value:.3}"),
     }
 }

@@ -38,8 +38,12 @@ impl TrafficArgs {
         let world = in_named_traffic(&world, self.traffic.as_deref())?;
         let model = &world.traffic().model;
         let supported = model.supported_per_1000_km();
-        let rates = self.natural.iter().filter(|rate| **rate < supported);
-        let rates: Vec<String> = rates.map(ToString::to_string).collect();
+        let rates: Vec<String> = self
+            .natural
+            .iter()
+            .filter(|rate| **rate < supported)
+            .map(ToString::to_string)
+            .collect();
         if !rates.is_empty() {
             terminal::note(&format!(
                 "warning: `--natural {}` is extrapolated: the data of `{}` supports rates from \

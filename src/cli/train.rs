@@ -204,7 +204,7 @@ fn print_trained(trained: &TrainingOutcome) {
         done.cpu_s,
         rate(trained)
     ));
-    if 0 < trained.aborted {
+    if trained.aborted > 0 {
         terminal::note(&format!(
             "{} episodes were dropped for faults of the ego or the physics",
             trained.aborted

@@ -188,8 +188,10 @@ fn stream(_: &ViewArgs, _: &[Replayed]) -> Result<(), Failure> {
 
 /// Returns the name of the ego: the requested ego, or that of the file.
 fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
-    let recorded = regressions.kept().first();
-    let recorded = recorded.map(|kept| kept.counterexample.ego.clone());
+    let recorded = regressions
+        .kept()
+        .first()
+        .map(|kept| kept.counterexample.ego.clone());
     let ego = args.ego.clone().or(recorded).unwrap_or_default();
     match ego.strip_suffix(".ron") {
         // A caption has room for a name, not for a path.

@@ -113,9 +113,8 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
         // The earliest violation of the rule is the clearest picture.
         (broken && moved).then_some(-(episode.judged as f64))
     };
-    let violation = first_found(scenario, &start, watch);
-    let violation =
-        violation.ok_or_else(|| not_found(scenario, SWITCHES, "violates ψ_ego by the rules"));
+    let violation = first_found(scenario, &start, watch)
+        .ok_or_else(|| not_found(scenario, SWITCHES, "violates ψ_ego by the rules"));
     Ok(vec![
         shown(
             "Merges far away",

@@ -124,20 +124,24 @@ impl Study<'_> {
         let cell = adversary.play(self.ego, self.starts, self.watch)?;
         let all =
             brakecheck_experiment::experiment::episode_loop::EpisodeLoop::uncounted(self.watch);
-        let looked = all.each(
-            &cell.solved(),
-            || (self.ego.scenario().bench(), self.competent.bench()),
-            |benches, index, _| Some(self.look(benches, (adversary, &cell), *index)),
-        );
-        let looked: Vec<Looked> = looked.into_iter().flatten().collect();
+        let looked: Vec<Looked> = all
+            .each(
+                &cell.solved(),
+                || (self.ego.scenario().bench(), self.competent.bench()),
+                |benches, index, _| Some(self.look(benches, (adversary, &cell), *index)),
+            )
+            .into_iter()
+            .flatten()
+            .collect();
         // Without a judged crash the columns are absent, not zero.
         let judged = looked.iter().any(|one| one.avoided.is_some());
         let count =
             |which: &dyn Fn(&Looked) -> bool| looked.iter().filter(|one| which(one)).count();
         let touches = looked.iter().filter_map(|one| one.episode.contact.as_ref());
         let closing = touches.clone().map(|touch| touch.closing_speed_mps);
-        let swiped = touches.filter_map(|touch| touch.impact);
-        let swiped = swiped.filter(|impact| impact.kind == CrashKind::SideSwipe);
+        let swiped = touches
+            .filter_map(|touch| touch.impact)
+            .filter(|impact| impact.kind == CrashKind::SideSwipe);
         Some(CrashRow {
             ado: name.unwrap_or(&cell.row.method).to_owned(),
             seed: cell.row.train_seed,
@@ -162,11 +166,13 @@ impl Study<'_> {
     fn persistence(&self, looked: &[Looked]) -> Option<f64> {
         // Variations are slow, so only the first crashes are varied.
         let some = &looked[..looked.len().min(VARIED)];
-        let shares = some.par_iter().filter_map(|one| {
-            let varied = persistence(self.ego.scenario(), &one.episode)?;
-            Some(varied.share())
-        });
-        let mut shares: Vec<f64> = shares.collect();
+        let mut shares: Vec<f64> = some
+            .par_iter()
+            .filter_map(|one| {
+                let varied = persistence(self.ego.scenario(), &one.episode)?;
+                Some(varied.share())
+            })
+            .collect();
         // The median does not depend on the order of the parallel loop.
         shares.sort_by(f64::total_cmp);
         shares.get(shares.len() / 2).copied()
@@ -177,7 +183,7 @@ impl Study<'_> {
 fn is_hard(episode: &Episode) -> bool {
     let keeps_rules = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
     let contact = episode.contact.as_ref();
-    keeps_rules && contact.is_some_and(|touch| HARD_MPS <= touch.closing_speed_mps)
+    keeps_rules && contact.is_some_and(|touch| touch.closing_speed_mps >= HARD_MPS)
 }
 
 /// Error of a crash study.
@@ -202,8 +208,9 @@ pub fn crash_study(
 ) -> Result<Option<CrashStudy>, CrashStudyError> {
     let seeds: Vec<u64> = request.seeds.trainings().collect();
     let runs = seeds.par_iter();
-    let runs = runs.map(|&seed| Ok(trained_run(scenario, seed, request.runs, watch)?.0));
-    let runs: Vec<_> = runs.collect::<Result<_, TrainError>>()?;
+    let runs: Vec<_> = runs
+        .map(|&seed| Ok(trained_run(scenario, seed, request.runs, watch)?.0))
+        .collect::<Result<_, TrainError>>()?;
     let starts = test_starts(scenario, request.seeds.starts, request.starts, watch);
     let (Some(starts), false) = (starts, watch.stopped()) else {
         return Ok(None);

@@ -95,8 +95,9 @@ impl LeagueStudy {
             return Ok(None);
         };
         let members = PopulationDir::open(path)?.members(played.len())?;
-        let league = members.iter().zip(&last.ado_mixture);
-        let league: Result<_, RunError> = league
+        let league: Result<_, RunError> = members
+            .iter()
+            .zip(&last.ado_mixture)
             .map(|(run, share)| Ok((*share, run.policy()?)))
             .collect();
         let mut ordinary = Vec::new();
@@ -217,8 +218,10 @@ const COLUMNS: [LeagueColumn; 10] = [
 
 /// Formats the rows as a Markdown table, with means per league and over all leagues.
 pub fn league_markdown(world: &str, rows: &[LeagueRow]) -> String {
-    let heading = ["ego", "league"].map(str::to_owned).into_iter();
-    let heading = heading.chain(COLUMNS.map(|(name, _)| name.to_owned()));
+    let heading = ["ego", "league"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(COLUMNS.map(|(name, _)| name.to_owned()));
     let line = |name: String, seed: String, cells: Vec<f64>| {
         let cells = cells.into_iter().map(|recall| format!("{recall:.2}"));
         [name, seed]
@@ -254,9 +257,10 @@ pub fn league_markdown(world: &str, rows: &[LeagueRow]) -> String {
 
 /// Returns the mean of each column over the egos with enough searched starts.
 fn means(rows: &[LeagueRow], seed: u64) -> Vec<f64> {
-    let counted = rows.iter().filter(|row| row.seed == seed);
-    let counted: Vec<&LeagueRow> = counted
-        .filter(|row| LEAST_SEARCHED <= row.searched)
+    let counted: Vec<&LeagueRow> = rows
+        .iter()
+        .filter(|row| row.seed == seed)
+        .filter(|row| row.searched >= LEAST_SEARCHED)
         .collect();
     let mean = |of: fn(&LeagueRow) -> f64| {
         counted.iter().map(|row| of(row)).sum::<f64>() / counted.len().max(1) as f64

@@ -52,7 +52,7 @@ pub(crate) fn milestones(
     let mut reached = Vec::new();
     let (mut played, mut cpu_s) = (0, 0.0);
     // A milestone at 0 would stop the training before it begins.
-    let mut targets = episodes.iter().copied().filter(|&target| 0 < target);
+    let mut targets = episodes.iter().copied().filter(|&target| target > 0);
     let mut target = targets.next();
     while !learner.finished() {
         let clock = ThreadTime::now();

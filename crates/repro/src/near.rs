@@ -100,8 +100,13 @@ pub fn near_starts(
             })
         })
         .collect();
-    let untried = starts.starts.iter().zip(&starts.trivial);
-    let untried: Vec<&(Start, u64)> = untried.filter(|(_, t)| !**t).map(|(s, _)| s).collect();
+    let untried: Vec<&(Start, u64)> = starts
+        .starts
+        .iter()
+        .zip(&starts.trivial)
+        .filter(|(_, t)| !**t)
+        .map(|(s, _)| s)
+        .collect();
     let all = EpisodeLoop::uncounted(watch);
     let looked = all.each(
         &untried,
@@ -114,8 +119,10 @@ pub fn near_starts(
     // A stopped evaluation has gaps and would bias the shares.
     let looked: Vec<(&Start, f64, bool)> = looked.into_iter().collect::<Option<_>>()?;
     let row = |delta: f64| {
-        let near = looked.iter().filter(|(_, v, _)| (v - value).abs() < delta);
-        let near: Vec<_> = near.collect();
+        let near: Vec<_> = looked
+            .iter()
+            .filter(|(_, v, _)| (v - value).abs() < delta)
+            .collect();
         let failing: Vec<&Start> = near.iter().filter(|n| n.2).map(|n| n.0).collect();
         let sides = axes.iter().enumerate().map(|(i, axis)| {
             let count = |test: &dyn Fn(f64) -> bool| {
@@ -173,16 +180,22 @@ const EXPLAINED: &str = "
 /// Formats the neighbourhoods as a Markdown table.
 pub fn near_starts_markdown(all: &[NearFailing]) -> String {
     let lines = all.iter().flat_map(|near| {
-        let around = near.around.iter().map(|(name, v)| format!("{name} {v:.2}"));
-        let around = around.collect::<Vec<_>>().join(", ");
+        let around = near
+            .around
+            .iter()
+            .map(|(name, v)| format!("{name} {v:.2}"))
+            .collect::<Vec<_>>()
+            .join(", ");
         let fails = if near.fails {
             ""
         } else {
             " (does not fail here)"
         };
         near.rows.iter().map(move |row| {
-            let sides = row.below_above.iter();
-            let sides = sides.map(|(name, [less, more])| format!("{name} {less} / {more}"));
+            let sides = row
+                .below_above
+                .iter()
+                .map(|(name, [less, more])| format!("{name} {less} / {more}"));
             let share = row.failing as f64 / row.near.max(1) as f64;
             let [share, lo, hi] = [share, row.ci95[0], row.ci95[1]].map(|rate| 100.0 * rate);
             [

@@ -128,10 +128,10 @@ fn line(world: &str, points: usize, cells: impl Iterator<Item = String>) -> Vec<
 /// Formats a cell: passed points, `!` failing variations, `c` preventable ones.
 fn cell(row: &ProtocolRow) -> String {
     let mut text = row.passed.to_string();
-    if 0 < row.strayed {
+    if row.strayed > 0 {
         text.push_str(&format!(" !{}", row.strayed));
     }
-    if 0 < row.preventable {
+    if row.preventable > 0 {
         text.push_str(&format!(" c{}", row.preventable));
     }
     text

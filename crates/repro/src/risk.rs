@@ -177,7 +177,7 @@ impl CountedRuns {
     /// Returns the rate and its standard error. `None` without a failure.
     fn rate(self) -> Option<[f64; 2]> {
         let rate = self.failures as f64 / self.runs;
-        (0 < self.failures).then(|| [rate, rate / (self.failures as f64).sqrt()])
+        (self.failures > 0).then(|| [rate, rate / (self.failures as f64).sqrt()])
     }
 }
 
@@ -204,10 +204,12 @@ impl RiskStudy {
     fn truth(&self) -> Option<f64> {
         let precise = |[mean, error]: [f64; 2]| (mean / (error * error), 1.0 / (error * error));
         let mean = self.mean().filter(|_| !self.is_faulty);
-        let parts = [mean, self.counted.rate()];
-        let parts = parts.into_iter().flatten().map(precise);
+        let parts = [mean, self.counted.rate()]
+            .into_iter()
+            .flatten()
+            .map(precise);
         let sums = parts.fold((0.0, 0.0), |sum, it| (sum.0 + it.0, sum.1 + it.1));
-        (0.0 < sums.1).then(|| sums.0 / sums.1)
+        (sums.1 > 0.0).then(|| sums.0 / sums.1)
     }
 
     fn row(&self) -> [String; 10] {

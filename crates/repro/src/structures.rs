@@ -297,7 +297,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
     // A recall over a few starts would dominate the mean by chance.
     let reachable: Vec<&StructureRow> = rows
         .iter()
-        .filter(|row| LEAST_SEARCHED <= row.searched)
+        .filter(|row| row.searched >= LEAST_SEARCHED)
         .collect();
     let over = |of: fn(&StructureRow) -> &SolvedBy| {
         let recalls: Vec<f64> = reachable.iter().filter_map(|row| of(row).recall).collect();

@@ -95,8 +95,8 @@ impl Side {
     fn towards(direction_rad: f64) -> Side {
         match direction_rad.abs() {
             off if off < FRAC_PI_4 => Side::Front,
-            off if OPPOSED_RAD < off => Side::Rear,
-            _ if 0.0 < direction_rad => Side::Left,
+            off if off > OPPOSED_RAD => Side::Rear,
+            _ if direction_rad > 0.0 => Side::Left,
             _ => Side::Right,
         }
     }
@@ -355,7 +355,7 @@ fn kind_of(ego: Side, other: Side, turned_rad: f64) -> CrashKind {
     let aligned = !(FRAC_PI_4..=OPPOSED_RAD).contains(&turned_rad);
     match (ego, other) {
         (Side::Front, Side::Rear) | (Side::Rear, Side::Front | Side::Rear) => CrashKind::RearEnd,
-        (Side::Front, Side::Front) if OPPOSED_RAD < turned_rad => CrashKind::HeadOn,
+        (Side::Front, Side::Front) if turned_rad > OPPOSED_RAD => CrashKind::HeadOn,
         (ego, other) if ego.is_flank() && other.is_flank() && aligned => CrashKind::SideSwipe,
         _ => CrashKind::Crossing,
     }

@@ -74,7 +74,7 @@ impl Seeds {
 
     /// Returns true if no tuning of a setting may have seen any of these seeds.
     pub fn is_sealed(&self) -> bool {
-        FIRST_SEALED <= self.first && FIRST_SEALED <= self.starts
+        self.first >= FIRST_SEALED && self.starts >= FIRST_SEALED
     }
 }
 
@@ -219,7 +219,7 @@ mod tests {
             let reported = Seeds::sealed(count);
             assert!(reported.is_sealed());
             assert_eq!(reported.trainings().count() as u64, count);
-            assert!(reported.trainings().all(|seed| FIRST_SEALED <= seed));
+            assert!(reported.trainings().all(|seed| seed >= FIRST_SEALED));
         }
         let open = Seeds {
             first: FIRST_SEALED - 3,

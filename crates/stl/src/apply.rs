@@ -189,8 +189,7 @@ pub(crate) fn apply(
                 let earlier = t.checked_sub(1).and_then(|t| before.at(t));
                 // `prev` is weak, so before the first sample it holds.
                 let earlier = earlier.map_or(f64::INFINITY, |v| flip(v, Edge::Rise));
-                let current = now.at(t);
-                let current = current.map_or(f64::NEG_INFINITY, |v| flip(v, Edge::Fall));
+                let current = now.at(t).map_or(f64::NEG_INFINITY, |v| flip(v, Edge::Fall));
                 *out = Min::pick(earlier, current);
             }
         }

@@ -52,7 +52,7 @@ impl Formula {
         // Negated, so that NaN is refused as well. Settings have no place in the text,
         // hence the empty spans.
         if let Some(rho_max) = settings.rho_max
-            && !(rho_max.is_finite() && 0.0 < rho_max)
+            && !(rho_max.is_finite() && rho_max > 0.0)
         {
             let what = format!("rho_max must be positive and finite, not {rho_max}");
             return Err(StlError::new(what, 0..0, "cannot be clamped"));
@@ -157,7 +157,7 @@ impl<'a> Binder<'a> {
     fn node(&mut self, node: &Arc<Node>) -> Result<Id, StlError> {
         // Not restored on an error, which ends the binding.
         self.depth += 1;
-        if MAX_DEPTH < self.depth {
+        if self.depth > MAX_DEPTH {
             let what = format!("the formula is nested deeper than {MAX_DEPTH} levels");
             return Err(StlError::new(what, node.span.0.clone(), "too deep"));
         }

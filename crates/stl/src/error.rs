@@ -146,7 +146,7 @@ pub(crate) fn suggest<'a>(
     let close = known
         .clone()
         .map(|k| (closeness(name, k), k))
-        .filter(|(score, _)| 0.75 <= *score)
+        .filter(|(score, _)| *score >= 0.75)
         // The first of the closest names.
         .reduce(|a, b| if a.0 < b.0 { b } else { a })
         .map(|(_, k)| format!("did you mean {}?", as_typed(k)));
@@ -156,7 +156,7 @@ pub(crate) fn suggest<'a>(
         .map(as_typed)
         .collect::<Vec<_>>()
         .join(", ");
-    if SHOWN < count {
+    if count > SHOWN {
         let _ = write!(list, " and {} more", count - SHOWN);
     }
     let list = (count != 0).then(|| format!("{kind}: {list}"));

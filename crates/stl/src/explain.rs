@@ -77,7 +77,7 @@ fn serialize_number<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, 
     if value.is_finite() {
         serializer.serialize_f64(*value)
     } else {
-        serializer.serialize_str(if 0.0 < *value { "inf" } else { "-inf" })
+        serializer.serialize_str(if *value > 0.0 { "inf" } else { "-inf" })
     }
 }
 

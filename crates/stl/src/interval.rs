@@ -30,7 +30,7 @@ impl Interval {
 
     /// Returns true if the formula is satisfied in any continuation (ρ > 0).
     pub fn is_kept(self) -> bool {
-        0.0 < self.lo
+        self.lo > 0.0
     }
 
     /// Returns true if `value` is still possible.

@@ -71,7 +71,7 @@ pub(crate) fn fold<E: Extremum>(values: &[f64]) -> f64 {
 /// `out` is not longer than `input`, and `width` is at least 1.
 pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
     let len = out.len();
-    debug_assert!(len <= input.len() && 0 < width);
+    debug_assert!(len <= input.len() && width > 0);
     // Every window reaches the end, so a single backward pass is enough.
     if input.len() <= width {
         return suffix::<E>(input, out);

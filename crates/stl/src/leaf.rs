@@ -471,8 +471,8 @@ impl ComparisonKind {
             return difference;
         }
         let holds = match self {
-            ComparisonKind::AtLeast => 0.0 <= difference,
-            ComparisonKind::MoreThan => 0.0 < difference,
+            ComparisonKind::AtLeast => difference >= 0.0,
+            ComparisonKind::MoreThan => difference > 0.0,
             ComparisonKind::Equal => difference == 0.0,
             ComparisonKind::NotEqual => difference != 0.0,
             ComparisonKind::Boolean => difference != 0.0,

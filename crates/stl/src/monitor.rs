@@ -52,7 +52,7 @@ impl Monitor {
     /// As [`Monitor::robustness`].
     pub fn satisfied(&self, trace: &Trace, scratch: &mut Scratch) -> bool {
         self.check(trace.schema());
-        0.0 < self.value(trace, trace.len(), Semantics::Truth, scratch)
+        self.value(trace, trace.len(), Semantics::Truth, scratch) > 0.0
     }
 
     /// Returns the robustness at every sample.

@@ -47,7 +47,7 @@ impl Decimal {
     pub(crate) fn ratio(self) -> Option<Ratio> {
         let power = 10i128.checked_pow(self.exponent.unsigned_abs())?;
         let mantissa = i128::from(self.mantissa);
-        if 0 <= self.exponent {
+        if self.exponent >= 0 {
             Ratio::new(mantissa.checked_mul(power)?, 1)
         } else {
             Ratio::new(mantissa, power)
@@ -111,7 +111,7 @@ impl Ratio {
         for _ in 0..40 {
             let whole = rest.floor();
             // The remainder is rounding noise by now, and its digits mean nothing.
-            if 1e15 < whole {
+            if whole > 1e15 {
                 break;
             }
             let digit = whole as i128;

@@ -182,10 +182,13 @@ impl<'a> Parser<'a> {
             Token::Number(digits) => {
                 self.advance();
                 // `1e999` parses to infinity.
-                let value = digits.parse::<f64>().ok().filter(|v| v.is_finite());
-                let value = value.ok_or_else(|| {
-                    StlError::new("this number is too large", span.clone(), "not finite")
-                })?;
+                let value = digits
+                    .parse::<f64>()
+                    .ok()
+                    .filter(|v| v.is_finite())
+                    .ok_or_else(|| {
+                        StlError::new("this number is too large", span.clone(), "not finite")
+                    })?;
                 Parsed::term(TermKind::Number(value), span)
             }
             Token::Quoted(name) => {

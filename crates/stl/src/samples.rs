@@ -138,7 +138,7 @@ impl Monitor {
     /// As [`Monitor::robustness`].
     pub fn satisfied_of(&self, samples: &Samples<'_>, scratch: &mut Scratch) -> bool {
         self.check(&samples.schema);
-        0.0 < self.value(samples, samples.len, Semantics::Truth, scratch)
+        self.value(samples, samples.len, Semantics::Truth, scratch) > 0.0
     }
 
     /// Computes [`Monitor::robustness_into`] of borrowed samples.

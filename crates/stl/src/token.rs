@@ -36,7 +36,7 @@ const SYMBOLS: [&str; 39] = [
 const MORE: [&str; 3] = ["]", ",", ":"];
 
 pub(crate) fn tokenize(text: &str) -> Result<Vec<Spanned<'_>>, StlError> {
-    if MAX_TEXT < text.len() {
+    if text.len() > MAX_TEXT {
         return Err(StlError::new(
             format!(
                 "the text is {} bytes long; the limit is {MAX_TEXT}",

@@ -116,7 +116,7 @@ impl Schema {
         signals: impl IntoIterator<Item = Signal>,
     ) -> Result<Schema, SchemaError> {
         // Negated, so that NaN is refused as well.
-        if !(dt_s.is_finite() && 0.0 < dt_s) {
+        if !(dt_s.is_finite() && dt_s > 0.0) {
             return Err(SchemaError::Period { dt_s });
         }
         let signals: Vec<Signal> = signals.into_iter().collect();

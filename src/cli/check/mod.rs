@@ -53,7 +53,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
 }
 
 fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
-    let scenario = match Scenario::find(world) {
+    let scenario = (match Scenario::find(world) {
         Ok(scenario) => scenario,
         Err(error) => {
             if args.json {
@@ -61,8 +61,8 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
             }
             return Err(error.into());
         }
-    };
-    let scenario = scenario.allow_programs(args.allow_programs);
+    })
+    .allow_programs(args.allow_programs);
     // Worlds know no probabilities, so their traffic is bound to them here.
     if let Err(error) = RiskTraffic::of_world(&scenario) {
         if let (true, RiskTrafficError::File(error)) = (args.json, &error) {
@@ -95,8 +95,8 @@ fn listed(name: &str, items: &[String]) -> String {
     for (i, item) in items.iter().enumerate() {
         let comma = if i + 1 < items.len() { "," } else { "" };
         let width = |text: &str| text.chars().count();
-        let full = |line: &String| 100 < width(line) + width(item) + 2;
-        if 0 < i && lines.last().is_some_and(full) {
+        let full = |line: &String| width(line) + width(item) + 2 > 100;
+        if i > 0 && lines.last().is_some_and(full) {
             lines.push(" ".repeat(14));
         }
         if let Some(line) = lines.last_mut() {
@@ -107,10 +107,12 @@ fn listed(name: &str, items: &[String]) -> String {
 }
 
 fn warnings(scenario: &Scenario) -> serde_json::Value {
-    let warnings = scenario.warnings.iter();
-    let warnings = warnings.map(|odd| json!({ "what": odd.what, "help": odd.help }));
-    let neutral = NeutralRule::of(scenario);
-    let neutral = neutral.map(|it| json!({ "what": it.to_string(), "help": it.help() }));
+    let warnings = scenario
+        .warnings
+        .iter()
+        .map(|odd| json!({ "what": odd.what, "help": odd.help }));
+    let neutral =
+        NeutralRule::of(scenario).map(|it| json!({ "what": it.to_string(), "help": it.help() }));
     warnings.chain(neutral).collect()
 }
 
@@ -131,14 +133,12 @@ fn problems(error: &LoadError) -> serde_json::Value {
 }
 
 fn listing(scenario: &Scenario) -> serde_json::Value {
-    let signals = scenario.signals().into_iter();
-    let signals: Vec<_> = signals
+    let signals: Vec<_> = scenario.signals().into_iter()
         .map(|(signal, held)| {
             json!({ "name": signal.name, "unit": signal.unit, "about": signal.about, "published": held.word() })
         })
         .collect();
-    let rules = scenario.rules.iter();
-    let rules: Vec<_> = rules
+    let rules: Vec<_> = scenario.rules.iter()
         .map(|rule| {
             json!({ "name": rule.name, "ado": rule.ado, "priority": rule.priority, "stl": rule.formula.to_string(), "requirement": rule.requirement })
         })
@@ -146,8 +146,7 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
     let actions: Vec<_> = (0..scenario.world().spaces().actions)
         .map(|action| scenario.action_label(action))
         .collect();
-    let observed = scenario.world().observed().iter();
-    let observed: Vec<_> = observed
+    let observed: Vec<_> = scenario.world().observed().iter()
         .map(|o| json!({ "name": o.name, "lo": rounded(o.mid - o.half), "hi": rounded(o.mid + o.half) }))
         .collect();
     let mut egos = vec!["nominal"];
@@ -206,8 +205,12 @@ fn text(scenario: &Scenario) -> String {
         })
         .collect();
     out.push_str(&format!("\n{}", listed("actions", &actions)));
-    let constants = scenario.names.constants.iter();
-    let constants: Vec<String> = constants.map(|(name, v)| format!("{name} = {v}")).collect();
+    let constants: Vec<String> = scenario
+        .names
+        .constants
+        .iter()
+        .map(|(name, v)| format!("{name} = {v}"))
+        .collect();
     out.push_str(&listed("constants", &constants));
     let mut egos = vec!["nominal".to_owned()];
     egos.extend(scenario.reuse.keys().cloned());
@@ -218,8 +221,10 @@ fn text(scenario: &Scenario) -> String {
             axis.name, axis.lo, axis.hi, axis.unit
         ));
     }
-    let observed = scenario.world().observed().iter();
-    let observed: Vec<String> = observed
+    let observed: Vec<String> = scenario
+        .world()
+        .observed()
+        .iter()
         .map(|o| {
             let (lo, hi) = (rounded(o.mid - o.half), rounded(o.mid + o.half));
             format!("{} ({lo} … {hi})", o.name)

@@ -17,7 +17,7 @@ pub(super) fn table(scenario: &Scenario) -> String {
     let lights = stage.lights.iter().map(|light| light.name.as_str());
     let agents: Vec<&str> = agents.chain(lights).collect();
     // The pairs of many agents would fill pages.
-    let many = FEW_AGENTS < agents.len();
+    let many = agents.len() > FEW_AGENTS;
     let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
     for (signal, held) in scenario.signals() {
         let (name, about) = if many {
@@ -74,8 +74,9 @@ fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
         .collect();
     // Owners appear as words, or as a prefix of another quantity's name.
     let words = about.split(' ').map(|word| {
-        let bare = word.trim_matches(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
-        let bare = bare.trim_end_matches('.');
+        let bare = word
+            .trim_matches(|c: char| !c.is_alphanumeric() && c != '_' && c != '.')
+            .trim_end_matches('.');
         if bare.is_empty() {
             return word.to_owned();
         }

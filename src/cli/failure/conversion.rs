@@ -27,8 +27,11 @@ use crate::world::Scenario;
 impl From<&ScenarioError> for Failure {
     fn from(error: &ScenarioError) -> Failure {
         // One mistake can cause many others, so the first are enough.
-        let problems = error.problems.iter().take(MOST_NOTES);
-        let problems = problems.map(|problem| placed(&error.file, &error.text, problem));
+        let problems = error
+            .problems
+            .iter()
+            .take(MOST_NOTES)
+            .map(|problem| placed(&error.file, &error.text, problem));
         let mut notes: Vec<Note> = problems.collect();
         if let more @ 1.. = error.problems.len() - notes.len() {
             let what = format!("{more} more mistakes are not shown");
@@ -254,8 +257,10 @@ impl From<Vec<NotExported>> for Failure {
         // Of several the least counts: 2 before 3 before 4.
         let exits = cures.iter().map(|(exit, _)| *exit);
         let exit = exits.min_by_key(|exit| *exit as u8);
-        let notes = refused.iter().zip(cures);
-        let notes = notes.map(|(one, (_, help))| Note::new(&one.to_string(), Some(help)));
+        let notes = refused
+            .iter()
+            .zip(cures)
+            .map(|(one, (_, help))| Note::new(&one.to_string(), Some(help)));
         Failure::of(exit.unwrap_or(Exit::Input), notes.collect())
     }
 }

@@ -250,8 +250,9 @@ impl Checked {
             ..watch.quiet()
         };
         let points = self.plan.starts.of(scenario, start..start + 1);
-        let played = TrivialStarts::default().play(scenario, &points, &apart);
-        let played = played.unwrap_or_default();
+        let played = TrivialStarts::default()
+            .play(scenario, &points, &apart)
+            .unwrap_or_default();
         let spent_s = began.elapsed().as_secs_f64();
         alone.insert((world, start), (played.clone(), spent_s));
         played

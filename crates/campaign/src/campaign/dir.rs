@@ -185,8 +185,7 @@ impl PlanDir {
         let Work::Starts { unit, .. } = work else {
             return question;
         };
-        let programs = self.programs.lock();
-        let programs = programs.unwrap_or_else(PoisonError::into_inner);
+        let programs = self.programs.lock().unwrap_or_else(PoisonError::into_inner);
         let unit = self.plan.units.get(*unit);
         match unit.and_then(|unit| programs.get(&self.program_name(unit))) {
             Some(program) => sha256(format!("{question}{}", program.sha256).as_bytes()),
@@ -307,8 +306,11 @@ impl PlanDir {
     /// Notes every trained ado of the campaign that has not learned its world.
     fn note_warnings(&self, watch: &Watch<'_>) {
         let given = self.plan.ados.iter().map(|run| self.dir.join(&run.dir));
-        let own = self.plan.trainings.iter();
-        let own = own.map(|planned| training::dir_of(&self.dir, &self.plan, planned));
+        let own = self
+            .plan
+            .trainings
+            .iter()
+            .map(|planned| training::dir_of(&self.dir, &self.plan, planned));
         // A run that cannot be opened has already failed in its pieces.
         for run in given
             .chain(own)
@@ -343,8 +345,8 @@ impl PlanDir {
             }
             Work::Starts { unit, starts } => {
                 let stage = self.stage(*unit)?;
-                let trivial = &self.trivial[stage.unit.world];
-                let trivial = trivial.of(starts, (&self.plan, stage.world), &own);
+                let trivial =
+                    (&self.trivial[stage.unit.world]).of(starts, (&self.plan, stage.world), &own);
                 let played = stage.play(starts.clone(), trivial, &own)?;
                 let hash = stage.ado.map(|ado| ado.sha256);
                 // The fault check comes before the rows, so a faulty piece leaves no file.

@@ -257,10 +257,10 @@ impl PlanDir {
     }
 
     fn refused(&self, wrong: &[(usize, String)]) -> CampaignError {
-        let named = wrong
+        let named: Vec<String> = wrong
             .iter()
-            .map(|(number, why)| format!("piece {number} is {why}"));
-        let named: Vec<String> = named.collect();
+            .map(|(number, why)| format!("piece {number} is {why}"))
+            .collect();
         CampaignError::Unmergeable {
             wrong: wrong.len(),
             pieces: self.plan.len(),
@@ -291,7 +291,7 @@ fn batches(mut pieces: &[CampaignPiece]) -> impl Iterator<Item = &[CampaignPiece
 /// Lists the first items and the number of further items.
 fn listed(all: &[String]) -> String {
     let mut lines: Vec<String> = all.iter().take(NAMED).cloned().collect();
-    if NAMED < all.len() {
+    if all.len() > NAMED {
         lines.push(format!("and {} more", all.len() - NAMED));
     }
     lines.join("\n")

@@ -72,14 +72,16 @@ impl PlanDir {
         let columns = map.x.2.len().max(1);
         let cell = |nth: usize| {
             let (x, y) = (map.x.2[nth % columns], map.y.2[nth / columns]);
-            let said = map.ados.iter().zip(&map.outcomes);
-            let said =
-                said.map(|(ado, outcomes)| format!("{ado}: {}", <&str>::from(outcomes[nth])));
-            let said: Vec<String> = said.collect();
+            let said: Vec<String> = map
+                .ados
+                .iter()
+                .zip(&map.outcomes)
+                .map(|(ado, outcomes)| format!("{ado}: {}", <&str>::from(outcomes[nth])))
+                .collect();
             MapCell {
                 state: state(map, nth),
                 // The first ado plays the protocol's own point, and later ados vary it.
-                protocol: 1 < map.ados.len() && map.outcomes[0][nth] == StartOutcome::Solved,
+                protocol: map.ados.len() > 1 && map.outcomes[0][nth] == StartOutcome::Solved,
                 inside: inside.as_ref().map(|inside| inside[nth]),
                 about: format!("{x}, {y}: {}", said.join("; ")),
             }
@@ -109,8 +111,8 @@ impl PlanDir {
             return Ok(None);
         };
         let world = self.world(unit);
-        let monitor = regulation_boundary::monitor(world, formula);
-        let monitor = monitor.map_err(|error| CampaignError::Fault(error.to_string()))?;
+        let monitor = regulation_boundary::monitor(world, formula)
+            .map_err(|error| CampaignError::Fault(error.to_string()))?;
         let cells = map.x.2.len() * map.y.2.len();
         // The starts of a map are consecutive, because the last two axes vary fastest.
         let starts = plan.starts.of(world, map.first..map.first + cells);

@@ -122,8 +122,8 @@ fn parsed(bytes: Vec<u8>) -> Result<PieceText, Unusable> {
     // The hash line is removed, so equal rows compare equal.
     text.truncate(last);
     let first = text.find('\n').ok_or_else(cut_off)? + 1;
-    let heading = serde_json::from_str(&text[..first]);
-    let heading = heading.map_err(|error| Unusable::Damaged(error.to_string()))?;
+    let heading = serde_json::from_str(&text[..first])
+        .map_err(|error| Unusable::Damaged(error.to_string()))?;
     text.drain(..first);
     Ok(PieceText {
         heading,

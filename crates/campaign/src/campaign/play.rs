@@ -83,15 +83,15 @@ impl UnitContext<'_> {
         }
         let rows = which
             .zip(&starts.starts)
-            .zip(cell.results.iter().zip(details));
-        let rows = rows.map(|((start, (point, _)), (result, details))| {
-            let blank = self.blank(start, &point.0);
-            match result {
-                // A trivial start has a row too, so every start of the plan appears once.
-                None => blank,
-                Some(result) => self.filled(blank, result, details),
-            }
-        });
+            .zip(cell.results.iter().zip(details))
+            .map(|((start, (point, _)), (result, details))| {
+                let blank = self.blank(start, &point.0);
+                match result {
+                    // A trivial start has a row too, so every start of the plan appears once.
+                    None => blank,
+                    Some(result) => self.filled(blank, result, details),
+                }
+            });
         Ok(Some(PlayedRows {
             rows: rows.collect(),
             cpu_s: trivial_s + cell.row.cpu_s,

@@ -18,7 +18,7 @@ pub(super) fn holds(world: &Scenario, monitor: &Monitor, starts: &[(Start, u64)]
     let one = |(start, noise): &(Start, u64)| {
         // Only the first sample is needed, so the episode is begun and not played.
         bench.begin(start, *noise, Aftermath::Skip);
-        0.0 < monitor.robustness(bench.trace(), &mut scratch)
+        monitor.robustness(bench.trace(), &mut scratch) > 0.0
     };
     starts.iter().map(one).collect()
 }

@@ -199,7 +199,7 @@ impl GateVerdict {
     /// Returns whether an open gate has starts that are no plain comparison.
     pub fn is_noteworthy(&self) -> bool {
         let NotRun { ego, baseline } = self.not_run;
-        0 < self.more_severe + self.no_answer + ego + baseline || self.unanswered
+        self.more_severe + self.no_answer + ego + baseline > 0 || self.unanswered
     }
 }
 
@@ -257,7 +257,7 @@ impl CampaignSummary {
             let mates: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(is_mate).collect();
             // The mean follows the last training of its group, so rows stay in plan order.
             let is_last = units[nth + 1..].iter().all(|other| !is_mate(&other));
-            if 1 < mates.len() && is_last {
+            if mates.len() > 1 && is_last {
                 let of: Vec<SummaryRow> =
                     mates.iter().map(|(u, t)| row(dir, &units, u, t)).collect();
                 let marks: Vec<Outcomes> = mates.iter().map(|(_, tally)| tally.marks()).collect();
@@ -326,7 +326,7 @@ fn recall(units: &[(&Unit, &UnitCounts)], unit: &Unit, tally: &UnitCounts) -> Op
         .fold((0usize, 0usize), |(both, solved), (_, mine)| {
             (both + usize::from(fails(mine)), solved + 1)
         });
-    (0 < solved).then(|| both as f64 / solved as f64)
+    (solved > 0).then(|| both as f64 / solved as f64)
 }
 
 fn row(
@@ -345,8 +345,10 @@ fn row(
     .map(|kind| tally.of_kind(kind));
     let starts = fails + held + fouls + uncounted;
     let judged = plan.preventability;
-    let avoided = tally.avoidability.iter();
-    let avoided = avoided.filter(|it| **it == Avoidability::Preventable);
+    let avoided = tally
+        .avoidability
+        .iter()
+        .filter(|it| **it == Avoidability::Preventable);
     let closing = tally.success_contacts.values();
     SummaryRow {
         world: dir.world(unit).name().to_owned(),
@@ -360,7 +362,7 @@ fn row(
         fails,
         success_rate: fails as f64 / starts.max(1) as f64,
         ci95: wilson(fails, starts),
-        at_most: (fails == 0 && 0 < starts).then(|| at_most(starts)),
+        at_most: (fails == 0 && starts > 0).then(|| at_most(starts)),
         recall: match unit.ado {
             PlannedAdo::Search { .. } => None,
             _ => recall(units, unit, tally),

@@ -111,7 +111,7 @@ mod tests {
         let opened = PlanDir::open(&path, false, 0.0).expect("a plan");
         let (plan, world) = (opened.plan(), opened.world(&opened.plan().units[0]));
         // The trivial starts make the first unit's pieces shorter.
-        assert!(1 < plan.units[0].each && plan.units[0].each < plan.units[1].each);
+        assert!(plan.units[0].each > 1 && plan.units[0].each < plan.units[1].each);
         let points = plan.starts.of(world, 0..7);
         let want = TestStarts::tried(world, 9, points, &watch).expect("not stopped");
         let blocks = || TrivialBlocks::new(&path, plan, 0);

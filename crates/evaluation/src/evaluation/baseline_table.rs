@@ -66,7 +66,7 @@ pub fn untrained(
         Row::compare_with_last(&mut rows);
         let found = rows.last();
         // Rules are suspected only after a search without a success.
-        if found.is_some_and(|found| found.successes == 0 && 0 < found.starts) {
+        if found.is_some_and(|found| found.successes == 0 && found.starts > 0) {
             let blocking = in_the_way(ego, &starts, switches, watch);
             all.in_the_way.extend(blocking);
         }

@@ -72,7 +72,7 @@ pub(super) fn in_the_way(
         _ => 0,
     };
     // If the ego does not fail without all rules, no single rule can be the cause.
-    let each = rules.iter().filter(|_| 0 < without_all);
+    let each = rules.iter().filter(|_| without_all > 0);
     let without = each.map(|rule| {
         let world = scenario.without_rules(|name| name == rule.name);
         (rule.name.clone(), solved(world))
@@ -140,7 +140,7 @@ impl fmt::Display for RuleAblation {
         let mut blocking: Vec<&(String, usize)> = self
             .without
             .iter()
-            .filter(|(_, solved)| 0 < *solved)
+            .filter(|(_, solved)| *solved > 0)
             .collect();
         blocking.sort_by_key(|(_, solved)| std::cmp::Reverse(*solved));
         if blocking.is_empty() {
@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(one.without[1], ("gentle".to_owned(), one.without_all));
         let words = one.to_string();
         assert!(
-            0 < one.without_all && words.contains("without “gentle” alone"),
+            one.without_all > 0 && words.contains("without “gentle” alone"),
             "{words}"
         );
         assert!(!words.contains("limit"), "{words}");
@@ -194,8 +194,10 @@ mod tests {
 
     #[test]
     fn no_rule_is_blamed_if_a_wider_search_succeeds_within_the_rules() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(PlantKind::Kinematic);
+        let world = Scenario::shipped("acc")
+            .expect("shipped")
+            .expect("sound")
+            .on(PlantKind::Kinematic);
         let watch = Watch::unwatched();
         let starts = test_starts(&world, 3, 12, &watch).expect("starts");
         let ego = EgoUnderTest::nominal(&world);

@@ -93,7 +93,7 @@ pub fn break_even(
     let saved = |once: f64, each: f64, searched: f64| {
         let saved = searched - each;
         // Break-even: the savings of this many starts equal the cost of the training.
-        (0.0 < saved).then(|| once / saved)
+        (saved > 0.0).then(|| once / saved)
     };
     let by_physics_steps = saved(
         once.physics_steps as f64,
@@ -124,7 +124,7 @@ pub fn break_even(
 /// `passes` must be monotone: a greater number passes if a smaller number does.
 fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
     let (mut fails, mut passing) = (0, most);
-    while 1 < passing - fails {
+    while passing - fails > 1 {
         let middle = fails + (passing - fails) / 2;
         if passes(middle) {
             passing = middle

@@ -124,8 +124,8 @@ impl<'a> EgoEvaluation<'a> {
             };
             several.run(self.watch).evaluated
         };
-        let cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated);
-        let cell = cell.with_judged_contacts(self.watch);
+        let cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated)
+            .with_judged_contacts(self.watch);
         // The explanation is made for the plain evaluation only, without tries.
         if once {
             self.reason =
@@ -205,8 +205,8 @@ impl<'a> EgoEvaluation<'a> {
         let named = (self.ego.name(), self.ego.scenario());
         let record = AdaptedTo::of(named, &ego.from, &adapted);
         self.adapted_to = Some(record);
-        let cell = ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated);
-        let cell = cell.with_judged_contacts(self.watch);
+        let cell = ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated)
+            .with_judged_contacts(self.watch);
         self.rows.push(cell.row.clone());
         self.found = Some(ExperimentCell {
             // The planner is the trained ado with a surrogate, and files name the ado.

@@ -159,7 +159,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         varied: None,
     };
     // With a single action there is nothing to vary.
-    let switches = (1 < scenario.world().spaces().actions && !watch.stopped()).then(|| {
+    let switches = (scenario.world().spaces().actions > 1 && !watch.stopped()).then(|| {
         let default = || default_switches(scenario, &starts);
         request.switches.unwrap_or_else(default)
     });
@@ -313,10 +313,12 @@ fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
 /// A point as pages and JUnit files have it.
 fn case(result: &PointResult) -> PointCase {
     let words = |failure: &PointFailure| {
-        let contact = failure.contact.as_ref().zip(failure.closing_mps);
-        let contact = contact.map_or(String::new(), |((one, other), closing_mps)| {
-            format!("; {one} and {other} touch at {closing_mps:.1} m/s")
-        });
+        let contact = failure.contact.as_ref().zip(failure.closing_mps).map_or(
+            String::new(),
+            |((one, other), closing_mps)| {
+                format!("; {one} and {other} touch at {closing_mps:.1} m/s")
+            },
+        );
         format!(
             "{} is violated at {:.2} s{contact}",
             failure.leaf, failure.violated_s
@@ -351,7 +353,7 @@ fn case(result: &PointResult) -> PointCase {
 impl PointsTable {
     /// Returns whether the ego fails at any point or variation.
     pub fn fails(&self) -> bool {
-        0 < self.failed + self.strayed.unwrap_or(0)
+        self.failed + self.strayed.unwrap_or(0) > 0
     }
 
     /// The world with the ego.

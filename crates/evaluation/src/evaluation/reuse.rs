@@ -128,8 +128,10 @@ pub(super) fn reused_with_coasting(
             left_out: false,
         });
     }
-    let search = rows.iter().find(|row| row.ado == AdversaryId::Search);
-    let search = search.filter(|row| row.partial.is_none());
+    let search = rows
+        .iter()
+        .find(|row| row.ado == AdversaryId::Search)
+        .filter(|row| row.partial.is_none());
     let reused = ReusedOn {
         ego: ego.name().to_owned(),
         relation,
@@ -192,7 +194,7 @@ pub fn summarise(egos: &[ReusedOn], reference: &AdversaryId) -> Vec<Summary> {
     relations.dedup();
     let changed = |relation: &Relation| *relation != Relation::Trained;
     // With a single relation the block of all changed egos would repeat it.
-    if 1 < relations.iter().copied().filter(changed).count() {
+    if relations.iter().copied().filter(changed).count() > 1 {
         relations.push(Relation::Changed);
     }
     let mut summaries = Vec::new();
@@ -228,8 +230,11 @@ fn summary(
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
         // Interrupted rows have no rate to average.
-        let rows = ego.rows.iter().filter(|row| row.partial.is_none());
-        let rows = rows.filter(|row| row.ado == *ado);
+        let rows = ego
+            .rows
+            .iter()
+            .filter(|row| row.partial.is_none())
+            .filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };
     let played: Vec<(&ReusedOn, Vec<Row>)> = block
@@ -240,7 +245,7 @@ fn summary(
     // Egos that no search can make fail would have a recall by chance.
     let reachable = played
         .iter()
-        .filter(|(ego, _)| ego.reachable.is_some_and(|share| LEAST_REACHABLE <= share));
+        .filter(|(ego, _)| ego.reachable.is_some_and(|share| share >= LEAST_REACHABLE));
     let recalls: Vec<(f64, String)> = reachable
         .filter_map(|(ego, rows)| {
             let recalls: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();

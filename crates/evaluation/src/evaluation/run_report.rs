@@ -67,7 +67,7 @@ impl GivenRows {
         };
         // The size is tested before the file is read into memory.
         let size = std::fs::metadata(file).map(|meta| meta.len());
-        if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
+        if size.is_ok_and(|size| size > MAX_ROWS_BYTES) {
             return Err(wrong("it is too large".to_owned()));
         }
         let text = file_text(file).map_err(|source| RunError::Io {
@@ -128,8 +128,10 @@ impl<'a> ReportRequest<'a> {
                 return Ok(None);
             }
         }
-        let complaint = watch.faults.complaint();
-        let complaint = complaint.map(|it| [it.unrepeatable, it.faults].concat());
+        let complaint = watch
+            .faults
+            .complaint()
+            .map(|it| [it.unrepeatable, it.faults].concat());
         report.faults = complaint.unwrap_or_default();
         Ok(Some(report))
     }

@@ -103,8 +103,8 @@ impl SearchCampaign<'_> {
                 evens.extend(trained.break_even(&request, &searched, &row, watch));
                 rows.push(row);
             }
-            let cell = ExperimentCell::searched(ego, &own, searched);
-            let mut cell = cell.with_judged_contacts(watch);
+            let mut cell =
+                ExperimentCell::searched(ego, &own, searched).with_judged_contacts(watch);
             rows.push(cell.row.clone());
             let of_ego = rows.iter_mut().filter(|row| row.ego == ego.name());
             check_repeatability(ego, &own, of_ego, watch);

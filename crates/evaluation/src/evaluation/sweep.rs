@@ -124,8 +124,11 @@ impl Sweep {
 
     /// Returns the failures at each value, with `egos` in the order of the values.
     pub fn swept(&self, egos: &[ReusedOn]) -> Swept {
-        let points = self.values.iter().zip(egos);
-        let points = points.map(|(value, ego)| SweepPoint::of(*value, &ego.rows));
+        let points = self
+            .values
+            .iter()
+            .zip(egos)
+            .map(|(value, ego)| SweepPoint::of(*value, &ego.rows));
         Swept::of(&self.parameter, points.collect())
     }
 }

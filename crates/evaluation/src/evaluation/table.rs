@@ -36,7 +36,7 @@ impl TheoremsChecked {
             TheoremsChecked::Grid(checked) => checked.is_refuted(),
             TheoremsChecked::CarryOver(carried) => carried.rows.iter().any(|row| {
                 let sharper = row.sharper.as_ref().map_or(0, |sharper| sharper.misses);
-                0 < row.misses + sharper
+                row.misses + sharper > 0
             }),
         }
     }
@@ -204,9 +204,11 @@ impl<'a> EvaluationTable<'a> {
         } else {
             egos.to_vec()
         };
-        let changed = all.iter().filter(|ego| !is_nominal(ego));
-        let changed = changed.map(|ego| (ego.name().to_owned(), ego.scenario().clone()));
-        let changed: Vec<(String, Scenario)> = changed.collect();
+        let changed: Vec<(String, Scenario)> = all
+            .iter()
+            .filter(|ego| !is_nominal(ego))
+            .map(|ego| (ego.name().to_owned(), ego.scenario().clone()))
+            .collect();
         if let Some(grid) = nominal.grid() {
             let checked = grid_theorems(grid, policy, &changed)?;
             return Ok(Some(TheoremsChecked::Grid(Box::new(checked))));

@@ -40,7 +40,7 @@ impl ScenarioError {
 impl std::fmt::Display for ScenarioError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         for (i, problem) in self.problems.iter().enumerate() {
-            if 0 < i {
+            if i > 0 {
                 writeln!(f)?;
             }
             let (line, column) = self.line_column(problem.span.start);
@@ -60,7 +60,7 @@ pub fn did_you_mean<'a>(written: &str, known: impl IntoIterator<Item = &'a str>)
     let near = |name: &'a str| {
         let distance = strsim::damerau_levenshtein(written, name);
         // A name without its unit, such as `max_brake`, is close as well.
-        let begun = 3 <= written.len() && name.starts_with(written);
+        let begun = written.len() >= 3 && name.starts_with(written);
         // Longer names tolerate more typing errors.
         (begun || distance <= 1 + name.len() / 4).then_some((distance, name))
     };

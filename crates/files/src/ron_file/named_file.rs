@@ -75,7 +75,7 @@ pub fn file_bytes(path: &Path) -> Result<Vec<u8>> {
     if size <= MAX_BYTES {
         file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
     }
-    if MAX_BYTES < size.max(bytes.len() as u64) {
+    if size.max(bytes.len() as u64) > MAX_BYTES {
         let why = format!("it is larger than {MAX_BYTES} bytes");
         return Err(Error::new(ErrorKind::FileTooLarge, why));
     }

@@ -30,7 +30,7 @@ impl<'a> Problems<'a> {
         label: &str,
         help: Option<String>,
     ) {
-        if MOST <= self.list.len() {
+        if self.list.len() >= MOST {
             return;
         }
         self.list.push(Problem {

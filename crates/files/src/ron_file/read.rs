@@ -25,7 +25,7 @@ pub fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     // One byte more than allowed suffices to notice a larger file.
     let mut limited = opened.take(MAX_BYTES + 1);
     limited.read_to_end(&mut bytes).map_err(io)?;
-    if MAX_BYTES < bytes.len() as u64 {
+    if bytes.len() as u64 > MAX_BYTES {
         let what = format!("it is larger than the {MAX_BYTES} bytes a world file may have");
         return Err(io(std::io::Error::other(what)));
     }
@@ -56,8 +56,7 @@ pub fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
 /// Returns an error if the file cannot be read, or has other content.
 pub fn read_file<T: DeserializeOwned>(path: &FilePath) -> Result<(String, String, T), LoadError> {
     let file = path.display().to_string();
-    let text = text(&file, path)?;
-    let text = without_mark(&text).to_owned();
+    let text = without_mark(&text(&file, path)?).to_owned();
     match parse(&text) {
         Ok(value) => Ok((file, text, value)),
         Err(problem) => Err(LoadError::Scenario(Box::new(ScenarioError {

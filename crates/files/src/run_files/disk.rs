@@ -40,8 +40,11 @@ fn step(path: &Path) -> io::Result<()> {
 /// Returns an error if the disk refuses.
 pub fn make_dir(path: &Path) -> Result<(), RunError> {
     let failed = io_error("creating", path);
-    let missing = path.ancestors().take_while(|dir| !dir.exists());
-    let missing: Vec<&Path> = missing.filter(|dir| !dir.as_os_str().is_empty()).collect();
+    let missing: Vec<&Path> = path
+        .ancestors()
+        .take_while(|dir| !dir.exists())
+        .filter(|dir| !dir.as_os_str().is_empty())
+        .collect();
     for dir in missing.into_iter().rev() {
         step(dir).map_err(&failed)?;
         match fs::create_dir(dir) {
@@ -217,8 +220,11 @@ pub(super) fn append(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let failed = io_error("writing", path);
     let is_new = !path.exists();
     step(path).map_err(&failed)?;
-    let file = OpenOptions::new().create(true).append(true).open(path);
-    let mut file = file.map_err(&failed)?;
+    let mut file = OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(path)
+        .map_err(&failed)?;
     put(&mut file, bytes, path).map_err(&failed)?;
     step(path).map_err(&failed)?;
     file.sync_all().map_err(&failed)?;
@@ -238,8 +244,7 @@ pub(super) fn append(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
 pub(super) fn cut(path: &Path, bytes: u64) -> Result<(), RunError> {
     let failed = io_error("writing", path);
     step(path).map_err(&failed)?;
-    let file = OpenOptions::new().write(true).open(path);
-    let file = file.map_err(&failed)?;
+    let file = OpenOptions::new().write(true).open(path).map_err(&failed)?;
     file.set_len(bytes).map_err(&failed)?;
     step(path).map_err(&failed)?;
     file.sync_all().map_err(&failed)

@@ -70,8 +70,9 @@ fn by_lane(
     }
     // The last frame is that of the contact.
     let place = example.frames.last()?.placements.get(own)?;
-    let begun = world.at_start(&example.episode.start);
-    let begun = begun.along(&example.episode.trace);
+    let begun = world
+        .at_start(&example.episode.start)
+        .along(&example.episode.trace);
     let at = begun.course().locate(&Pose {
         // The lane of a position does not depend on the heading.
         x_m: place.centre_m[0],

@@ -34,8 +34,11 @@ pub(super) fn file_style(sheets: &[&str]) -> String {
         .map(|(selector, body)| format!("{selector}{{{}}}", resolved(body, &light)));
     // Only the colours differ, so the dark rules repeat nothing else.
     let themed = rules.iter().filter_map(|(selector, body)| {
-        let themed = body.split(';').filter(|it| it.contains("var("));
-        let themed = themed.collect::<Vec<_>>().join(";");
+        let themed = body
+            .split(';')
+            .filter(|it| it.contains("var("))
+            .collect::<Vec<_>>()
+            .join(";");
         (!themed.is_empty()).then(|| format!("{selector}{{{}}}", resolved(&themed, &dark)))
     });
     let (plain, themed): (String, String) = (plain.collect(), themed.collect());
@@ -46,8 +49,10 @@ pub(super) fn file_style(sheets: &[&str]) -> String {
 ///
 /// A file has nothing else, and Inkscape does not find its root by a selector.
 fn within_file(selector: &str) -> String {
-    let parts = selector.split(',').map(str::trim);
-    let parts = parts.map(|it| it.strip_prefix("svg ").unwrap_or(it).trim_start());
+    let parts = selector
+        .split(',')
+        .map(str::trim)
+        .map(|it| it.strip_prefix("svg ").unwrap_or(it).trim_start());
     parts.collect::<Vec<_>>().join(", ")
 }
 

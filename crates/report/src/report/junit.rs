@@ -19,10 +19,10 @@ pub(super) fn xml(report: &Report<'_>) -> String {
     let rows = || tested.iter().map(|tested| &tested.row);
     let errors = rows().filter(|row| errs(row)).count() + not_run;
     let failures: usize = rows().map(|row| row.successes).sum();
-    let no_answer = rows().filter(|row| 0 < fouls(row)).count();
+    let no_answer = rows().filter(|row| fouls(row) > 0).count();
     let skipped = no_answer + rows().filter(|row| row.starts + row.invalid == 0).count();
     let cases = |row: &Row| {
-        row.successes + usize::from(errs(row) || row.successes == 0) + usize::from(0 < fouls(row))
+        row.successes + usize::from(errs(row) || row.successes == 0) + usize::from(fouls(row) > 0)
     };
     let tests = rows().map(cases).sum::<usize>() + not_run;
     // `sum` of no values is −0.0.
@@ -48,7 +48,7 @@ fn is_adversary(tested: &&Tested) -> bool {
 
 /// Returns true if the ego or the physics failed on a start.
 fn errs(row: &Row) -> bool {
-    0 < row.invalid
+    row.invalid > 0
 }
 
 /// Returns the number of starts on which an ado broke its rule first.
@@ -68,8 +68,11 @@ fn violations(row: &Row) -> String {
 
 fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     let row = &tested.row;
-    let solved = row.solved.iter().enumerate();
-    let solved = solved.filter(|(_, outcome)| **outcome == StartOutcome::Solved);
+    let solved = row
+        .solved
+        .iter()
+        .enumerate()
+        .filter(|(_, outcome)| **outcome == StartOutcome::Solved);
     let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
     let class = format!("{}.{}", row.world, row.plant);
     let name = format!("ego {} against ado {}", row.ego, row.ado);

@@ -83,8 +83,12 @@ impl PlotAxis {
     fn ticks(&self) -> (Vec<f64>, usize) {
         let rough = (self.hi - self.lo) / TICKS;
         let power = libm::pow(10.0, libm::floor(libm::log10(rough)));
-        let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power);
-        let step = step.into_iter().find(|s| rough <= *s).unwrap_or(rough);
+        let step = [1.0, 2.0, 5.0, 10.0]
+            .into_iter()
+            .map(|m| m * power)
+            .into_iter()
+            .find(|s| rough <= *s)
+            .unwrap_or(rough);
         let places = (-libm::floor(libm::log10(step))).max(0.0) as usize;
         // The tolerance keeps a tick that rounding puts just outside the axis.
         let first = libm::ceil(self.lo / step - 1e-9) as i64;

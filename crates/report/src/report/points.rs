@@ -138,8 +138,10 @@ impl PointsPage<'_> {
     }
 
     fn case_name(&self, point: &PointCase) -> String {
-        let values = self.axes.iter().zip(&point.start);
-        let values: Vec<String> = values
+        let values: Vec<String> = self
+            .axes
+            .iter()
+            .zip(&point.start)
             .map(|(axis, value)| format!("{axis} {value}"))
             .collect();
         format!(

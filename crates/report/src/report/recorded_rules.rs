@@ -12,7 +12,7 @@ pub fn recorded_rules_junit<'a>(
     recordings: impl Iterator<Item = (&'a str, &'a [RuleResult])>,
 ) -> String {
     let recordings: Vec<_> = recordings.collect();
-    let failures = |rules: &[RuleResult]| rules.iter().filter(|it| 0 < it.episodes).count();
+    let failures = |rules: &[RuleResult]| rules.iter().filter(|it| it.episodes > 0).count();
     let tests: usize = recordings.iter().map(|(_, rules)| rules.len()).sum();
     let failed: usize = recordings.iter().map(|(_, rules)| failures(rules)).sum();
     let page = html! {

@@ -175,7 +175,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
             (format!("{} [{}]", axis.name, axis.unit), axis.lo, axis.hi)
         }
     };
-    let filled = counts.iter().enumerate().filter(|(_, c)| 0 < c[0]);
+    let filled = counts.iter().enumerate().filter(|(_, c)| c[0] > 0);
     let cells = filled.map(|(i, [all, solved, fouls])| HeatMapCell {
         at: (i % bins, i / bins),
         share: *solved as f64 / *all as f64,
@@ -219,13 +219,16 @@ pub(super) fn costs(costs: &[TestingCost]) -> Markup {
         at: *n,
         word: format!("{} ({})", in_starts(*n, other), other.name),
     });
-    let reached = costs.iter().enumerate().map(|(nth, cost)| Curve {
-        name: cost.name.clone(),
-        class: format!("c-{}", nth % 6),
-        points: cost.anytime.clone(),
-        dots: Vec::new(),
-    });
-    let reached = reached.filter(|curve| !curve.points.is_empty());
+    let reached = costs
+        .iter()
+        .enumerate()
+        .map(|(nth, cost)| Curve {
+            name: cost.name.clone(),
+            class: format!("c-{}", nth % 6),
+            points: cost.anytime.clone(),
+            dots: Vec::new(),
+        })
+        .filter(|curve| !curve.points.is_empty());
     let by_ado = costs.first().map(|first| Mark {
         at: first.solves,
         word: format!("{}, 1 simulation", first.name),
@@ -278,5 +281,5 @@ impl TestingCost {
 fn break_even(first: &TestingCost, other: &TestingCost) -> Option<f64> {
     let saved = other.per_start - first.per_start;
     // A search that is cheaper per start is never overtaken.
-    (0.0 < saved).then(|| ((first.fixed - other.fixed) / saved).max(0.0))
+    (saved > 0.0).then(|| ((first.fixed - other.fixed) / saved).max(0.0))
 }

@@ -73,8 +73,9 @@ fn sorted(tested: &[Tested]) -> Vec<&Tested> {
     let mut sorted: Vec<&Tested> = tested.iter().collect();
     sorted.sort_by(|a, b| {
         let (a, b) = (&a.row, &b.row);
-        let egos = (b.ego == "nominal").cmp(&(a.ego == "nominal"));
-        let egos = egos.then(by_trained(&b.ego).total_cmp(&by_trained(&a.ego)));
+        let egos = (b.ego == "nominal")
+            .cmp(&(a.ego == "nominal"))
+            .then(by_trained(&b.ego).total_cmp(&by_trained(&a.ego)));
         egos.then_with(|| a.ego.cmp(&b.ego))
             .then(b.success_rate.total_cmp(&a.success_rate))
     });
@@ -107,7 +108,7 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
         let ([ado, starts], [baseline, _]) = (counts(trained, both), counts(best, both));
         compared += 1;
         // Two zeros are no equality worth mentioning.
-        if ado < baseline || (ado == baseline && 0 < ado) {
+        if ado < baseline || (ado == baseline && ado > 0) {
             let verb = if ado < baseline { "beats" } else { "equals" };
             beaten.push(format!(
                 "On {} the baseline {} ({}) {verb} the trained ado: {baseline} of {starts} starts against {ado}.",
@@ -115,7 +116,7 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
             ));
         }
     }
-    if beaten.is_empty() && 0 < compared {
+    if beaten.is_empty() && compared > 0 {
         beaten.push(format!(
             "On {} no baseline of this table is as good as the trained ado.",
             match compared {

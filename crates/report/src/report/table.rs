@@ -91,8 +91,7 @@ mod tests {
 
     #[test]
     fn one_table_has_three_forms() {
-        let rows = [["hold", "7"], ["trained", "190"]];
-        let rows = rows.map(|row| row.map(str::to_owned));
+        let rows = [["hold", "7"], ["trained", "190"]].map(|row| row.map(str::to_owned));
         let table = TextTable::new(["ado", "starts"], rows).numbers_from(1);
         assert_eq!(
             table.to_markdown(),

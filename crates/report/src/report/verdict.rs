@@ -155,8 +155,9 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
             };
         }
     }
-    let values = explanation.signals.iter();
-    let values: Vec<String> = values
+    let values: Vec<String> = explanation
+        .signals
+        .iter()
         .map(|(name, value)| format!("{name} = {value:.2}"))
         .collect();
     let (formula, values) = (&leaf.formula, values.join(", "));

@@ -65,11 +65,12 @@ impl Words {
     pub(super) fn within(&mut self, [left, top, right, bottom]: [f64; 4], word: &str) {
         let width = width(word);
         let rows = ((bottom - top) / LINE).floor().max(0.0) as usize;
-        let inside = (1..=rows).flat_map(|row| {
-            let y = top + LINE * row as f64;
-            [(right - 4.0 - width, y), (left + 4.0, y)]
-        });
-        let inside = inside.filter(|(x, _)| left < *x && width < right - left);
+        let inside = (1..=rows)
+            .flat_map(|row| {
+                let y = top + LINE * row as f64;
+                [(right - 4.0 - width, y), (left + 4.0, y)]
+            })
+            .filter(|(x, _)| left < *x && width < right - left);
         let outside = [
             (right - width, top - 4.0),
             (right - width, bottom + LINE),
@@ -83,7 +84,7 @@ impl Words {
     fn put(&mut self, word: &str, places: impl Iterator<Item = (f64, f64)>, class: &'static str) {
         let width = width(word);
         let on_canvas = |(x, y): &(f64, f64)| {
-            2.0 <= *x && x + width <= WIDTH - 2.0 && TOP <= y - 7.0 && *y <= HEIGHT - BOTTOM - 2.0
+            *x >= 2.0 && x + width <= WIDTH - 2.0 && y - 7.0 >= TOP && *y <= HEIGHT - BOTTOM - 2.0
         };
         let costs = places
             .filter(on_canvas)

@@ -143,7 +143,7 @@ fn paths(scenario: &Scenario, episode: &Episode) -> [Vec<(f64, f64)>; 2] {
         let column = |axis: &str| episode.trace.signal(&format!("{name}.{axis}"));
         match (column("x"), column("y").or(column("lateral"))) {
             // On a single lane the paths are a straight line.
-            (Some(x), Some(y)) if 1 < lanes => x.iter().copied().zip(y.iter().copied()).collect(),
+            (Some(x), Some(y)) if lanes > 1 => x.iter().copied().zip(y.iter().copied()).collect(),
             _ => Vec::new(),
         }
     })
@@ -157,7 +157,7 @@ fn distances(scenario: &Scenario, one: &Shown) -> Distances {
     let episode = &one.episode;
     let red = over_time(episode, "light.red");
     // A light that never turns red has an empty region at the end.
-    let first = red.iter().find(|(_, red)| 0.0 < *red);
+    let first = red.iter().find(|(_, red)| *red > 0.0);
     let last = red.last().map_or(0.0, |(time, _)| *time);
     Distances {
         name: one.name.clone(),

@@ -102,8 +102,11 @@ fn keys(rows: &[Vec<&str>]) -> Vec<usize> {
 /// It is the longest word, two blanks and a line.
 fn least_width(lines: &[Vec<&str>], column: usize) -> usize {
     // Line 1 is the rule below the header.
-    let cells = lines.iter().enumerate().filter(|(nth, _)| *nth != 1);
-    let cells = cells.filter_map(|(_, row)| row.get(column));
+    let cells = lines
+        .iter()
+        .enumerate()
+        .filter(|(nth, _)| *nth != 1)
+        .filter_map(|(_, row)| row.get(column));
     let words = cells.flat_map(|cell| cell.split_whitespace());
     words.map(|word| word.chars().count()).max().unwrap_or(0) + 3
 }

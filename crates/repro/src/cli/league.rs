@@ -34,8 +34,9 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.seeds_within(MOST_LEAGUES);
     let (mut markdown, mut studies) = (String::new(), serde_json::Map::new());
     for name in &args.worlds_or(WORLDS) {
-        let scenario = world(args, name)?.on(PlantKind::Kinematic);
-        let scenario = scenario.training_for(DECISIONS)?;
+        let scenario = world(args, name)?
+            .on(PlantKind::Kinematic)
+            .training_for(DECISIONS)?;
         let (mut rows, mut rounds) = (Vec::new(), String::new());
         for seed in seeds.trainings() {
             for fold in folds(&scenario, args.variants)? {

@@ -43,12 +43,12 @@ fn baselines(
 ) -> Result<Option<Vec<LetterBaselines>>, Failure> {
     let seeds = args.seeds_within(MOST_SEEDS);
     // Baselines need no learner: paths of one world share them.
-    let unlearned = LetterPath {
+    let unlearned = (LetterPath {
         learner: None,
         changes: &[],
         ..*path
-    };
-    let unlearned = unlearned.steps(text)?;
+    })
+    .steps(text)?;
     let mut baselines = Vec::new();
     for judge in JUDGES {
         // Step 0 is the letter itself, without any change.

@@ -125,11 +125,11 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.seeds_within(MOST_SEEDS);
     let mut studies = Vec::new();
     for case in CASES.iter().filter(|case| args.wants(case.name)) {
-        let scenario = match case.text {
+        let scenario = (match case.text {
             Some(text) => Scenario::parse(&format!("{}.ron", case.world), text)?,
             None => world(args, case.world)?,
-        };
-        let scenario = scenario.on(case.plant);
+        })
+        .on(case.plant);
         let traffic = case.traffic(&scenario)?;
         let counted = counted(args, case, (&scenario, &traffic))?;
         let estimates = estimates(args, case, (&scenario, &traffic))?;
@@ -204,11 +204,11 @@ mod tests {
     #[test]
     fn every_case_has_a_world_that_fits_its_traffic() {
         for case in CASES {
-            let world = match case.text {
+            let world = (match case.text {
                 Some(text) => Scenario::parse(case.name, text).ok(),
                 None => Scenario::shipped(case.world).and_then(Result::ok),
-            };
-            let world = world.unwrap_or_else(|| panic!("{} has no world", case.name));
+            })
+            .unwrap_or_else(|| panic!("{} has no world", case.name));
             let traffic = case.traffic(&world);
             assert!(traffic.is_ok(), "{}: {:?}", case.name, traffic.err());
         }

@@ -47,8 +47,8 @@ impl EgoOnStarts<'_> {
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let stored: Stored = run.counterexamples()?;
-        let ados = [Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)].into_iter();
-        let ados = ados
+        let ados = [Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)]
+            .into_iter()
             .chain(heuristic.map(Ado::Heuristic))
             .map(Adversary::Ado);
         let adversaries = ados.chain(Adversary::BASELINES).collect();

@@ -34,7 +34,7 @@ pub(super) fn compare_costs(training: f64, egos: &[ReusedOn]) -> Vec<CostCompari
         .filter_map(|ego| of_ego(training, ego))
         .collect();
     // A single ego would repeat its own line.
-    if 1 < lines.len() {
+    if lines.len() > 1 {
         let search = lines.iter().map(|line| line.search).sum();
         let all = CostComparison {
             ego: None,
@@ -51,8 +51,12 @@ pub(super) fn compare_costs(training: f64, egos: &[ReusedOn]) -> Vec<CostCompari
 
 fn of_ego(training: f64, ego: &ReusedOn) -> Option<CostComparison> {
     // Several seeds have a row each, and their mean success must be reached.
-    let wide = ego.rows.iter().filter(|row| row.ado == WIDE.into());
-    let wide: Vec<f64> = wide.map(|row| row.success_rate).collect();
+    let wide: Vec<f64> = ego
+        .rows
+        .iter()
+        .filter(|row| row.ado == WIDE.into())
+        .map(|row| row.success_rate)
+        .collect();
     let success = wide.iter().sum::<f64>() / wide.len().max(1) as f64;
     let searched: Vec<_> = HELD_BUDGETS
         .iter()
@@ -65,7 +69,7 @@ fn of_ego(training: f64, ego: &ReusedOn) -> Option<CostComparison> {
     let enough = searched.iter().find(|row| success <= row.success_rate);
     // Without a sufficient budget the largest budget counts as a lower bound of the cost.
     let row = enough.or(searched.last())?;
-    (0.0 < success).then(|| CostComparison {
+    (success > 0.0).then(|| CostComparison {
         ego: Some(ego.ego.clone()),
         once: training,
         search: row.sims_per_start,
@@ -78,7 +82,7 @@ fn of_ego(training: f64, ego: &ReusedOn) -> Option<CostComparison> {
 fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
     // The ado itself takes a simulation per start and ego.
     let saved = search - egos as f64;
-    (0.0 < saved).then(|| once / saved)
+    (saved > 0.0).then(|| once / saved)
 }
 
 #[cfg(test)]

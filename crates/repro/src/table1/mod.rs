@@ -261,8 +261,10 @@ fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
         scenario.learner().name().to_uppercase(),
         scenario.learner().clone(),
     );
-    let others = scenario.learners().iter();
-    let others = others.map(|(name, learner)| (name.to_uppercase(), learner.clone()));
+    let others = scenario
+        .learners()
+        .iter()
+        .map(|(name, learner)| (name.to_uppercase(), learner.clone()));
     [own].into_iter().chain(others).collect()
 }
 
@@ -382,8 +384,9 @@ fn measure(
     }
     let grid = changed.require_grid()?;
     let arena = grid.world().spec().arena;
-    let positions = starts.starts.iter();
-    let positions: Vec<Position> = positions
+    let positions: Vec<Position> = starts
+        .starts
+        .iter()
         .map(|(start, _)| position_of(start, &arena))
         .collect();
     Ok(Some(MapResult {

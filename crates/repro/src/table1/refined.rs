@@ -130,8 +130,8 @@ impl<'a> Reuse<'a> {
         let arena = fine.world().spec().arena;
         let seed = request.seeds.starts;
         let starts = starts_of(&fine, seed, request.scale.refined_starts).starts;
-        let positions = starts.iter();
-        let positions: Vec<Position> = positions
+        let positions: Vec<Position> = starts
+            .iter()
             .map(|(start, _)| position_of(start, &arena))
             .collect();
         Ok(Some(Reuse {
@@ -205,8 +205,10 @@ impl<'a> Reuse<'a> {
                     StartOutcome::Unsolved
                 }
             };
-            let solved = seeds.iter().map(|seed| seed.iter().map(mark).collect());
-            let solved: Vec<Outcomes> = solved.collect();
+            let solved: Vec<Outcomes> = seeds
+                .iter()
+                .map(|seed| seed.iter().map(mark).collect())
+                .collect();
             let shares = solved.iter().map(|seed| {
                 seed.count(StartOutcome::Solved) as f64 / self.positions.len().max(1) as f64
             });

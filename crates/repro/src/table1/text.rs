@@ -25,12 +25,11 @@ fn one(study: &GridStudy, text: &mut String) {
         verdict_on(wall)
     ));
     let seeds: Vec<String> = study.seeds.iter().map(u64::to_string).collect();
-    let costs = study
+    let costs: Vec<String> = study
         .learners
         .iter()
         .zip(&study.decisions)
-        .zip(&study.train_cpu_s);
-    let costs: Vec<String> = costs
+        .zip(&study.train_cpu_s)
         .map(|((name, decisions), cpu_s)| {
             format!("{name} {decisions} decisions in {cpu_s:.1} CPU-seconds")
         })
@@ -153,13 +152,17 @@ fn near(study: &GridStudy, text: &mut String) {
         let before = [row.delta.to_string(), percent(row.paper)].into_iter();
         lines.push(before.chain(trained).collect());
     }
-    let everywhere = near.everywhere.iter();
-    let everywhere = everywhere.flat_map(|share| [percent(*share), String::new()]);
+    let everywhere = near
+        .everywhere
+        .iter()
+        .flat_map(|share| [percent(*share), String::new()]);
     let before = ["all starts", "–"].map(str::to_owned).into_iter();
     lines.push(before.chain(everywhere).collect());
     text.push_str(&TextTable::new(columns, lines).to_markdown());
-    let alphas = study.learners.iter().zip(&near.alpha);
-    let alphas: Vec<String> = alphas
+    let alphas: Vec<String> = study
+        .learners
+        .iter()
+        .zip(&near.alpha)
         .map(|(name, alpha)| format!("{name} {alpha:.2}"))
         .collect();
     text.push_str(&format!(
@@ -171,9 +174,10 @@ fn near(study: &GridStudy, text: &mut String) {
     ));
     for (learner, name) in study.learners.iter().enumerate() {
         for seed in &study.seeds {
-            let own = near.centres.iter();
-            let own = own.filter(|centre| centre.learner == learner && centre.seed == *seed);
-            let own: Vec<String> = own
+            let own: Vec<String> = near
+                .centres
+                .iter()
+                .filter(|centre| centre.learner == learner && centre.seed == *seed)
                 .map(|centre| format!("{}: {:.3}", centre.decision, centre.reach))
                 .collect();
             text.push_str(&format!("- {name}, seed {seed}: {}\n", own.join(", ")));
@@ -200,19 +204,25 @@ fn refined(study: &GridStudy, text: &mut String) {
         "optimum %",
     ];
     let after = ["random %", "tables %", "chaser %"].map(str::to_owned);
-    let columns = before.map(str::to_owned).into_iter();
-    let columns = columns.chain(learners).chain(after);
+    let columns = before
+        .map(str::to_owned)
+        .into_iter()
+        .chain(learners)
+        .chain(after);
     let lines = study.refined.iter().map(|map| {
         let of = |(whole, part): (usize, usize)| format!("{part} of {whole}");
-        let trained = map.trained.iter().flat_map(|ado| {
-            [
-                share(&ado.by_cell),
-                share(&ado.own_view),
-                of(ado.related),
-                of(ado.unrelated),
-            ]
-        });
-        let trained: Vec<String> = trained.collect();
+        let trained: Vec<String> = map
+            .trained
+            .iter()
+            .flat_map(|ado| {
+                [
+                    share(&ado.by_cell),
+                    share(&ado.own_view),
+                    of(ado.related),
+                    of(ado.unrelated),
+                ]
+            })
+            .collect();
         let before = [
             map.refine.to_string(),
             percent(map.paper),

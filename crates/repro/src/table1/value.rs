@@ -134,8 +134,10 @@ impl LargeMap {
         progress: &TrainingProgress<'_>,
     ) -> Option<Learned> {
         // A training is limited to the largest number of decisions that is allowed.
-        let longer = learner.clone().with_decisions(LONGER * learner.decisions());
-        let longer = longer.unwrap_or_else(|_| learner.clone());
+        let longer = learner
+            .clone()
+            .with_decisions(LONGER * learner.decisions())
+            .unwrap_or_else(|_| learner.clone());
         learn(
             &self.training(seed, starts)?,
             &longer,
@@ -288,8 +290,12 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
             // A centre is at distance 0 from itself, so it counts as near.
             let near = |known: &&Known| (known.value - value).abs() < delta;
             let count = one.known.iter().filter(near).count();
-            let fail = one.known.iter().filter(near).filter(|known| known.captured);
-            let fail = fail.count();
+            let fail = one
+                .known
+                .iter()
+                .filter(near)
+                .filter(|known| known.captured)
+                .count();
             own = (own.0 + fail, own.1 + count);
             if delta < centre.reach {
                 satisfying += 1;
@@ -307,6 +313,6 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
         min: spread.min,
         near: all.1 as f64 / centres.max(1) as f64,
         satisfying,
-        where_satisfied: (0 < satisfying).then(|| share(satisfied)),
+        where_satisfied: (satisfying > 0).then(|| share(satisfied)),
     }
 }

@@ -122,8 +122,8 @@ fn a_step_is_judged_by_both_judges_on_the_same_starts() {
         .into_iter()
         .map(|judge| {
             let (world, starts) = starts(judge);
-            let made = letter_baselines((&world, path.switches), &starts, &quiet());
-            let made = made.expect("not stopped");
+            let made =
+                letter_baselines((&world, path.switches), &starts, &quiet()).expect("not stopped");
             assert_eq!(made.judge, judge);
             made
         })
@@ -140,8 +140,9 @@ fn a_step_is_judged_by_both_judges_on_the_same_starts() {
         starts: 30,
         runs: scratch.path(),
     };
-    let row = letter_row(&steps[1], &baselines, &request, &quiet());
-    let row = row.expect("it trains").expect("not stopped");
+    let row = letter_row(&steps[1], &baselines, &request, &quiet())
+        .expect("it trains")
+        .expect("not stopped");
     assert_eq!((row.learner.as_str(), row.decisions), ("Dqn", 1000));
     assert!(row.judged.iter().all(|judged| judged.rates.len() == 2));
     // A success over the whole run was also a success when ψ_ego was violated.

@@ -72,7 +72,7 @@ fn near_starts_are_counted_as_they_play() {
     let slower = failing.iter().filter(|speed| **speed < 12.0).count();
     assert_eq!(wide.below_above[0].0, "ego.speed");
     assert_eq!(wide.below_above[0].1, [slower, failing.len() - slower]);
-    assert!(0 < wide.failing && narrow.near < wide.near);
+    assert!(wide.failing > 0 && narrow.near < wide.near);
     assert!(wide.never_seen <= wide.failing && look(0).rows[1].never_seen == wide.failing);
     // A dense training contains all of them, within 1 % of each range.
     assert!(look(20_000).rows[1].never_seen < wide.never_seen);

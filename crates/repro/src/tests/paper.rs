@@ -33,7 +33,7 @@ fn milestones_are_of_one_training_that_nobody_disturbed() {
             .windows(2)
             .all(|pair| pair[0].cpu_s <= pair[1].cpu_s)
     );
-    assert!(6_000 <= on_the_way[2].decisions);
+    assert!(on_the_way[2].decisions >= 6_000);
 
     let mut learner = world.learner().build(world.world().spaces(), 5);
     let mut gym = Gym::new(world.bench(), Purpose::Train, 5);
@@ -90,7 +90,7 @@ fn a_row_whose_last_evaluation_was_stopped_is_none() {
     let total = starts.starts.len() as u64;
     // Only the evaluation reports progress with the number of starts as its total.
     let progress = |done, of| {
-        if of == total && 0 < done {
+        if of == total && done > 0 {
             stop.store(true, Ordering::Relaxed);
         }
     };

@@ -47,8 +47,9 @@ fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
         tries: 3,
         runs: dir.path(),
     };
-    let begun = ReuseStudy::begin(&world, config, &quiet());
-    let begun = begun.expect("trainings").expect("not stopped");
+    let begun = ReuseStudy::begin(&world, config, &quiet())
+        .expect("trainings")
+        .expect("not stopped");
     let evaluate = |name: &str| -> EgoResult {
         let ego = EgoUnderTest::find(&world, name).expect("an ego");
         let results = begun.evaluate(&ego[0], &quiet());
@@ -105,7 +106,7 @@ fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
             .iter()
             .filter(move |sum| sum.relation == relation)
     };
-    assert!(0 < blocks(Relation::Changed).count());
+    assert!(blocks(Relation::Changed).count() > 0);
     let changed = blocks(Relation::Changed).find(|sum| sum.ado == WIDE.into());
     assert_eq!(changed.map(|sum| sum.egos), Some(2));
     assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));
@@ -116,18 +117,21 @@ fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
     );
 
     // Finished trainings are used unchanged.
-    let again = ReuseStudy::begin(&world, config, &quiet());
-    let again = again.expect("trainings").expect("not stopped");
-    let same = again.evaluate(&EgoUnderTest::nominal(&world), &quiet());
-    let same = same.expect("rows").expect("not stopped");
+    let again = ReuseStudy::begin(&world, config, &quiet())
+        .expect("trainings")
+        .expect("not stopped");
+    let same = again
+        .evaluate(&EgoUnderTest::nominal(&world), &quiet())
+        .expect("rows")
+        .expect("not stopped");
     assert_eq!(same.rows[0].solved, study.rows[0].solved);
     assert_eq!(again.conclude(vec![same]).train_cpu_s, study.train_cpu_s);
 }
 
 #[test]
 fn a_world_without_a_family_is_refused() {
-    let world = Scenario::parse("cut_in.ron", include_str!("../../../../worlds/cut_in.ron"));
-    let world = world.expect("a world");
+    let world = Scenario::parse("cut_in.ron", include_str!("../../../../worlds/cut_in.ron"))
+        .expect("a world");
     let dir = tempfile::tempdir().expect("scratch");
     let config = ReuseStudyConfig {
         seeds: ONE,

@@ -9,8 +9,7 @@ use brakecheck::world::Scenario;
 
 /// Reading B, whose learners decide a few times.
 fn short() -> Scenario {
-    let text = include_str!("../../../../worlds/grid_hard.ron");
-    let mut text = text.to_owned();
+    let mut text = include_str!("../../../../worlds/grid_hard.ron").to_owned();
     for (shipped, short) in [
         ("100_000", "2_000"),
         ("300_000", "4_000"),
@@ -39,8 +38,9 @@ fn table_1_in_small_has_every_row_and_the_exact_numbers() {
         },
     };
     let watch = Watch::new(&|_, _| {}, &GO_ON);
-    let study = table1(&short(), &request, &watch).expect("a grid");
-    let study = study.expect("not stopped");
+    let study = table1(&short(), &request, &watch)
+        .expect("a grid")
+        .expect("not stopped");
     assert_eq!(study.learners, ["PPO", "Q", "DQN"]);
     assert_eq!((study.reading, &study.seeds[..]), ('B', &[1, 2][..]));
     assert_eq!(study.decisions, [2_000, 4_000, 2_000]);
@@ -136,7 +136,7 @@ fn table_1_in_small_has_every_row_and_the_exact_numbers() {
         (refined.refine, refined.starts, refined.trained.len()),
         (3, 60, 3)
     );
-    assert!(0 < refined.related && refined.related < refined.candidates);
+    assert!(refined.related > 0 && refined.related < refined.candidates);
     assert!(refined.related_starts < 60 && refined.references.optimum > 0.9);
     for share in &refined.trained {
         // Theorem 3: every related counterexample is one by cell.

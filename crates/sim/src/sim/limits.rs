@@ -107,17 +107,17 @@ impl VehicleLimits {
         let drag_mps2 = self.drag_per_m * speed_mps * speed_mps;
         let resistance_mps2 = drag_mps2 + self.rolling_mps2;
         let push_mps2 = self.push.along_mps2;
-        let (net_mps2, stops) = if 0.0 < speed_mps {
+        let (net_mps2, stops) = if speed_mps > 0.0 {
             let net_mps2 = tyre_mps2 - resistance_mps2 + push_mps2;
             (net_mps2, net_mps2 < 0.0)
         } else if speed_mps < 0.0 {
             let net_mps2 = tyre_mps2 + resistance_mps2 + push_mps2;
             // Throttle may carry a vehicle that is rolling backwards through zero.
-            (net_mps2, 0.0 < net_mps2 && tyre_mps2 <= 0.0)
+            (net_mps2, net_mps2 > 0.0 && tyre_mps2 <= 0.0)
         } else {
             // At rest the brakes hold, and the throttle must overcome the resistance.
             // A push alone moves nothing.
-            let pushed_mps2 = if 0.0 < tyre_mps2 { push_mps2 } else { 0.0 };
+            let pushed_mps2 = if tyre_mps2 > 0.0 { push_mps2 } else { 0.0 };
             ((tyre_mps2 - resistance_mps2 + pushed_mps2).max(0.0), false)
         };
         let rest_after_s = if stops {

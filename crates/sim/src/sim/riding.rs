@@ -117,7 +117,7 @@ impl CyclistLimits {
         }
         let net_mps2 = tyre_mps2 + self.push_mps2;
         if speed_mps <= 0.0 {
-            return if 0.0 < tyre_mps2 {
+            return if tyre_mps2 > 0.0 {
                 net_mps2.max(0.0)
             } else {
                 0.0

@@ -7,7 +7,7 @@ fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
     if x <= 0.0 {
         return 0.0;
     }
-    if 1.0 <= x {
+    if x >= 1.0 {
         return 1.0;
     }
     // In logarithms, since gamma functions of large parameters overflow.
@@ -68,7 +68,7 @@ fn inverse([mut lo, mut hi]: [f64; 2], value: f64, rising: impl Fn(f64) -> f64) 
 pub fn student_cdf(t: f64, freedom: f64) -> f64 {
     let tail = 0.5 * beta_cdf(freedom / (freedom + t * t), 0.5 * freedom, 0.5);
     // The tail depends on t² alone, so the sign chooses the side.
-    if 0.0 < t { 1.0 - tail } else { tail }
+    if t > 0.0 { 1.0 - tail } else { tail }
 }
 
 /// Returns the quantile of Student's t. Shares are inside (0, 1).

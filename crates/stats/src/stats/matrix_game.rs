@@ -199,10 +199,12 @@ mod tests {
             })
             .collect();
         let found = Equilibrium::of(&payoffs);
-        let best = row_gains(&payoffs, &found.columns);
-        let best = best.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        let least = column_losses(&payoffs, &found.rows);
-        let least = least.into_iter().fold(f64::INFINITY, f64::min);
+        let best = row_gains(&payoffs, &found.columns)
+            .into_iter()
+            .fold(f64::NEG_INFINITY, f64::max);
+        let least = column_losses(&payoffs, &found.rows)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
         assert!((best - least - found.exploitability).abs() < 1e-12);
         assert!(least <= found.value && found.value <= best);
         assert!(found.exploitability < 0.01, "{found:?}");

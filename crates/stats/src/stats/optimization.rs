@@ -307,7 +307,7 @@ pub fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
             let braked = 1.0 / (1.0 + libm::exp(-at(&weights, row)));
             // The floor keeps the division below finite for certain rows.
             let curved = worth.abs() * (braked * (1.0 - braked)).max(1e-12);
-            let wanted = f64::from(u8::from(0.0 < *worth)) - braked;
+            let wanted = f64::from(u8::from(*worth > 0.0)) - braked;
             // The gradient, expressed as a weighted row with a target.
             let wanted = worth.abs() * wanted / curved;
             add_equation(&mut left, &mut right, row, (curved, wanted));
@@ -387,10 +387,10 @@ mod tests {
             .map(|i| vec![f64::from(i), 1.0, -7.0 + f64::from(i % 3)])
             .collect();
         let worths: Vec<f64> = (0..200)
-            .map(|i| if 120 <= i { 1.0 } else { -0.5 })
+            .map(|i| if i >= 120 { 1.0 } else { -0.5 })
             .collect();
         let found = logistic(&rows, &worths).expect("solved");
         let over = |i: usize| rows[i].iter().zip(&found).map(|(a, b)| a * b).sum::<f64>();
-        assert!(over(119) < 0.0 && 0.0 < over(120), "{found:?}");
+        assert!(over(119) < 0.0 && over(120) > 0.0, "{found:?}");
     }
 }

@@ -62,7 +62,7 @@ impl Incidence {
     pub fn new(units: u64, counts: impl IntoIterator<Item = u64>) -> Incidence {
         Incidence {
             units,
-            counts: counts.into_iter().filter(|count| 0 < *count).collect(),
+            counts: counts.into_iter().filter(|count| *count > 0).collect(),
         }
     }
 
@@ -80,7 +80,7 @@ impl Incidence {
     fn unseen(&self) -> f64 {
         let (q1, q2) = (self.kinds_in(1), self.kinds_in(2));
         // Without doubletons, the bias-corrected form is finite.
-        if 0.0 < q2 {
+        if q2 > 0.0 {
             self.finite() * q1 * q1 / (2.0 * q2)
         } else {
             self.finite() * q1 * (q1 - 1.0) / 2.0
@@ -96,7 +96,7 @@ impl Incidence {
             observed,
             all,
             ci95: self.log_normal(unseen, all),
-            coverage: (0 < observed).then(|| 1.0 - self.deficit()),
+            coverage: (observed > 0).then(|| 1.0 - self.deficit()),
         }
     }
 
@@ -108,7 +108,7 @@ impl Incidence {
             return [observed, observed];
         }
         let (a, q1, q2) = (self.finite(), self.kinds_in(1), self.kinds_in(2));
-        let variance = if 0.0 < q2 {
+        let variance = if q2 > 0.0 {
             let r = q1 / q2;
             q2 * (a / 2.0 * r * r + a * a * r * r * r + a * a / 4.0 * r * r * r * r)
         } else {
@@ -130,7 +130,7 @@ impl Incidence {
         }
         let before = self.units.saturating_sub(1) as f64;
         // Without doubletons, the bias-corrected form counts one more of both.
-        let doubled = if 0.0 < q2 {
+        let doubled = if q2 > 0.0 {
             2.0 * q2 / (before * q1 + 2.0 * q2)
         } else {
             2.0 / (before * (q1 - 1.0) + 2.0)
@@ -184,7 +184,7 @@ impl Incidence {
             let count = binomial(self.units, rate, dice);
             counts.push(count);
             // A kind that is in the sample cannot be new.
-            if count == 0 && 0 < binomial(units, rate, dice) {
+            if count == 0 && binomial(units, rate, dice) > 0 {
                 new += 1.0;
             }
         }
@@ -202,7 +202,7 @@ impl Incidence {
         let unseen_kinds = self.unseen().ceil();
         let absent = |rate: f64| rate * libm::pow(1.0 - rate, all);
         let sum: f64 = self.counts.iter().map(|n| absent(*n as f64 / all)).sum();
-        let scale = if 0.0 < sum && 0.0 < unseen_kinds {
+        let scale = if sum > 0.0 && unseen_kinds > 0.0 {
             missing / sum
         } else {
             0.0
@@ -223,7 +223,7 @@ fn binomial(n: u64, rate: f64, dice: &mut ChaCha8Rng) -> u64 {
     if rate <= 0.0 {
         return 0;
     }
-    if 1.0 <= rate {
+    if rate >= 1.0 {
         return n;
     }
     let scale = 1.0 / libm::log(1.0 - rate);
@@ -286,15 +286,17 @@ mod tests {
 
     /// Counts of a sample of an assemblage, and the new kinds of its continuation.
     fn truth(rates: &[f64], (units, more): (u64, u64), dice: &mut ChaCha8Rng) -> (Incidence, f64) {
-        let drawn = rates.iter().map(|rate| {
-            let before = (0..units).filter(|_| dice.random_bool(*rate)).count() as u64;
-            (before, (0..more).any(|_| dice.random_bool(*rate)))
-        });
-        let drawn: Vec<(u64, bool)> = drawn.collect();
+        let drawn: Vec<(u64, bool)> = rates
+            .iter()
+            .map(|rate| {
+                let before = (0..units).filter(|_| dice.random_bool(*rate)).count() as u64;
+                (before, (0..more).any(|_| dice.random_bool(*rate)))
+            })
+            .collect();
         let new = drawn
             .iter()
-            .filter(|(before, after)| *before == 0 && *after);
-        let new = new.count() as f64;
+            .filter(|(before, after)| *before == 0 && *after)
+            .count() as f64;
         (Incidence::new(units, drawn.iter().map(|it| it.0)), new)
     }
 
@@ -320,9 +322,9 @@ mod tests {
             }
             let ratio = predicted / counted;
             assert!((0.85..1.15).contains(&ratio), "{name}: {ratio}");
-            assert!(108 <= covered, "{name}: {covered} of {rounds} are covered");
+            assert!(covered >= 108, "{name}: {covered} of {rounds} are covered");
             // Chao's estimate is a lower bound, which is tight for equal rates.
-            assert!(name == "geometric" || 105 <= all, "{name}: {all}");
+            assert!(name == "geometric" || all >= 105, "{name}: {all}");
         }
     }
 }

@@ -288,7 +288,7 @@ fn crossings(lines: &[LinearPiece], ends: (f64, f64)) -> Vec<f64> {
     for (i, a) in lines.iter().enumerate() {
         for b in &lines[i + 1..] {
             let (start, end) = (a.start - b.start, a.end - b.end);
-            if (start < 0.0 && 0.0 < end) || (end < 0.0 && 0.0 < start) {
+            if (start < 0.0 && end > 0.0) || (end < 0.0 && start > 0.0) {
                 let t = ends.0 + (ends.1 - ends.0) * (start / (start - end));
                 // Rounding may move a crossing to an end, where it changes nothing.
                 times.extend((ends.0 < t && t < ends.1).then_some(t));

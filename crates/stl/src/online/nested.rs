@@ -213,8 +213,9 @@ impl NestedProgress {
         let (window, horizon) = (self.watch.window, self.watch.horizon);
         // The last sample of the window, and how many of the samples are decided.
         let last = window.to.map_or(now, |to| to.min(now));
-        let decided = horizon.map_or(0, |horizon| reading.known.saturating_sub(horizon));
-        let decided = decided.min(last + 1);
+        let decided = horizon
+            .map_or(0, |horizon| reading.known.saturating_sub(horizon))
+            .min(last + 1);
         let folded = self
             .watch
             .settle::<E>(decided, tracks[self.operand].operand().lower);

@@ -108,7 +108,7 @@ impl TrackPlanner<'_> {
             }
             // A shared operator is tracked once, because the number of paths down to it
             // doubles from level to level.
-            _ if 1 < program.get(id).uses => self.track(id),
+            _ if program.get(id).uses > 1 => self.track(id),
             Op::Not(a) => Point::Not(Box::new(self.watch(a))),
             Op::Gate(gate, a, b) => {
                 Point::Gate(gate, Box::new(self.watch(a)), Box::new(self.watch(b)))
@@ -148,7 +148,7 @@ impl TrackPlanner<'_> {
         };
         let parts = match (side, &program.get(a).op) {
             // As in `watch`, shared operators are not split.
-            _ if program.is_instant(a) || 1 < program.get(a).uses => None,
+            _ if program.is_instant(a) || program.get(a).uses > 1 => None,
             (_, Op::Not(inner)) => {
                 return Point::Not(Box::new(self.window(other, window, *inner)));
             }

@@ -168,7 +168,7 @@ fn is_endless(token: &Token<'_>) -> bool {
 }
 
 fn checked(time: Time) -> Result<Time, StlError> {
-    if MAX_TIME_DEPTH < time.depth {
+    if time.depth > MAX_TIME_DEPTH {
         Err(
             StlError::new("this time is too complicated", time.span.0, "too deep")
                 .with_help("give it a name among the constants"),

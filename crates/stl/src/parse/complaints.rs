@@ -16,7 +16,7 @@ const MAX_NESTING: usize = 2 * MAX_DEPTH + 16;
 impl Parser<'_> {
     pub(super) fn descend(&mut self) -> Result<(), StlError> {
         self.nesting += 1;
-        if MAX_NESTING < self.nesting {
+        if self.nesting > MAX_NESTING {
             return Err(too_deep(self.peek(0).span.clone()));
         }
         Ok(())
@@ -84,7 +84,7 @@ impl Parser<'_> {
 }
 
 pub(super) fn checked(node: Node) -> Result<Node, StlError> {
-    if MAX_DEPTH < node.depth {
+    if node.depth > MAX_DEPTH {
         Err(too_deep(node.span.0))
     } else {
         Ok(node)
@@ -92,7 +92,7 @@ pub(super) fn checked(node: Node) -> Result<Node, StlError> {
 }
 
 pub(super) fn checked_term(term: Term) -> Result<Term, StlError> {
-    if MAX_DEPTH < term.depth {
+    if term.depth > MAX_DEPTH {
         Err(too_deep(term.span.0))
     } else {
         Ok(term)

@@ -177,7 +177,7 @@ pub(super) fn closest_operator(word: &str) -> Option<String> {
     ];
     // Short words resemble too many others, and most of them are names.
     let close = WORDS.into_iter().find(|known| {
-        *known != word && 4 <= word.len() && 0.9 <= strsim::jaro_winkler(word, known)
+        *known != word && word.len() >= 4 && strsim::jaro_winkler(word, known) >= 0.9
     })?;
     Some(format!("did you mean `{close}`?"))
 }

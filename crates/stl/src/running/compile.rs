@@ -123,7 +123,7 @@ impl RunningCompiler<'_> {
         } else {
             match program.get(id).op {
                 // The number of paths to shared operators doubles from level to level.
-                _ if 1 < program.get(id).uses => return None,
+                _ if program.get(id).uses > 1 => return None,
                 Op::Not(a) => RunningPoint::Not(self.point(a)?),
                 Op::Gate(gate, a, b) => RunningPoint::Gate(gate, self.point(a)?, self.point(b)?),
                 Op::Ahead(side, window, a) => RunningPoint::Window {

@@ -223,7 +223,7 @@ impl LearnedEgo {
             Acts::AsTrained => format!("{}, as trained", row.method),
             Acts::OpenLoop => in_words(request.scenario, self.open_loop_actions()),
         };
-        if 1 < tries {
+        if tries > 1 {
             row.method = format!("{}, at most {tries} tries", row.method);
         }
         AdaptedRow {
@@ -358,9 +358,12 @@ fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> O
         return None;
     }
     let program = ego.scenario().program();
-    let files = program.iter().flat_map(|program| &program.command);
-    let files = files.filter_map(|path| file_bytes(Path::new(path)).ok());
-    let files: Vec<String> = files.map(|bytes| sha256(&bytes)).collect();
+    let files: Vec<String> = program
+        .iter()
+        .flat_map(|program| &program.command)
+        .filter_map(|path| file_bytes(Path::new(path)).ok())
+        .map(|bytes| sha256(&bytes))
+        .collect();
     let name = fingerprint(&serde_json::json!({
         "brakecheck": env!("CARGO_PKG_VERSION"),
         "world_sha256": run.manifest().world_sha256,
@@ -425,8 +428,9 @@ fn read(bytes: &[u8], world: DriveScenario<'_>) -> Result<LearnedEgo, BundleErro
         serde_json::from_str(bundle.meta()).map_err(|error| BundleError::Format {
             why: error.to_string(),
         })?;
-    let members = (0..MEMBERS).map(|i| Mlp::load(&format!("member/{i}"), &bundle));
-    let members: Vec<Mlp> = members.collect::<Result<_, _>>()?;
+    let members: Vec<Mlp> = (0..MEMBERS)
+        .map(|i| Mlp::load(&format!("member/{i}"), &bundle))
+        .collect::<Result<_, _>>()?;
     let width = super::surrogate_sim::width_of(world);
     for member in &members {
         // A file of another version may have other inputs, so the shape is checked on reading.

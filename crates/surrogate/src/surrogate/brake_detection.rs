@@ -48,9 +48,10 @@ pub(super) fn brake_in(
     // Only the deceleration and the lag are known here. The weights follow.
     let brake = line.brake(sample_s);
     let pairs = situations.iter().zip(changes);
-    let worths = pairs.map(|(situation, change)| worth(&brake, situation, *change, near_mps2));
-    let worths: Vec<f64> = worths.collect();
-    if !worths.iter().any(|worth| 0.0 < *worth) {
+    let worths: Vec<f64> = pairs
+        .map(|(situation, change)| worth(&brake, situation, *change, near_mps2))
+        .collect();
+    if !worths.iter().any(|worth| *worth > 0.0) {
         return None;
     }
     let mut kinds: Vec<Cases> = Vec::new();
@@ -77,8 +78,9 @@ pub(super) fn brake_in(
             let sum = Sum { kind, few, terms };
             let drawn = sum.drawn(&mut dice).into_iter();
             let start_weights = drawn.chain(sum.separated(few, None));
-            let best = start_weights.map(|weights| (weights, few.explained(&weights)));
-            let best = best.max_by(|a, b| a.1.total_cmp(&b.1));
+            let best = start_weights
+                .map(|weights| (weights, few.explained(&weights)))
+                .max_by(|a, b| a.1.total_cmp(&b.1));
             found.extend(best.map(|(weights, explained)| {
                 let net_gain = explained - PER_TERM * sum.terms.len() as f64;
                 (sum, weights, net_gain)
@@ -96,8 +98,9 @@ pub(super) fn brake_in(
         };
         let weights = before.weights();
         // The earlier brake keeps its own terms.
-        let terms = (0..TERMS).filter(|&term| term == MARGIN || weights[term] != 0.0);
-        let terms: Vec<usize> = terms.collect();
+        let terms: Vec<usize> = (0..TERMS)
+            .filter(|&term| term == MARGIN || weights[term] != 0.0)
+            .collect();
         let mut pairs = kinds.iter().zip(&few);
         let same = pairs.find(|(kind, _)| same(kind));
         found.extend(same.map(|(kind, few)| (Sum { kind, few, terms }, weights, 0.0)));
@@ -111,7 +114,7 @@ pub(super) fn brake_in(
         weights,
         explained,
     } = simpler(best, &mut dice);
-    (LEAST_SHARE <= explained).then(|| sum.kind.of.weighing(weights))
+    (explained >= LEAST_SHARE).then(|| sum.kind.of.weighing(weights))
 }
 
 /// Sample in which a brake may act.
@@ -144,7 +147,7 @@ impl Cases {
     fn of(brake: &EmergencyBrake, situations: &[Situation], worths: &[f64]) -> Cases {
         let case = |(situation, &worth): (&Situation, &f64)| {
             let ahead = situation.nearest(brake.counts)?;
-            let can = !brake.only_closing || 0.0 < ahead.closing_mps();
+            let can = !brake.only_closing || ahead.closing_mps() > 0.0;
             can.then(|| BrakeSample {
                 terms: ahead.terms(),
                 clearance_m: ahead.clearance_m,
@@ -185,7 +188,7 @@ impl Cases {
             // Braked samples are rare, so all of them stay.
             let more = if case.worth < 0.0 { every as f64 } else { 1.0 };
             wrong += usize::from(case.worth < 0.0);
-            (0.0 < case.worth || wrong.is_multiple_of(every)).then_some(BrakeSample {
+            (case.worth > 0.0 || wrong.is_multiple_of(every)).then_some(BrakeSample {
                 worth: more * case.worth,
                 ..*case
             })
@@ -199,7 +202,7 @@ impl Cases {
 
     /// Returns the explained share of braked samples, less the wrongly braked ones.
     fn explained(&self, weights: &[f64; TERMS]) -> f64 {
-        let braked = self.all.iter().filter(|case| 0.0 < case.over_m(weights));
+        let braked = self.all.iter().filter(|case| case.over_m(weights) > 0.0);
         braked.map(|case| case.worth).sum::<f64>() / self.total
     }
 }
@@ -291,8 +294,9 @@ impl<'a> Sum<'a> {
                 .map(|(weight, size)| weight / size);
             Some(self.whole(scaled))
         };
-        let drawn = (0..DRAWS).filter_map(one);
-        let drawn = drawn.map(|weights| (self.few.explained(&weights), weights));
+        let drawn = (0..DRAWS)
+            .filter_map(one)
+            .map(|weights| (self.few.explained(&weights), weights));
         let best = drawn.max_by(|a, b| a.0.total_cmp(&b.0));
         best.map(|(_, weights)| weights)
     }
@@ -301,10 +305,11 @@ impl<'a> Sum<'a> {
     ///
     /// Logistic regression fits it to all samples, or to samples near another threshold.
     fn separated(&self, cases: &Cases, near: Option<(&[f64; TERMS], f64)>) -> Option<[f64; TERMS]> {
-        let nearby = cases.all.iter().filter(|case| {
-            near.is_none_or(|(weights, near_m)| case.over_m(weights).abs() < near_m)
-        });
-        let nearby: Vec<&BrakeSample> = nearby.collect();
+        let nearby: Vec<&BrakeSample> = cases
+            .all
+            .iter()
+            .filter(|case| near.is_none_or(|(weights, near_m)| case.over_m(weights).abs() < near_m))
+            .collect();
         let row = |case: &BrakeSample| {
             let terms = self.terms.iter().map(|&term| case.terms[term]);
             terms.chain([-case.clearance_m]).collect::<Vec<f64>>()
@@ -312,13 +317,13 @@ impl<'a> Sum<'a> {
         let rows: Vec<Vec<f64>> = nearby.iter().map(|case| row(case)).collect();
         let worths: Vec<f64> = nearby.iter().map(|case| case.worth).collect();
         let count = |is: fn(&f64) -> bool| worths.iter().filter(|&worth| is(worth)).count();
-        if count(|&worth| 0.0 < worth) < FEW || count(|&worth| worth < 0.0) < FEW {
+        if count(|&worth| worth > 0.0) < FEW || count(|&worth| worth < 0.0) < FEW {
             return None;
         }
         let found = logistic(&rows, &worths)?;
         let (clear, weights) = found.split_last()?;
         // A brake acts sooner with less clearance, so the weight of the clearance is positive.
-        (0.0 < *clear).then(|| self.whole(weights.iter().map(|weight| weight / clear)))
+        (*clear > 0.0).then(|| self.whole(weights.iter().map(|weight| weight / clear)))
     }
 
     /// Refines a threshold with ever nearer samples, then by cross-entropy search.

@@ -92,7 +92,7 @@ pub(super) fn braking_line(
     let pairs = situations.iter().zip(changes);
     // Near standstill the stop limits the deceleration, so these samples lie on no line.
     let braking = pairs.filter(|(situation, change)| {
-        MOVES_MPS < situation.own.speed_mps && **change < -LEAST_MPS2 / 2.0
+        situation.own.speed_mps > MOVES_MPS && **change < -LEAST_MPS2 / 2.0
     });
     let all: Vec<(f64, f64)> = braking
         .map(|(situation, change)| (situation.own.accel_mps2, *change))
@@ -139,7 +139,7 @@ pub(super) fn braking_line(
     // Least squares removes the error of the two drawn samples.
     let fitted = fitted(line, near_mps2, &all);
     let refined = BrakeLine::of(fitted.0, fitted.1, sample_s).unwrap_or(line);
-    (LEAST_SAMPLES <= excess * every as f64).then_some((refined, near_mps2))
+    (excess * every as f64 >= LEAST_SAMPLES).then_some((refined, near_mps2))
 }
 
 /// Fits a line by least squares to the samples near a line.

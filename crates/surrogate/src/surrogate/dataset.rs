@@ -281,8 +281,10 @@ mod tests {
     use crate::experiment::Watch;
 
     fn judged(name: &str, plant: PlantKind, actions: &[usize]) -> PlantKind {
-        let world = Scenario::shipped(name).expect("shipped").expect("sound");
-        let world = world.on(plant);
+        let world = Scenario::shipped(name)
+            .expect("shipped")
+            .expect("sound")
+            .on(plant);
         let from = starts(&world, 6, 8);
         let world = world.drive().expect("driven");
         judged_on(

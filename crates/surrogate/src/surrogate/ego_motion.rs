@@ -25,7 +25,7 @@ impl MotionSample {
     pub(super) fn strays_from(&self, other: &MotionSample) -> bool {
         const APART_M: f64 = 0.1;
         const APART_MPS: f64 = 0.1;
-        APART_M < self.distance_m(other) || APART_MPS < (self.speed_mps - other.speed_mps).abs()
+        self.distance_m(other) > APART_M || (self.speed_mps - other.speed_mps).abs() > APART_MPS
     }
 }
 

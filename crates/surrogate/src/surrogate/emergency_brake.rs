@@ -224,7 +224,7 @@ impl EmergencyBrake {
 impl Display for EmergencyBrake {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "brakes with {:.1} m/s²", self.brake_mps2)?;
-        if 0.0 < self.lag_s {
+        if self.lag_s > 0.0 {
             write!(f, " (time constant {:.2} s)", self.lag_s)?;
         }
         f.write_str(" where the clear way is less than")?;

@@ -75,7 +75,7 @@ impl PathOccupancy {
 
     /// Returns two indicators and the two durations.
     fn state([in_s, coming_s]: [f64; 2]) -> [f64; 4] {
-        let is = |since_s: f64| f64::from(u8::from(0.0 < since_s));
+        let is = |since_s: f64| f64::from(u8::from(since_s > 0.0));
         [
             is(in_s),
             is(coming_s),
@@ -165,7 +165,7 @@ impl Features {
     fn read_other(&self, own: &Own, seen: &Seen, i: usize, row: &mut Vec<f32>) {
         let (gap_m, closing_mps) = approach(own, seen);
         let near_m = gap_m.abs().max(NEAR_M);
-        let ahead = if 0.0 <= gap_m { 1.0 } else { -1.0 };
+        let ahead = if gap_m >= 0.0 { 1.0 } else { -1.0 };
         let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
         let (worst, way) = (&self.worst[i], &self.ways[i]);
         let [is_in, is_coming, in_s, coming_s] = PathOccupancy::state([way.in_s, way.coming_s]);
@@ -236,7 +236,7 @@ impl Features {
         for ((worst, way), seen) in dangers.zip(&percept.others) {
             // A vehicle outside the way endangers the ego only while it approaches the path.
             let (gap_m, closing_mps) = approach(own, seen);
-            let [brake_mps2, closing_per_s] = if 0.0 < way.coming_s {
+            let [brake_mps2, closing_per_s] = if way.coming_s > 0.0 {
                 danger(gap_m, closing_mps)
             } else {
                 [0.0; 2]
@@ -276,7 +276,7 @@ fn danger(gap_m: f64, closing_mps: f64) -> [f64; 2] {
 
 /// Returns the gap between bumpers, negative behind, and the rate at which it shrinks.
 fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
-    let gap_m = if 0.0 <= seen.headway_m {
+    let gap_m = if seen.headway_m >= 0.0 {
         seen.headway_m - seen.length_m
     } else {
         seen.headway_m + own.length_m

@@ -40,10 +40,10 @@ impl std::fmt::Display for FittedModel {
             return Ok(());
         }
         let parameters = self.controller.parameters();
-        let all = parameters
+        let all: Vec<String> = parameters
             .iter()
-            .map(|it| format!("{}: {:.3}", it.name, it.value));
-        let all: Vec<String> = all.collect();
+            .map(|it| format!("{}: {:.3}", it.name, it.value))
+            .collect();
         write!(f, " ({})", all.join(", "))
     }
 }

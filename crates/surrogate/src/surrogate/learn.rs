@@ -237,7 +237,7 @@ pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Opt
         fit(&samples(&labelled, &nearest), &nearest, settings, watch)
     };
     let all = starts(nominal, runs, seed);
-    let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };
+    let rounds = if runs >= THREE_ROUNDS { 3 } else { 2 };
     let mut rounds = all.chunks(all.len().div_ceil(rounds).max(1));
     let mut recorded = mixed(ego, policy, rounds.next()?, watch);
     let as_trained = recorded.iter().filter(|run| run.as_trained);

@@ -57,8 +57,10 @@ pub(super) fn fit_models(
     };
     let alone: Vec<Option<FitMinimum>> = all.run(&kinds, || (), one);
     // Composite controllers start from the best simple controller and share its parameters.
-    let pairs = alone.iter().zip(&kinds);
-    let pairs = pairs.filter_map(|(found, kind)| Some((found.as_ref()?, kind)));
+    let pairs = alone
+        .iter()
+        .zip(&kinds)
+        .filter_map(|(found, kind)| Some((found.as_ref()?, kind)));
     let Some(first) = pairs.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)) else {
         return ModelFits::default();
     };
@@ -67,8 +69,12 @@ pub(super) fn fit_models(
         Some(many.refined(kind, point))
     };
     let sharing_first = all.run(&kinds, || (), sharing_first);
-    let both = alone.iter().cloned().zip(sharing_first).zip(&kinds);
-    let both = both.filter_map(|((a, b), kind)| Some((nearest(a.into_iter().chain(b))?, kind)));
+    let both = alone
+        .iter()
+        .cloned()
+        .zip(sharing_first)
+        .zip(&kinds)
+        .filter_map(|((a, b), kind)| Some((nearest(a.into_iter().chain(b))?, kind)));
     let mut tried: Vec<(FitMinimum, &ModelKind)> = both.collect();
     // The sort is stable, so equal candidates keep the order of the list.
     tried.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
@@ -141,7 +147,7 @@ impl<'a> Fitting<'a> {
             nothing: 1.0,
         };
         let critical = fitting.critical_share();
-        if 0.0 < critical && critical < 1.0 {
+        if critical > 0.0 && critical < 1.0 {
             fitting.weights = [0.5 / critical, 0.5 / (1.0 - critical)];
         }
         fitting.nothing = mean_square(&fitting.deviations(|_| |_: &Percept, _: usize| 0.0));
@@ -159,7 +165,7 @@ impl<'a> Fitting<'a> {
     }
 
     fn is_critical(&self, percept: &Percept, change_mps2: f64) -> bool {
-        CRITICAL_MPS2 < percept.own.accel_mps2.abs() || self.unit_mps2 < change_mps2.abs()
+        percept.own.accel_mps2.abs() > CRITICAL_MPS2 || self.unit_mps2 < change_mps2.abs()
     }
 
     /// Returns the deviations of a model from the recorded changes.

@@ -77,10 +77,13 @@ impl ModelKind {
     pub(super) fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<ModelKind> {
         let range = |name: &str| RANGES.iter().find(|range| range.0 == name).copied();
         // Every kind is tried with an actuator lag.
-        let ranges = names.iter().map(|name| range(name)).chain([range("lag_s")]);
-        let ranges: Vec<_> = ranges.collect::<Option<_>>()?;
+        let ranges: Vec<_> = names
+            .iter()
+            .map(|name| range(name))
+            .chain([range("lag_s")])
+            .collect::<Option<_>>()?;
         // A kind with the lag as its only parameter cannot be fitted.
-        (1 < ranges.len()).then_some(ModelKind { kind, ranges })
+        (ranges.len() > 1).then_some(ModelKind { kind, ranges })
     }
 
     /// Returns the controller at a point of the box.
@@ -116,8 +119,8 @@ mod tests {
             let kind = KINDS
                 .iter()
                 .find(|other| other.0 == kind)
-                .and_then(ModelKind::of);
-            let kind = kind.expect("tried");
+                .and_then(ModelKind::of)
+                .expect("tried");
             for parameter in controller.parameters() {
                 let mut ranges = kind.ranges.iter();
                 let range = ranges.find(|range| range.0 == parameter.name);

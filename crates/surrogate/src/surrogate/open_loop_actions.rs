@@ -73,7 +73,7 @@ pub(super) fn best_fixed(
         .collect();
     // The constants must be ranked before the best of them are taken as second actions.
     sort(&mut tried);
-    let second = if MANY < actions { SECOND } else { actions };
+    let second = if actions > MANY { SECOND } else { actions };
     let last: Vec<usize> = tried.iter().take(second).map(|one| one.0[0]).collect();
     for first in 0..actions {
         for &then in last.iter().filter(|&&then| then != first) {
@@ -115,8 +115,8 @@ mod tests {
 
     #[test]
     fn of_actions_that_are_the_same_everywhere_those_with_most_successes_are_found() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.drive().expect("driven");
+        let scenario = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = scenario.drive().expect("driven");
         let width = width_of(world);
         // Surrogate that keeps its acceleration whatever it sees.
         let net = Mlp::orthogonal(&[width, 4, OUTPUTS], 0.1, &mut LearnerRng::new(1));

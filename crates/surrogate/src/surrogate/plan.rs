@@ -52,7 +52,7 @@ impl ScoredStrategy {
     ///
     /// In the first attempt this is the surrogate itself.
     fn is_sure(&self) -> bool {
-        self.lead == 0 && 0 < self.score
+        self.lead == 0 && self.score > 0
     }
 
     fn is_better_than(&self, other: &ScoredStrategy) -> bool {
@@ -137,7 +137,7 @@ impl<'a> Planner<'a> {
             };
             // Policies are judged before sequences, because they cost one episode each.
             for strategy in self.policies.strategies() {
-                if ENOUGH <= best.score {
+                if best.score >= ENOUGH {
                     break;
                 }
                 let score = self.score(from, so_far, (&strategy, lead), VARIATIONS.len());
@@ -150,7 +150,7 @@ impl<'a> Planner<'a> {
                 }
             }
             for switches in 0..=SWITCHES {
-                if ENOUGH <= best.score || self.watch.stopped() {
+                if best.score >= ENOUGH || self.watch.stopped() {
                     break;
                 }
                 let stride = self.budget.stride(size, switches, is_first);
@@ -164,7 +164,7 @@ impl<'a> Planner<'a> {
             {
                 self.search(from, so_far, (SWITCHES, finest), &mut best);
             }
-            if 0 < best.score {
+            if best.score > 0 {
                 return best;
             }
         }
@@ -223,7 +223,7 @@ impl<'a> Planner<'a> {
         let mut accept = |actions: &[usize], _: &Testbench| {
             found += 1;
             // Neighbours in the tree are similar, so later finds are thinned out.
-            if FIRST < found && !found.is_multiple_of(EVERY) {
+            if found > FIRST && !found.is_multiple_of(EVERY) {
                 return WalkControl::Continue;
             }
             tried += 1;
@@ -245,7 +245,7 @@ impl<'a> Planner<'a> {
                     lead: rank,
                 };
             }
-            if best.score == VARIATIONS.len() || TRIED <= tried {
+            if best.score == VARIATIONS.len() || tried >= TRIED {
                 WalkControl::Stop
             } else {
                 WalkControl::Continue
@@ -345,7 +345,7 @@ impl<'a> Planner<'a> {
     ) -> Option<ScoredStrategy> {
         now.score = self.score(from, so_far, (&now.strategy, now.lead), ENOUGH);
         // A robust plan is kept, because a search costs more than its likely gain.
-        if now.is_sure() && ENOUGH <= now.score {
+        if now.is_sure() && now.score >= ENOUGH {
             return None;
         }
         let other = self.choose(from, so_far, 1);
@@ -407,7 +407,7 @@ impl<'a> Planner<'a> {
             let strays = predicted
                 .get(here)
                 .is_none_or(|expected| so_far.motion[here].strays_from(expected));
-            let late = !now.is_sure() && PATIENCE <= decision + 1 - chosen_at;
+            let late = !now.is_sure() && decision + 1 - chosen_at >= PATIENCE;
             // Pauses grow with searches in vain, since another search would rarely find a plan.
             let rests = decision + 1 - chosen_at < self.budget.rest(self.in_vain);
             if rests || (!strays && !late) {

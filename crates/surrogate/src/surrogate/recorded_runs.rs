@@ -21,8 +21,10 @@ pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<LabelledR
         }
     }
 
-    let world = Scenario::shipped("acc_structures").expect("shipped");
-    let world = world.expect("sound").on(plant);
+    let world = Scenario::shipped("acc_structures")
+        .expect("shipped")
+        .expect("sound")
+        .on(plant);
     let ego = EgoUnderTest::find(&world, name).expect("an ego");
     let from = starts(&world, count, 8);
     let ego = ego[0].scenario().drive().expect("driven");

@@ -52,7 +52,7 @@ pub(super) fn error_of(
         }
     }
     let rms = |sum: f64| (sum / f64::from(count)).sqrt();
-    (0 < count).then(|| SurrogateError {
+    (count > 0).then(|| SurrogateError {
         rms_m: rms(squares[0]),
         keeps_acceleration_m: rms(squares[1]),
     })

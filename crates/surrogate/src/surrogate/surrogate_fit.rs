@@ -62,15 +62,14 @@ impl FitSamples {
             let squares = column(i).map(|value| (value - means[i]).powi(2));
             (squares.sum::<f64>() / count).sqrt() as f32
         };
-        let inverse = (0..self.width).map(|i| 1.0 / sd(i).max(LEAST_SD));
-        let inverse = inverse.collect();
+        let inverse = (0..self.width).map(|i| 1.0 / sd(i).max(LEAST_SD)).collect();
         (means.into_iter().map(|mean| mean as f32).collect(), inverse)
     }
 
     /// Returns the value of an output of 1, or 0 for an output that is always 0.
     fn units(&self, nearest: &[FittedModel]) -> [f64; 2] {
         let across_mps = self.rms(|_, answer| answer[2]);
-        let steers = LEAST_LATERAL_MPS < across_mps;
+        let steers = across_mps > LEAST_LATERAL_MPS;
         let left = |row: &[f32], answer: &[f64; 3]| answer[1] - expected_mps2(nearest, row);
         // The floor keeps the targets finite if a controller explains everything.
         let left_mps2 = self.rms(left).max(1e-6);
@@ -108,7 +107,7 @@ impl FitSamples {
     /// Most samples are cruising, but plans depend on the braking.
     fn critical(&self, unit_mps2: f64) -> Vec<usize> {
         let is_critical = |answer: &[f64; 3]| {
-            CRITICAL < answer[0].abs() || CRITICAL * unit_mps2 < answer[1].abs()
+            answer[0].abs() > CRITICAL || CRITICAL * unit_mps2 < answer[1].abs()
         };
         let samples = self.answers.iter().enumerate();
         let critical = samples.filter(|(_, answer)| is_critical(answer));
@@ -212,8 +211,11 @@ impl<'a> MemberFit<'a> {
     /// Limits the answers where the brake acts, so that it need not be learned.
     fn limit(&mut self, surrogate: &Surrogate, brake: &EmergencyBrake) {
         for (sample, limit) in self.limits.iter_mut().enumerate() {
-            let braking = self.samples.situations.get(sample);
-            let braking = braking.and_then(|situation| brake.change_mps2(situation));
+            let braking = self
+                .samples
+                .situations
+                .get(sample)
+                .and_then(|situation| brake.change_mps2(situation));
             *limit = braking.map_or(f32::INFINITY, |change_mps2| {
                 let row = self.samples.row(sample);
                 let left_mps2 = change_mps2 - expected_mps2(&surrogate.nearest, row);
@@ -365,7 +367,7 @@ mod tests {
         };
         let predicted = net.evaluate(&[0.5, 0.5], |out| answer_of(out).0);
         let across = |limit| gradient(limit) - gradient(predicted[0] - 1.0);
-        assert!(0.0 < across(f32::INFINITY) && across(predicted[0] + 1.0) == across(f32::INFINITY));
+        assert!(across(f32::INFINITY) > 0.0 && across(predicted[0] + 1.0) == across(f32::INFINITY));
         assert_eq!(across(predicted[0] - 0.1), 0.0);
     }
 

@@ -234,9 +234,11 @@ mod tests {
             ("acc", PlantKind::Rigid, 0.2),
             ("bend", PlantKind::Kinematic, 0.1),
         ] {
-            let world = Scenario::shipped(name).expect("shipped").expect("sound");
-            let world = world.on(plant);
-            let world = world.drive().expect("driven");
+            let scenario = Scenario::shipped(name)
+                .expect("shipped")
+                .expect("sound")
+                .on(plant);
+            let world = scenario.drive().expect("driven");
             for mut model in [own(world), ModelBench::quick(world)] {
                 for index in 0..4 {
                     let (start, noise, run) = run_of(world, index);
@@ -256,9 +258,10 @@ mod tests {
 
     #[test]
     fn on_the_worlds_own_plant_the_ado_moves_as_it_does_there() {
-        let world = Scenario::shipped("merge_fair");
-        let world = world.expect("shipped").expect("sound");
-        let world = world.drive().expect("driven");
+        let scenario = Scenario::shipped("merge_fair")
+            .expect("shipped")
+            .expect("sound");
+        let world = scenario.drive().expect("driven");
         assert_eq!(world.spec().plant, PlantKind::Rigid);
         let (mut own, mut quick) = (own(world), ModelBench::quick(world));
         let columns = ["ado.x", "ado.y"].map(|name| world.world().schema().position(name));
@@ -284,22 +287,22 @@ mod tests {
         }
         assert!(off_own_m < 1e-3, "{off_own_m}");
         assert!(
-            10.0 * off_own_m < off_quick_m && 0.01 < off_quick_m,
+            10.0 * off_own_m < off_quick_m && off_quick_m > 0.01,
             "{off_quick_m}"
         );
     }
 
     #[test]
     fn what_an_ego_saw_is_written_down_once_per_sample() {
-        let world = Scenario::shipped("cut_in")
+        let scenario = Scenario::shipped("cut_in")
             .expect("shipped")
             .expect("sound");
-        let world = world.drive().expect("driven");
+        let world = scenario.drive().expect("driven");
         let (start, noise, run) = run_of(world, 1);
         let mut model = own(world);
         let inputs = model.percepts((&start, noise), &run);
         assert!(run.motion.len().abs_diff(inputs.percepts.len() + 1) <= 1);
-        assert!(0.0 < inputs.briefing.sample_s);
+        assert!(inputs.briefing.sample_s > 0.0);
         for (percept, moment) in inputs.percepts.iter().zip(&run.motion) {
             assert!((percept.own.speed_mps - moment.speed_mps).abs() < 0.05);
         }

@@ -88,7 +88,7 @@ impl ViewExtent {
     /// it.
     pub(super) fn seen_aslant(&self) -> ([f32; 3], [f32; 3]) {
         let (rear_m, front_m) = self.ahead_m;
-        if ViewExtent::BEHIND_M <= rear_m {
+        if rear_m >= ViewExtent::BEHIND_M {
             // A long ego would fill the picture, so the camera moves back and
             // up with its length.
             let back_m = self.behind_m.clamp(0.0, 25.0);
@@ -190,11 +190,11 @@ mod tests {
                     "{x}, {y}: {across}, {up}"
                 );
             }
-            let corners = [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5)];
-            let corners = corners.map(|(x, y)| seen((camera, [x * car.0, y * car.1, 0.0])).0[0]);
+            let corners = [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5)]
+                .map(|(x, y)| seen((camera, [x * car.0, y * car.1, 0.0])).0[0]);
             let most = corners.iter().copied().fold(f32::MIN, f32::max);
             let least = corners.iter().copied().fold(f32::MAX, f32::min);
-            assert!(60.0 <= most - least, "{} px", most - least);
+            assert!(most - least >= 60.0, "{} px", most - least);
         }
     }
 }

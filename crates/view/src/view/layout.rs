@@ -204,9 +204,11 @@ impl<'a> BlueprintBuilder<'a> {
             .with_display_name(title)
             .with_space_origin(origin);
         self.journal.layout(view.path.as_str().into(), &about)?;
-        let queries = contents.iter().copied().map(String::from);
-        let queries =
-            queries.map(|query| rerun::blueprint::components::QueryExpression(query.into()));
+        let queries = contents
+            .iter()
+            .copied()
+            .map(String::from)
+            .map(|query| rerun::blueprint::components::QueryExpression(query.into()));
         self.property(&view, "ViewContents", &ViewContents::new(queries))?;
         Ok(view)
     }

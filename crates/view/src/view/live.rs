@@ -107,8 +107,11 @@ impl LiveView {
         };
         // Without a sender the thread ends after the waiting messages.
         drop(take(&self.sender));
-        let ended = self.ended.lock();
-        let ended = ended.unwrap_or_else(PoisonError::into_inner).take()?;
+        let ended = self
+            .ended
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take()?;
         let error = match ended.recv_timeout(PATIENCE) {
             Ok(written) => written.err(),
             Err(RecvTimeoutError::Timeout) => Some(ViewError::Stuck),

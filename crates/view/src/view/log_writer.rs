@@ -222,12 +222,12 @@ impl LogWriter {
         columns: Result<impl Iterator<Item = SerializedComponentColumn>, SerializationError>,
     ) -> Result<(), ViewError> {
         let times: Vec<i64> = clock[0].times_raw().to_vec();
-        let clock = match &self.place {
+        let clock = (match &self.place {
             Some(place) => place.columns(&clock),
             None => clock.into(),
-        };
-        let clock = clock.into_iter();
-        let clock = clock.map(|times| (*times.timeline().name(), times));
+        })
+        .into_iter()
+        .map(|times| (*times.timeline().name(), times));
         let chunk = Chunk::from_auto_row_ids(
             ChunkId::new(),
             entity.into(),
@@ -235,8 +235,7 @@ impl LogWriter {
             columns?
                 .map(|column| (column.descriptor, column.list_array))
                 .collect(),
-        );
-        let chunk = chunk?;
+        )?;
         let Some(opening) = self.opening else {
             return self.push(chunk);
         };

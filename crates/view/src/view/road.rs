@@ -93,7 +93,7 @@ fn ribbons<'a>(ribbons: impl IntoIterator<Item = Ribbon<'a>>) -> Mesh3D {
     for (right, left, lift_m, colour) in ribbons {
         for (i, (r, l)) in right.iter().zip(left).enumerate() {
             let at = corners.len() as u32;
-            if 0 < i {
+            if i > 0 {
                 // Two triangles fill the quadrilateral between two pairs of
                 // edge points.
                 triangles.extend([[at - 2, at, at - 1], [at - 1, at, at + 1]]);

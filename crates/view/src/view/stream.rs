@@ -124,8 +124,7 @@ impl EpisodeStream {
             self.recording.always(entity, &[&Clear::recursive()])?;
         }
         panels::log(&story, &mut self.recording)?;
-        let headline = format!("episode {}: {}", self.episodes, shown.caption);
-        let headline = TextLog::new(headline);
+        let headline = TextLog::new(format!("episode {}: {}", self.episodes, shown.caption));
         self.recording.always("verdict/events", &[&headline])?;
         self.shown_ns += nanos(story.motion_end_s() + PAUSE_S);
         self.send()?;

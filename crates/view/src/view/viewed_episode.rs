@@ -173,8 +173,11 @@ impl<'a> ViewedEpisode<'a> {
 
     /// Height of the ground below a member of the cast: 0 on flat roads.
     pub(super) fn ground_m(&self, who: usize, frame: &Frame) -> f64 {
-        let borders = self.stage.lane_borders_m.iter();
-        let mut borders = borders.chain(self.stage.side_roads_m.iter().flatten());
+        let mut borders = self
+            .stage
+            .lane_borders_m
+            .iter()
+            .chain(self.stage.side_roads_m.iter().flatten());
         if borders.all(|border| border.iter().all(|point| point[2] == 0.0)) {
             return 0.0;
         }

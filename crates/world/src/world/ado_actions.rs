@@ -16,7 +16,7 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
             numbered.map(|(i, a)| (list.at(0).at(i), *a)).collect()
         }
         Actions::Grid(grid) => {
-            if grid.lateral_mps <= 0.0 || 5.0 < grid.lateral_mps {
+            if grid.lateral_mps <= 0.0 || grid.lateral_mps > 5.0 {
                 let what = format!("a lateral speed of {} m/s", grid.lateral_mps);
                 let help = Some("above 0 and at most 5; `Left` and `Right` say where".to_owned());
                 problems.add(&list.to("lateral_mps"), what, "out of range", help);
@@ -51,8 +51,9 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
             let parts = [
                 ("accelerations", &added.accelerations),
                 ("lateral_mps", &added.lateral_mps),
-            ];
-            let parts = parts.into_iter().flat_map(|(field, values)| {
+            ]
+            .into_iter()
+            .flat_map(|(field, values)| {
                 let place = list.to(field);
                 let numbered = values.iter().enumerate();
                 numbered.map(move |(i, value)| (place.at(i), *value))

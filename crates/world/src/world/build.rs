@@ -245,15 +245,14 @@ fn assemble(
     spec.formulas = names.clone();
     problems.done()?;
     spec.extra = language.published();
-    let world = DriveWorld::new(spec);
-    let world = world.map_err(|error| problems.ended(&top, error.to_string()))?;
+    let world = DriveWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
     let judging = Judging {
         judge: file.judge,
         counts: file.counts,
         reward: file.reward,
     };
-    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging);
-    let rulebook = rulebook.map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
+    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging)
+        .map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
     let scenario = Scenario {
         name: file.name,
         question: file.question,

@@ -74,7 +74,7 @@ pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
         1.0,
         1000.0,
     );
-    if MAX_SAMPLES < clock.horizon_s / clock.sample_s {
+    if clock.horizon_s / clock.sample_s > MAX_SAMPLES {
         let what = format!(
             "an episode of {} samples, more than {MAX_SAMPLES}",
             clock.horizon_s / clock.sample_s
@@ -89,7 +89,7 @@ pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
     for (field, value, unit_field, unit) in multiples {
         let ratio = value / unit;
         // A ratio of decimal fractions is only whole up to rounding.
-        if ratio.round() < 1.0 || 1e-6 < (ratio - ratio.round()).abs() {
+        if ratio.round() < 1.0 || (ratio - ratio.round()).abs() > 1e-6 {
             let what = format!("`{field}` = {value} s is no multiple of `{unit_field}` = {unit} s");
             let below = tidy(ratio.floor().max(1.0) * unit);
             let above = tidy((ratio.floor() + 1.0).max(2.0) * unit);
@@ -235,7 +235,7 @@ pub(super) fn free_name(problems: &mut Problems, path: &ValuePath, name: &str, t
 /// Checks the world's name, after which files are named.
 pub(super) fn world_name(problems: &mut Problems, path: &ValuePath, name: &str) {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    if name.is_empty() || 64 < name.len() || !name.chars().all(plain) {
+    if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
         let what = format!("`{name}` cannot name a world");
         let help = "at most 64 letters, digits, _ and -: files are named after it".to_owned();
         problems.add(path, what, "here", Some(help));
@@ -374,7 +374,7 @@ pub(super) fn sensor_flaw(
     }
     // A delay reads a recorded sample, so it must be a whole number of samples.
     let samples = delay_s / clock.sample_s;
-    if 1e-6 < (samples - samples.round()).abs() {
+    if (samples - samples.round()).abs() > 1e-6 {
         let what = format!(
             "`delay_s` = {delay_s} s is no multiple of `sample_s` = {} s",
             clock.sample_s

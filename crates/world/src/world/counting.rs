@@ -86,11 +86,11 @@ pub(super) fn against_goals(
             "training goals require a driving world, and this is a grid",
             "leave out the goals",
         ),
-        Some(0) if 0 < severe => refused(
+        Some(0) if severe > 0 => refused(
             "the goal `Severe` requires an agent that can touch the ego",
             "add a vehicle, a pedestrian or an obstacle; or leave out `Severe`",
         ),
-        _ if 1 < severe || 1 < distinct => {
+        _ if severe > 1 || distinct > 1 => {
             refused("a training goal is named twice", "name each goal once")
         }
         _ => None,

@@ -243,7 +243,7 @@ pub(super) fn can_be_kept(
     if let Some(broken) = numbered().find(|&i| !ever(i, i)) {
         let name = &rules[broken].name;
         let place = rule_place(scenario, name);
-        if LEAST_TRIALS <= tries {
+        if tries >= LEAST_TRIALS {
             let what = format!("the rule `{name}` cannot be kept");
             let help = format!("it was broken in each of {tries} runs with all kinds of actions");
             problems.add(&place, what, "ρ ≤ 0 whatever the ado does", Some(help));
@@ -333,19 +333,20 @@ fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
         // The neutral action first: a run that keeps all rules ends the search
         // early.
         let others = (0..actions).filter(|action| *action != neutral);
-        let constant = std::iter::once(neutral).chain(others);
-        let constant = constant.map(|action| Box::new(Constant(action)) as Box<dyn Actor>);
+        let constant = std::iter::once(neutral)
+            .chain(others)
+            .map(|action| Box::new(Constant(action)) as Box<dyn Actor>);
         let changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
         for mut actor in constant.chain([Box::new(changing) as Box<dyn Actor>]) {
             let episode = play(&mut bench, start, i as u64, &mut *actor, Aftermath::Skip);
             samples += episode.trace.len();
             let rules = tried.rulebook().rules.iter();
             let kept: Vec<bool> = rules
-                .map(|rule| 0.0 < rule.monitor.robustness(&episode.trace, &mut scratch))
+                .map(|rule| rule.monitor.robustness(&episode.trace, &mut scratch) > 0.0)
                 .collect();
             let together = kept.iter().all(|kept| *kept);
             runs.push(kept);
-            if together || MAX_TRIALS <= runs.len() || TRIED_SAMPLES <= samples {
+            if together || runs.len() >= MAX_TRIALS || samples >= TRIED_SAMPLES {
                 return runs;
             }
         }
@@ -378,12 +379,15 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
             let mut judged = episode.trace;
             judged.truncate(episode.judged);
             samples += judged.len();
-            let kept = tried.rulebook().rules.iter();
-            let kept = kept.map(|rule| 0.0 < rule.monitor.robustness(&judged, &mut scratch));
-            let kept: Vec<bool> = kept.collect();
+            let kept: Vec<bool> = tried
+                .rulebook()
+                .rules
+                .iter()
+                .map(|rule| rule.monitor.robustness(&judged, &mut scratch) > 0.0)
+                .collect();
             let together = kept.iter().all(|kept| *kept);
             runs.push(kept);
-            if together || MAX_TRIALS <= runs.len() || affordable <= samples {
+            if together || runs.len() >= MAX_TRIALS || affordable <= samples {
                 return runs;
             }
         }

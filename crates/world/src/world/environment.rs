@@ -56,8 +56,11 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
         let AgentFile::Weather(weather) = agent else {
             return None;
         };
-        let place = ValuePath::top().to("agents").at(i).to("start");
-        let place = place.to("visibility_m");
+        let place = ValuePath::top()
+            .to("agents")
+            .at(i)
+            .to("start")
+            .to("visibility_m");
         Some((
             EnvironmentQuantity::Visibility,
             place,
@@ -65,8 +68,10 @@ fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {
         ))
     });
     // A second weather is a mistake, and no second axis.
-    let all = numbers.into_iter().chain(range).chain(radii);
-    let all = all
+    let all = numbers
+        .into_iter()
+        .chain(range)
+        .chain(radii)
         .chain(visibility.take(1))
         .chain(slope_and_wind::ranges(file));
     let ranges = all.filter(|(_, _, it)| !it.0.is_fixed());
@@ -93,7 +98,7 @@ pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> (Road, Senso
             check::range(problems, &place, range);
         }
         let turns = matches!(quantity, EnvironmentQuantity::ArcRadius { .. });
-        if turns && range.lo <= 0.0 && 0.0 <= range.hi {
+        if turns && range.lo <= 0.0 && range.hi >= 0.0 {
             let what = format!("radii from {} to {} m turn both ways", range.lo, range.hi);
             let help = "a positive radius turns left and a negative radius right: \
                         keep both ends on one side of 0";

@@ -208,11 +208,12 @@ impl OwnRoad {
 
     /// Returns the radii of its arcs with their positions among the pieces.
     pub(super) fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
-        let pieces = match self {
+        let pieces = (match self {
             OwnRoad::Curved { pieces, .. } => pieces.as_slice(),
             OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } | OwnRoad::OpenDrive { .. } => &[],
-        };
-        let pieces = pieces.iter().enumerate();
+        })
+        .iter()
+        .enumerate();
         pieces.filter_map(|(i, piece)| match piece {
             OwnPiece::Line { .. } => None,
             OwnPiece::Arc { radius_m, .. } => Some((i, *radius_m)),

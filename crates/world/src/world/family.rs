@@ -186,8 +186,11 @@ impl Family {
     /// Missing coordinates are nominal, or those of the structure in the file.
     pub fn at(&self, structure: Option<usize>, point: &[f64], plant: PlantKind) -> EgoSample {
         let mut member = self.nominal(plant);
-        let values = self.varied(structure).iter().zip(point);
-        let values = values.map(|(q, x)| q.fit(q.lo + 0.5 * (x + 1.0) * (q.hi - q.lo)));
+        let values = self
+            .varied(structure)
+            .iter()
+            .zip(point)
+            .map(|(q, x)| q.fit(q.lo + 0.5 * (x + 1.0) * (q.hi - q.lo)));
         match structure.and_then(|at| self.structures.get(at)) {
             Some(other) => member.controller = Some(other.at(values)),
             None => {

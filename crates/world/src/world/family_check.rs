@@ -37,11 +37,15 @@ pub(super) fn family(
         return None;
     };
     let mut quantities = of_controller(problems, &path.to("ego"), &file.ego, &controller);
-    let structures = file.structures.0.iter().filter_map(|(name, ranges)| {
-        let place = path.to("structures").to(name);
-        structure(problems, &place, (name, ranges), reuse)
-    });
-    let structures: Vec<Structure> = structures.collect();
+    let structures: Vec<Structure> = file
+        .structures
+        .0
+        .iter()
+        .filter_map(|(name, ranges)| {
+            let place = path.to("structures").to(name);
+            structure(problems, &place, (name, ranges), reuse)
+        })
+        .collect();
     let sample_s = spec.clock.sample_s;
     let others = [
         // A delay is a whole number of samples, so its quantity has steps.
@@ -221,7 +225,7 @@ fn sound(problems: &mut Problems, place: &ValuePath, quantity: Quantity) -> Opti
     let off = [lo, hi]
         .into_iter()
         // Multiples of a decimal step are only whole up to rounding.
-        .find(|end| 1e-9 < (quantity.fit(*end) - end).abs());
+        .find(|end| (quantity.fit(*end) - end).abs() > 1e-9);
     if let Some(end) = off {
         let what = format!("{end} is no multiple of `sample_s` = {}", quantity.step);
         let help = "an ego sees whole samples".to_owned();

@@ -186,18 +186,20 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     problems.done()?;
     // Only used signals are published.
     spec.extra = language.published();
-    let world = GridWorld::new(spec);
-    let world = world.map_err(|error| problems.ended(&top, error.to_string()))?;
+    let world = GridWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
     let judging = Judging {
         judge: file.judge,
         counts: file.counts,
         reward: file.reward,
     };
-    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging);
-    let rulebook = rulebook.map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
-    let reuse = file.reuse.0.into_iter();
-    let reuse: IndexMap<String, Change> =
-        reuse.map(|(name, change)| (name, change.into())).collect();
+    let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging)
+        .map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
+    let reuse: IndexMap<String, Change> = file
+        .reuse
+        .0
+        .into_iter()
+        .map(|(name, change)| (name, change.into()))
+        .collect();
     let mut scenario = Scenario {
         name: file.name,
         question: file.question,
@@ -236,7 +238,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
 
 fn moves(problems: &mut Problems, path: &ValuePath, ado: &GridAdoFile) {
     let count = ado.moves.len();
-    if count == 0 || MAX_MOVES < count {
+    if count == 0 || count > MAX_MOVES {
         let what = format!("an ado with {count} moves");
         let help = format!("give 1 to {MAX_MOVES}, such as (0, 1) for up");
         problems.add(&path.to("moves"), what, "here", Some(help));
@@ -332,7 +334,7 @@ pub(super) fn fits(spec: &GridSpec) -> Result<(), Misfit> {
         );
     }
     // A longer step would leave every map.
-    if MAX_SIDE < ego_step {
+    if ego_step > MAX_SIDE {
         let help = format!("at most {MAX_SIDE}");
         return misfit(
             "ego_step",
@@ -374,7 +376,7 @@ pub(super) fn fits(spec: &GridSpec) -> Result<(), Misfit> {
         }
     }
     // The number of pairs grows with the square of the number of cells.
-    if spec.starts == Starts::AllPairs && MAX_LISTED_CELLS < spec.arena.cells() {
+    if spec.starts == Starts::AllPairs && spec.arena.cells() > MAX_LISTED_CELLS {
         let what = format!("all pairs of {} fine cells", spec.arena.cells());
         let help = format!("above {MAX_LISTED_CELLS} fine cells draw them: `starts: Uniform`");
         return misfit("starts", what, "too many to list", help);

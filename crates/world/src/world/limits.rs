@@ -115,10 +115,14 @@ pub(super) fn texts(
     signals: &Ordered<SignalFile>,
 ) {
     // Long formulas cost time at every sample, in each of their monitors.
-    let formulas = formulas.0.iter();
-    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
-    let signals = signals.0.iter();
-    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
+    let formulas = formulas
+        .0
+        .iter()
+        .map(|(name, stl)| ("formulas", name, stl.len()));
+    let signals = signals
+        .0
+        .iter()
+        .map(|(name, signal)| ("signals", name, signal.expr.len()));
     for (field, name, bytes) in formulas.chain(signals) {
         let place = ValuePath::top().to(field).to(name);
         within(problems, &place, bytes, STL_BYTES);

@@ -63,8 +63,12 @@ fn off_road(spec: &DriveSpec, agent: &Agent) -> Option<String> {
         && agent.road == 0
         && agent.direction == Direction::With
         && agent.facing_rad == 0.0;
-    let sides = grid.lateral.iter().map(|lateral| lateral.towards());
-    let sides: Vec<f64> = sides.filter(|side| *side != 0.0).collect();
+    let sides: Vec<f64> = grid
+        .lateral
+        .iter()
+        .map(|lateral| lateral.towards())
+        .filter(|side| *side != 0.0)
+        .collect();
     if !is_plain || sides.is_empty() {
         return None;
     }

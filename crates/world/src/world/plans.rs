@@ -25,8 +25,10 @@ pub(super) fn read(
 ) -> Option<PlanSpec> {
     match plan {
         MotionPlan::Script(steps) => {
-            let steps = steps.iter().enumerate();
-            let steps = steps.map(|(i, step)| read_step(problems, &path.at(i), step, acts_as));
+            let steps = steps
+                .iter()
+                .enumerate()
+                .map(|(i, step)| read_step(problems, &path.at(i), step, acts_as));
             Some(MotionPlan::Script(steps.collect::<Option<_>>()?))
         }
         MotionPlan::Meet(meet) => {

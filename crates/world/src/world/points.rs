@@ -65,7 +65,7 @@ pub(super) fn read(
         problems.add(&list, what, "not all ranges", Some(help));
     }
     let rows = path.to("rows");
-    if points.rows.is_empty() || MAX_ROWS < points.rows.len() {
+    if points.rows.is_empty() || points.rows.len() > MAX_ROWS {
         let what = format!("a table of {} points", points.rows.len());
         let help =
             format!("1 to {MAX_ROWS} are possible; without `points` all that the ranges give");

@@ -158,7 +158,7 @@ fn turned_too_far(problems: &mut Problems, spec: &DriveSpec, ado: &str) {
         let mut heading_rad = 0.0_f64;
         for (i, piece) in course.pieces().iter().enumerate() {
             heading_rad += piece.length_m * piece.curvature_per_m;
-            if MAX_HEADING_RAD < heading_rad.abs() {
+            if heading_rad.abs() > MAX_HEADING_RAD {
                 let what = format!("the listed pieces turn the road by {heading_rad:.2} rad");
                 let help = format!(
                     "`{ado}` lays a road that never comes back: turn by {MAX_HEADING_RAD} rad at most"

@@ -96,15 +96,16 @@ pub(super) fn placed(problems: &mut Problems, path: &ValuePath, road: &RoadFile)
     let stations_m: Vec<f64> = grades.iter().map(|(from_s_m, _)| *from_s_m).collect();
     in_order(problems, &place, "grade", &stations_m);
     shaped(problems, path, road.vertical_curve_m, &road.banks);
-    let grades = grades.iter();
-    let grades = grades.map(|&(from_s_m, rise)| Grade { from_s_m, rise });
+    let grades = grades
+        .iter()
+        .map(|&(from_s_m, rise)| Grade { from_s_m, rise });
     grades.collect()
 }
 
 /// Refuses too many grades or banks, and stations that do not increase.
 fn in_order(problems: &mut Problems, place: &ValuePath, what: &str, stations_m: &[f64]) {
     let kind = what;
-    if MAX_GRADES < stations_m.len() {
+    if stations_m.len() > MAX_GRADES {
         let what = format!("{} {kind}s", stations_m.len());
         let help = format!("at most {MAX_GRADES}");
         problems.add(place, what, "too many", Some(help));

@@ -25,12 +25,12 @@ pub(super) fn check(
     for (i, agent) in spec.agents.iter().enumerate() {
         let start = path.at(entries[i]).to("start");
         let speed = agent.place.speed_mps();
-        if speed.lo < 0.0 || MAX_SPEED_MPS < speed.hi {
+        if speed.lo < 0.0 || speed.hi > MAX_SPEED_MPS {
             let what = format!("start speeds are 0 to {MAX_SPEED_MPS} m/s");
             problems.add(&start.to("speed_mps"), what, "out of range", None);
         }
         let along = front(spec, i);
-        if along.lo < -MAX_DISTANCE_M || MAX_DISTANCE_M < along.hi {
+        if along.lo < -MAX_DISTANCE_M || along.hi > MAX_DISTANCE_M {
             let what = format!("starts lie within {MAX_DISTANCE_M} m of the origin");
             problems.add(&start, what, "too far", None);
         }
@@ -96,7 +96,7 @@ pub(super) fn on_the_road(
         }
     }
     for (light, entry) in spec.lights.iter().zip(entries.1) {
-        if MAX_DISTANCE_M < light.line_m.abs() {
+        if light.line_m.abs() > MAX_DISTANCE_M {
             let what = format!("stop lines lie within {MAX_DISTANCE_M} m of the origin");
             problems.add(&path.at(*entry).to("line_m"), what, "too far", None);
         }

@@ -111,8 +111,7 @@ fn made_from(
                     "train them with `train --per-ado independent`, which gives each its own",
                 ));
             };
-            let observed = spaces.observed.iter();
-            let observed = observed.map(|&at| home.observe[at].clone());
+            let observed = spaces.observed.iter().map(|&at| home.observe[at].clone());
             training_world.observe = observed.collect();
             policy
         }
@@ -238,16 +237,22 @@ pub(super) fn check(
     spec: &DriveSpec,
     entries: (&[usize], &[usize]),
 ) {
-    let agents = spec.agents.iter().zip(entries.0);
-    let agents = agents.filter_map(|(agent, entry)| match &agent.drive {
-        Drive::Trained(trained) => Some((&agent.name, trained, *entry)),
-        _ => None,
-    });
-    let lights = spec.lights.iter().zip(entries.1);
-    let lights = lights.filter_map(|(light, entry)| match &light.drive {
-        LightDrive::Trained(trained) => Some((&light.name, trained, *entry)),
-        _ => None,
-    });
+    let agents = spec
+        .agents
+        .iter()
+        .zip(entries.0)
+        .filter_map(|(agent, entry)| match &agent.drive {
+            Drive::Trained(trained) => Some((&agent.name, trained, *entry)),
+            _ => None,
+        });
+    let lights = spec
+        .lights
+        .iter()
+        .zip(entries.1)
+        .filter_map(|(light, entry)| match &light.drive {
+            LightDrive::Trained(trained) => Some((&light.name, trained, *entry)),
+            _ => None,
+        });
     for (name, trained, entry) in agents.chain(lights) {
         if let Err(error) = trained.fits(spec, name) {
             let drive = list.at(entry).to("drive");

@@ -37,7 +37,7 @@ fn check_spec(problems: &mut Problems, place: &ValuePath, scenario: &Scenario, b
         let what = "the ego's specification mentions no signal";
         let help = "say what the ego must never do, such as `always (ego.ado.gap >= 0.5)`";
         problems.add(place, what, "the same in every run", Some(help.to_owned()));
-    } else if 0.0 <= range.lo {
+    } else if range.lo >= 0.0 {
         // ρ = 0 counts as satisfied, so a violation requires less.
         let what = "no run can violate the ego's specification";
         let label = format!("ρ is at least {}", range.lo);
@@ -55,7 +55,7 @@ pub(super) fn warnings(scenario: DriveScenario<'_>) -> Vec<(Oddity, Problem)> {
     let bounds = scenario.spec().bounds();
     let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
     let rules = scenario.rulebook().rules.iter();
-    let idle = rules.filter(|rule| 0.0 < rule.monitor.range(&ranges).lo);
+    let idle = rules.filter(|rule| rule.monitor.range(&ranges).lo > 0.0);
     idle.map(|rule| {
         let problem = Problem {
             what: format!("the rule `{}` cannot be broken", rule.name),

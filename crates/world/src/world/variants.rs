@@ -307,8 +307,8 @@ impl Scenario {
     /// fit the world.
     pub fn changed_by(&self, path: &FilePath) -> Result<(Change, Scenario), LoadError> {
         let file = path.display().to_string();
-        let text = read::text(&file, path)?;
-        let text = read::without_mark(&text);
+        let content = read::text(&file, path)?;
+        let text = read::without_mark(&content);
         let fail = |problem| {
             LoadError::Scenario(Box::new(ScenarioError {
                 file: file.clone(),

@@ -164,8 +164,10 @@ impl Warnings {
             );
         }
         // Compared as formulas, since texts may differ in spaces or brackets.
-        let formulas = rules.iter().map(|rule| rule.stl.parse::<Formula>().ok());
-        let formulas: Vec<Option<Formula>> = formulas.collect();
+        let formulas: Vec<Option<Formula>> = rules
+            .iter()
+            .map(|rule| rule.stl.parse::<Formula>().ok())
+            .collect();
         for (j, rule) in rules.iter().enumerate() {
             let same = |i: &usize| {
                 rules[*i].name == rule.name || formulas[j].is_some() && formulas[*i] == formulas[j]
@@ -278,7 +280,7 @@ impl Warnings {
     fn start(&mut self, path: &ValuePath, start: &StartFile) {
         let (StartFile::At { speed_mps, .. } | StartFile::Ahead { speed_mps, .. }) = start;
         let most_mps = speed_mps.0.lo.abs().max(speed_mps.0.hi.abs());
-        if FAST_MPS < most_mps {
+        if most_mps > FAST_MPS {
             let kmh = 3.6 * most_mps;
             let what = format!("a start at {most_mps} m/s, which is {kmh:.0} km/h");
             let words = ("very fast", "speeds are in m/s");
@@ -295,7 +297,7 @@ impl Warnings {
 
     /// Warns of a speed of a controller. Parameters of other units are ignored.
     fn speed(&mut self, path: &ValuePath, name: &str, value: f64) {
-        if name.ends_with("_mps") && FAST_MPS < value {
+        if name.ends_with("_mps") && value > FAST_MPS {
             let kmh = 3.6 * value;
             let what = format!("`{name}` is {value} m/s, which is {kmh:.0} km/h");
             let words = ("very fast", "speeds are in m/s");
@@ -321,7 +323,7 @@ impl Warnings {
     }
 
     fn lag(&mut self, path: &ValuePath, lag_s: f64) {
-        if SLOW_S < lag_s {
+        if lag_s > SLOW_S {
             let what = format!("an actuator that lags by {lag_s} s");
             let words = ("hardly moves", "lags are in seconds; 0.1 to 0.5 are usual");
             self.note(Oddity::LongLag, path.clone(), what, words);
@@ -333,8 +335,13 @@ impl Warnings {
     /// An ado then violates it by itself, and the ego is not tested.
     pub(super) fn spec_without_ego(&mut self, scenario: DriveScenario<'_>) {
         let signals = scenario.world().schema().signals();
-        let read = scenario.rulebook().spec.signals().into_iter();
-        let read: Vec<String> = read.map(|signal| signals[signal].name.clone()).collect();
+        let read: Vec<String> = scenario
+            .rulebook()
+            .spec
+            .signals()
+            .into_iter()
+            .map(|signal| signals[signal].name.clone())
+            .collect();
         if scenario.spec().reads_the_ego(&read) {
             return;
         }

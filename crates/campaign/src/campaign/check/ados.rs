@@ -85,7 +85,7 @@ impl Checker {
             // Times are rounded to whole decisions, because actions change only there.
             let decisions = (until_s / decision_s).round();
             // A step must add a decision, and the limit guards against a huge allocation.
-            if decisions <= actions.len() as f64 || MAX_DECISIONS < decisions {
+            if decisions <= actions.len() as f64 || decisions > MAX_DECISIONS {
                 let what = format!("this step ends at {until_s} s, before it begins");
                 let help = format!(
                     "each step ends later than the one before; a decision takes {decision_s} s"
@@ -118,11 +118,13 @@ impl Checker {
         };
         let known = Method::named(name, &settings).map_err(&wrong)?;
         // Only options that the file gives are checked, and defaults are always allowed.
-        let given = [
+        let given: Vec<MethodOption> = [
             switches.map(|_| MethodOption::Switches),
             budget.map(|_| MethodOption::Budget),
-        ];
-        let given: Vec<MethodOption> = given.into_iter().flatten().collect();
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
         known.info().refuse_others(&given).map_err(wrong)?;
         Ok(PlannedAdo::Search {
             method: name.to_owned(),
@@ -138,7 +140,7 @@ impl Checker {
         world: usize,
         (seeds, first_seed, decisions): (u64, u64, Option<u64>),
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
-        if seeds == 0 || MAX_TRAININGS < seeds {
+        if seeds == 0 || seeds > MAX_TRAININGS {
             let what = format!("{seeds} trainings: there are 1 to {MAX_TRAININGS}");
             return Err(self.source.wrong(&at.to("seeds"), what, None));
         }

@@ -116,7 +116,7 @@ impl Checker {
         self.something_is_played(&file)?;
         let starts = self.starts(&top.to("starts"), &file.starts)?;
         let units = self.units(&file, &starts)?;
-        if MAX_UNITS < units.len() {
+        if units.len() > MAX_UNITS {
             let what = format!("{} units are more than {MAX_UNITS}", units.len());
             let help = Some("make several campaigns of it".to_owned());
             return Err(self.source.wrong(&top, what, help));

@@ -38,7 +38,7 @@ impl Checker {
             let sane = (1..=MAX_VALUES).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
             if !sane {
                 let what = format!("{steps} values from {lo} to {hi} are no axis");
-                let help = if MAX_VALUES < steps {
+                let help = if steps > MAX_VALUES {
                     format!("at most {MAX_VALUES} values are possible along an axis")
                 } else {
                     "write `(least, greatest, how many)`".to_owned()

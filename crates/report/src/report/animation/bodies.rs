@@ -82,9 +82,8 @@ impl BodySize {
             (wide.0, -wide.1),
             (narrow.0, -narrow.1),
             (narrow.0, narrow.1),
-        ];
-        let corners =
-            corners.map(|(x, y)| format!("{},{}", n(x * self.length_m, 3), n(y * self.width_m, 3)));
+        ]
+        .map(|(x, y)| format!("{},{}", n(x * self.length_m, 3), n(y * self.width_m, 3)));
         html! { polygon class="glass" points=(corners.join(" ")) {} }
     }
 
@@ -136,8 +135,8 @@ impl BodySize {
     /// A ring surrounds it, because a person is small beside cars.
     fn person(&self) -> Markup {
         let (length, width) = (self.length_m, self.width_m);
-        let nose = [(0.5, 0.0), (0.22, 0.2), (0.22, -0.2)];
-        let nose = nose.map(|(x, y)| format!("{},{}", n(x * length, 3), n(y * width, 3)));
+        let nose = [(0.5, 0.0), (0.22, 0.2), (0.22, -0.2)]
+            .map(|(x, y)| format!("{},{}", n(x * length, 3), n(y * width, 3)));
         html! {
             circle class="ring" r="1.1" {}
             ellipse class="paint" rx=(n(0.5 * length, 3)) ry=(n(0.5 * width, 3)) {}

@@ -125,8 +125,8 @@ impl<'a> Camera<'a> {
                     // Greatest distance of the ego from the middle, so that it
                     // stays in the picture.
                     let margin_px = canvas.margin_px[axis].min(40.0);
-                    let reach_m = (0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m;
-                    let reach_m = reach_m.max(0.0);
+                    let reach_m =
+                        ((0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m).max(0.0);
                     focus.centre_m[axis].clamp(own_m[axis] - reach_m, own_m[axis] + reach_m)
                 })
             }

@@ -17,18 +17,20 @@ use crate::visible::visible_json;
 pub(super) fn json(picture: &Picture<'_>) -> String {
     let film = &picture.film;
     let (ego, _) = picture.ego();
-    let bodies = (0..film.tracks.len()).map(|who| body(picture, who));
-    let bodies: Vec<String> = bodies.collect();
+    let bodies: Vec<String> = (0..film.tracks.len())
+        .map(|who| body(picture, who))
+        .collect();
     let focus = [
         film.focus.iter().map(|f| f.centre_m[0]).collect::<Vec<_>>(),
         film.focus.iter().map(|f| f.centre_m[1]).collect(),
         film.focus.iter().map(|f| f.size_m[0]).collect(),
         film.focus.iter().map(|f| f.size_m[1]).collect(),
-    ];
-    let focus = focus.map(|values| list(&values, 2));
+    ]
+    .map(|values| list(&values, 2));
     let lights: Vec<String> = film.phases.iter().map(|it| turns(film, it)).collect();
-    let contact = picture.contact_m();
-    let contact = contact.map_or("null".to_owned(), |at| list(&at, 3));
+    let contact = picture
+        .contact_m()
+        .map_or("null".to_owned(), |at| list(&at, 3));
     // Only pictures that go on after the contact have the list.
     let after: Vec<String> = picture
         .after
@@ -57,8 +59,8 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
 fn body(picture: &Picture<'_>, who: usize) -> String {
     let (agent, track) = (&picture.stage.agents[who], &picture.film.tracks[who]);
     let moves = picture.moves.iter().find(|(ado, _)| *ado == agent.name);
-    let moves = moves.map_or(&[][..], |(_, moves)| moves);
     let moves = moves
+        .map_or(&[][..], |(_, moves)| moves)
         .iter()
         .map(|it| format!("[{},{}]", n(it.from_s, 3), quoted(&it.words)));
     format!(

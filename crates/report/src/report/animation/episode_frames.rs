@@ -209,7 +209,7 @@ impl EpisodeFrames {
         let headings = &self.tracks[ego_of(stage)].heading_rad;
         let heading_rad = headings.get(self.at(course.judged_s())).copied();
         match heading_rad {
-            Some(heading_rad) if STRAIGHT_RAD <= heading_rad.abs() => heading_rad,
+            Some(heading_rad) if heading_rad.abs() >= STRAIGHT_RAD => heading_rad,
             _ => 0.0,
         }
     }
@@ -255,9 +255,9 @@ impl EpisodeFrames {
                 let half = self.half_room(stage.agents[who].size_m, who, i);
                 [0, 1].map(|axis| (centre[axis] - half[axis], centre[axis] + half[axis]))
             });
-            let whole =
-                rooms.reduce(|a, b| [0, 1].map(|n| (a[n].0.min(b[n].0), a[n].1.max(b[n].1))));
-            let whole = whole.unwrap_or([(0.0, 0.0); 2]);
+            let whole = rooms
+                .reduce(|a, b| [0, 1].map(|n| (a[n].0.min(b[n].0), a[n].1.max(b[n].1))))
+                .unwrap_or([(0.0, 0.0); 2]);
             Focus {
                 centre_m: whole.map(|(lo, hi)| 0.5 * (lo + hi)),
                 size_m: whole.map(|(lo, hi)| hi - lo),
@@ -374,8 +374,10 @@ fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
             .take_while(near)
             .last()
             .unwrap_or(i.saturating_sub(1));
-        let to = (i + 1..values.len()).take_while(near).last();
-        let to = to.unwrap_or((i + 1).min(values.len() - 1));
+        let to = (i + 1..values.len())
+            .take_while(near)
+            .last()
+            .unwrap_or((i + 1).min(values.len() - 1));
         // A contact right after a sample leaves two equal times.
         if times_s[from] < times_s[to] {
             (values[to] - values[from]) / (times_s[to] - times_s[from])

@@ -100,10 +100,10 @@ fn is_on(borders: &[Vec<GroundPoint>], [x, y, _]: GroundPoint) -> bool {
     };
     right.windows(2).zip(left.windows(2)).any(|(r, l)| {
         // The seam of two stations belongs to both.
-        KERB_M < left_of_m(r[0], r[1])
+        left_of_m(r[0], r[1]) > KERB_M
             && left_of_m(l[0], l[1]) < -KERB_M
             && left_of_m(r[0], l[0]) <= 0.0
-            && 0.0 <= left_of_m(r[1], l[1])
+            && left_of_m(r[1], l[1]) >= 0.0
     })
 }
 
@@ -115,7 +115,7 @@ fn parts(line: &[GroundPoint], is_inside: impl Fn(GroundPoint) -> bool) -> Vec<V
         let length_m = distance(pair[0], pair[1]);
         let steps = (length_m / STEP_M).ceil().max(1.0) as usize;
         // The end of a segment is the beginning of the next one.
-        let from = usize::from(0 < nth);
+        let from = usize::from(nth > 0);
         for step in from..=steps {
             let share = step as f64 / steps as f64;
             let place =
@@ -125,7 +125,7 @@ fn parts(line: &[GroundPoint], is_inside: impl Fn(GroundPoint) -> bool) -> Vec<V
                 continue;
             }
             // Points between two corners of the line are not needed.
-            let between = part.len() > 1 && 1 < step;
+            let between = part.len() > 1 && step > 1;
             if between {
                 part.pop();
             }
@@ -133,7 +133,7 @@ fn parts(line: &[GroundPoint], is_inside: impl Fn(GroundPoint) -> bool) -> Vec<V
         }
     }
     parts.push(part);
-    parts.retain(|part| 1 < part.len());
+    parts.retain(|part| part.len() > 1);
     parts
 }
 

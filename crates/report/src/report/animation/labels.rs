@@ -160,7 +160,7 @@ fn lines(
     let accel_mps2 = track.accel_mps2[i];
     let done = match accel_mps2 {
         a if a < -CLEAR_MPS2 => Some(format!("brakes −{:.1} m/s²", -a)),
-        a if CLEAR_MPS2 < a => Some(format!("speeds up +{a:.1} m/s²")),
+        a if a > CLEAR_MPS2 => Some(format!("speeds up +{a:.1} m/s²")),
         _ => None,
     };
     std::iter::once(speed).chain(chosen.or(done)).collect()
@@ -168,7 +168,7 @@ fn lines(
 
 fn is_inside(room: &PixelRectangle, camera: &Camera<'_>) -> bool {
     let [width_px, height_px] = camera.canvas.size_px;
-    0.0 < room[2] && room[0] < width_px && 0.0 < room[3] && room[1] < height_px
+    room[2] > 0.0 && room[0] < width_px && room[3] > 0.0 && room[1] < height_px
 }
 
 /// Size of a label with these lines.
@@ -353,8 +353,10 @@ mod tests {
             let (stage, film) = (&picture.stage, &picture.film);
             let samples: Vec<usize> = (0..film.times_s.len()).collect();
             let ego = Some(picture.ego());
-            let cameras = samples.iter().map(|i| Camera::of(film, *i, ego, &SCREEN));
-            let cameras: Vec<Camera<'_>> = cameras.collect();
+            let cameras: Vec<Camera<'_>> = samples
+                .iter()
+                .map(|i| Camera::of(film, *i, ego, &SCREEN))
+                .collect();
             let content = LabelContent {
                 stage,
                 film,

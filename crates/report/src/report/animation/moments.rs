@@ -107,8 +107,9 @@ fn done_at(time_s: f64, moves: &[(String, Vec<Move>)]) -> String {
         let mut begun = moves.iter().rev().filter(|it| it.from_s < time_s + 1e-9);
         begun.next().map(|it| (ado, it))
     });
-    let done = now.filter(|(_, it)| it.kind != MoveKind::Neutral);
-    let done = done.map(|(ado, it)| format!("{ado} {}", it.plain()));
+    let done = now
+        .filter(|(_, it)| it.kind != MoveKind::Neutral)
+        .map(|(ado, it)| format!("{ado} {}", it.plain()));
     done.collect::<Vec<_>>().join("; ")
 }
 

@@ -100,13 +100,18 @@ pub(super) fn moves(
     let mut stride = 1;
     let sets = spec.action_sets().map(|(agent, set, _)| {
         // In a joint action, the first ado's action varies fastest.
-        let own = joint.iter().map(|joint| joint / stride % set.len());
-        let own: Vec<usize> = own.collect();
+        let own: Vec<usize> = joint
+            .iter()
+            .map(|joint| joint / stride % set.len())
+            .collect();
         stride *= set.len();
         // Signs refer to the picture, in which the ego drives to the right.
         // They would be wrong for oncoming or crossing ados.
-        let turned = spec.agents.iter().find(|it| it.name == agent);
-        let turned = turned.is_some_and(|it| it.road != 0 || it.direction == Direction::Against);
+        let turned = spec
+            .agents
+            .iter()
+            .find(|it| it.name == agent)
+            .is_some_and(|it| it.road != 0 || it.direction == Direction::Against);
         let described = |action| match (turned, described(set, action)) {
             (true, (words, kind)) => (without_signs(&words), kind),
             (false, described) => described,
@@ -165,7 +170,7 @@ fn along(accel_mps2: f64) -> (String, MoveKind) {
     // The picture has forward to the right.
     match accel_mps2 {
         a if a < 0.0 => (format!("◀ brakes {} m/s²", signed(a)), MoveKind::Brakes),
-        a if 0.0 < a => (format!("▶ speeds up {} m/s²", signed(a)), MoveKind::Speeds),
+        a if a > 0.0 => (format!("▶ speeds up {} m/s²", signed(a)), MoveKind::Speeds),
         _ => ("keeps its speed".to_owned(), MoveKind::Neutral),
     }
 }
@@ -176,18 +181,18 @@ fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, MoveKind) {
         // A pedestrian with a speed of 0 has no direction.
         return ("stands".to_owned(), MoveKind::Neutral);
     }
-    let verb = if RUNS_MPS < speed_mps {
+    let verb = if speed_mps > RUNS_MPS {
         "runs"
     } else {
         "walks"
     };
     let aside = match left_mps {
-        left if 0.0 < left => Some(("▲", "to the left")),
+        left if left > 0.0 => Some(("▲", "to the left")),
         left if left < 0.0 => Some(("▼", "to the right")),
         _ => None,
     };
     let ahead = match along_mps {
-        ahead if 0.0 < ahead => Some(("▶", "along")),
+        ahead if ahead > 0.0 => Some(("▶", "along")),
         ahead if ahead < 0.0 => Some(("◀", "back")),
         _ => None,
     };

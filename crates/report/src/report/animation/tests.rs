@@ -19,8 +19,9 @@ pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
     let mut bench = scenario.bench();
     let spaces = scenario.world().spaces();
     // The neutral action is no attack.
-    let held = (0..spaces.actions).filter(|action| *action != spaces.neutral);
-    let held: Vec<usize> = held.collect();
+    let held: Vec<usize> = (0..spaces.actions)
+        .filter(|action| *action != spaces.neutral)
+        .collect();
     let tried = (0..200).flat_map(|index| held.iter().map(move |action| (index, *action)));
     let found = tried.map(|(index, action)| {
         let start = bench.draw(StartKey {
@@ -75,8 +76,11 @@ fn acc() -> Scenario {
 /// Value of a list at a time, interpolated as in play.js.
 fn at(times: &[f64], values: &Value, time_s: f64) -> f64 {
     let value = |i: usize| values[i].as_f64().expect("a number");
-    let high = times.iter().position(|t| time_s <= *t + 1e-9);
-    let high = high.expect("within the film").max(1);
+    let high = times
+        .iter()
+        .position(|t| time_s <= *t + 1e-9)
+        .expect("within the film")
+        .max(1);
     let (from, to) = (times[high - 1], times[high]);
     let share = ((time_s - from) / (to - from)).clamp(0.0, 1.0);
     value(high - 1) + share * (value(high) - value(high - 1))
@@ -104,8 +108,8 @@ fn arguments(transform: &str, name: &str) -> Vec<f64> {
 fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
     for scenario in [acc(), cut_in()] {
         let example = crash(&scenario);
-        let data = json(&Picture::of(&scenario, &example, 0));
-        let data: Value = serde_json::from_str(&data).expect("JSON");
+        let data: Value =
+            serde_json::from_str(&json(&Picture::of(&scenario, &example, 0))).expect("JSON");
         let times = numbers(&data["t"]);
         let trace = &example.episode.trace;
         let end_s = example.episode.contact.as_ref().expect("a contact").time_s;
@@ -143,7 +147,7 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
             }
         }
         // A world without a turn would not test headings.
-        assert!(scenario.name == "acc" || 0.02 < turned, "{turned} rad");
+        assert!(scenario.name == "acc" || turned > 0.02, "{turned} rad");
     }
 }
 
@@ -266,8 +270,8 @@ fn the_contact_is_marked_when_and_where_it_is() {
         Some(picture.ego()),
         &SCREEN,
     );
-    let star = picture.screen("").into_string();
-    let star = star.split("class=\"burst\"").nth(1).expect("a star");
+    let screen = picture.screen("").into_string();
+    let star = screen.split("class=\"burst\"").nth(1).expect("a star");
     let [x, y] = camera.at(picture.contact_m().expect("a contact"));
     let shown = arguments(star, "translate");
     assert!(
@@ -328,11 +332,11 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
         let [width_px, height_px] = SCREEN.size_px;
         for i in 0..picture.film.times_s.len() {
             let camera = Camera::of(&picture.film, i, Some((ego, ego_m)), &SCREEN);
-            assert!(60.0 <= camera.scale * ego_m, "{} px", camera.scale * ego_m);
+            assert!(camera.scale * ego_m >= 60.0, "{} px", camera.scale * ego_m);
             let track = &picture.film.tracks[ego];
             let [x, y] = camera.at(picture.film.turned(track.x_m[i], track.y_m[i]));
             let half_px = 0.5 * ego_m * camera.scale;
-            assert!(half_px <= x && x <= width_px - half_px && 20.0 <= y && y <= height_px - 20.0);
+            assert!(half_px <= x && x <= width_px - half_px && y >= 20.0 && y <= height_px - 20.0);
         }
         let last = picture.film.times_s.len() - 1;
         let camera = Camera::of(&picture.film, last, Some((ego, ego_m)), &SCREEN);
@@ -348,8 +352,14 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
 fn keyframes(svg: &str) -> Vec<Vec<(f64, String)>> {
     let lists = svg.split("@keyframes ").skip(1);
     let list = |text: &str| -> Vec<(f64, String)> {
-        let frames = text.split_once("{").expect("a list").1;
-        let frames = frames.split("}}").next().expect("its end").split('}');
+        let frames = text
+            .split_once("{")
+            .expect("a list")
+            .1
+            .split("}}")
+            .next()
+            .expect("its end")
+            .split('}');
         let frame = |it: &str| {
             let (percent, value) = it.split_once("%{").expect("a frame");
             (percent.parse().expect("a percent"), value.to_owned())
@@ -446,7 +456,7 @@ fn a_page_goes_on_after_the_contact_and_names_the_collision() {
         let shown_m = at(&times, &data["bodies"][who]["x"], last_s);
         assert!((shown_m - end.centre_m[0]).abs() < 0.01, "{shown_m}");
         let touched = picture.film.recorded - 1;
-        assert!(1.0 < (shown_m - track.x_m[touched]).abs(), "it moves on");
+        assert!((shown_m - track.x_m[touched]).abs() > 1.0, "it moves on");
         // Speeds after the contact are those of the places.
         let (from, to) = (track.x_m.len() - 3, track.x_m.len() - 1);
         let mean_mps = (track.x_m[to] - track.x_m[from]) / (times[to] - times[from]);
@@ -481,7 +491,7 @@ fn a_looping_picture_goes_on_after_the_contact_and_names_the_collision() {
             "{pose}"
         );
     }
-    assert!(1.0 < film.end_s() - film.recorded_end_s());
+    assert!(film.end_s() - film.recorded_end_s() > 1.0);
     let touch = example.episode.contact.as_ref().expect("a contact");
     // The collision of the contact is said once, in words that fit the panel.
     let caption = format!(">Contact at {:.1} m/s<", touch.closing_speed_mps);

@@ -83,7 +83,7 @@ fn safe_s(gap_m: f64, closing_mps: f64, bound_mps2: f64) -> f64 {
         return 0.0;
     }
     let root = (closing_mps * closing_mps + 2.0 * bound_mps2 * gap_m).sqrt();
-    if 0.0 <= closing_mps {
+    if closing_mps >= 0.0 {
         let sum = closing_mps + root;
         return if sum == 0.0 {
             f64::INFINITY

@@ -165,7 +165,7 @@ impl KinematicLanes {
         let contact = self.first_contact(dt_s);
         let elapsed_s = contact.map_or(dt_s, |contact| contact.after_s);
         // At 0 s a repeated contact must not change the state, nor divide by 0.
-        if 0.0 < elapsed_s {
+        if elapsed_s > 0.0 {
             self.vehicles.iter_mut().for_each(|it| it.follow(elapsed_s));
         }
         let is_sound = self.vehicles.iter().all(|it| it.at.is_bounded());
@@ -209,8 +209,11 @@ impl KinematicLanes {
 
     /// Returns the memory of all runs.
     pub fn bytes(&self) -> usize {
-        let columns = self.vehicles.iter().flat_map(|it| &it.columns);
-        let columns = columns.map(|column| column.capacity() * size_of::<f64>());
+        let columns = self
+            .vehicles
+            .iter()
+            .flat_map(|it| &it.columns)
+            .map(|column| column.capacity() * size_of::<f64>());
         self.vehicles.capacity() * size_of::<LaneVehicle>() + columns.sum::<usize>()
     }
 }

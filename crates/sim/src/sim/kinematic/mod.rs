@@ -132,7 +132,7 @@ impl Plant for Kinematic {
         let contact = self.first_contact(dt_s);
         let elapsed_s = contact.map_or(dt_s, |contact| contact.after_s);
         // At 0 s a repeated contact must not change the state, nor divide by 0.
-        if 0.0 < elapsed_s {
+        if elapsed_s > 0.0 {
             for (mover, path) in self.movers.iter_mut().zip(&self.paths) {
                 mover.follow(path, elapsed_s);
             }

@@ -30,7 +30,7 @@ impl Anchor {
     /// Returns the same state with a heading in −π to π, however long a body turns.
     #[inline]
     pub(super) fn unwound(mut self) -> Anchor {
-        if PI < self.heading_rad.abs() {
+        if self.heading_rad.abs() > PI {
             self.heading_rad -= TAU * libm::round(self.heading_rad / TAU);
         }
         self

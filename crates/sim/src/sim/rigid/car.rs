@@ -176,8 +176,10 @@ impl Car {
             return;
         }
         let wheels = self.carrier.wheels();
-        let normals = wheels.iter().map(|wheel| wheel.raycast_info());
-        let normals = normals.filter(|ray| ray.is_in_contact);
+        let normals = wheels
+            .iter()
+            .map(|wheel| wheel.raycast_info())
+            .filter(|ray| ray.is_in_contact);
         let sum: Vector = normals.map(|ray| ray.contact_normal_ws).sum();
         // In the air the last direction stays.
         if sum != Vector::ZERO {
@@ -193,7 +195,7 @@ impl Car {
         let command_mps2 = self.accel_mps2;
         match &mut self.brakes {
             // A car that rolls backwards does not brake by a negative command.
-            Some(brakes) if 0.0 <= self.target_mps => {
+            Some(brakes) if self.target_mps >= 0.0 => {
                 brakes.step(command_mps2, self.limits.grip_mps2, dt_s)
             }
             _ => command_mps2,
@@ -207,7 +209,7 @@ impl Car {
             core::array::from_fn(|index| f64::from(wheels[index].wheel_suspension_force));
         // Off a surface, a car may be in the air.
         let in_air = self.on_surface && self.has_rolled;
-        if in_air || loads_n.iter().any(|load_n| 0.0 < *load_n) {
+        if in_air || loads_n.iter().any(|load_n| *load_n > 0.0) {
             return loads_n;
         }
         // In the first step there is no suspension force yet.
@@ -298,7 +300,7 @@ impl Car {
     }
 
     fn aim(&mut self, speed_mps: f64) {
-        let forwards = 0.0 <= self.target_mps;
+        let forwards = self.target_mps >= 0.0;
         self.target_mps = if forwards {
             speed_mps.max(0.0)
         } else {
@@ -404,7 +406,7 @@ impl Motor for Car {
         let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
             // In the first step there is no suspension force yet.
-            let share = if 0.0 < load_n {
+            let share = if load_n > 0.0 {
                 f64::from(wheel.wheel_suspension_force) / load_n
             } else {
                 self.load_shares[index]

@@ -37,7 +37,7 @@ impl BrakeLag {
     /// release at once from a command beyond it.
     pub(super) fn step(&mut self, command_mps2: f64, most_mps2: f64, dt_s: f64) -> f64 {
         self.before = self.now;
-        if 0.0 <= command_mps2 {
+        if command_mps2 >= 0.0 {
             self.now = BrakeState::default();
             return command_mps2;
         }

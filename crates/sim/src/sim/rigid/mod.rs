@@ -317,7 +317,7 @@ impl Plant for Rigid {
                 continue;
             }
             // A step of 0 s is not simulated, but a contact is still reported.
-            if 0.0 < step_s {
+            if step_s > 0.0 {
                 self.step(step_s);
             }
             let Some(FirstTouch {
@@ -333,7 +333,7 @@ impl Plant for Rigid {
             contact = Some(contact_geometry.contact(pair, elapsed_s));
             break;
         }
-        if 0.0 < elapsed_s {
+        if elapsed_s > 0.0 {
             for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
                 mover.accel_mps2 = (sweep.after.along_mps() - mover.before_mps) / elapsed_s;
             }

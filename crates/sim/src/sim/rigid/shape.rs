@@ -320,8 +320,11 @@ impl ConvexPart {
                 return (vector(middle), hull);
             }
         }
-        let half = self.core.as_cuboid().map(|cuboid| cuboid.half_extents);
-        let half = half.unwrap_or(Vector::new(half_m, half_m, half_m));
+        let half = self
+            .core
+            .as_cuboid()
+            .map(|cuboid| cuboid.half_extents)
+            .unwrap_or(Vector::new(half_m, half_m, half_m));
         let (l, w, h) = (half.x as f32, half.y as f32, half_m as f32);
         let shape = if radius > 0.0 {
             RapierShape::round_cuboid(l, w, h, radius)

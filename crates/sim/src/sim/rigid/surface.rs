@@ -33,8 +33,11 @@ pub(super) struct SurfacePoint {
 impl GroundSurface {
     /// Builds the surface of a mesh, `None` for a mesh without triangles.
     pub fn of(mesh: &SurfaceMesh) -> Option<GroundSurface> {
-        let points = mesh.points_m.iter().map(|&[x, y, z]| vector(x, y, z));
-        let points: Vec<Vector> = points.collect();
+        let points: Vec<Vector> = mesh
+            .points_m
+            .iter()
+            .map(|&[x, y, z]| vector(x, y, z))
+            .collect();
         let heights = points.iter().map(|point| point.z);
         let heights_m = heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), z| {
             (low.min(z), high.max(z))

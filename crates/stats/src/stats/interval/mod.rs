@@ -120,7 +120,7 @@ pub fn runs_interval(solved: &[&Outcomes]) -> [f64; 2] {
     let rate: f64 = scores.sides.iter().map(ScoreSide::contribution).sum();
     let starts = scores.starts() as f64;
     let variance = scores.start_variance(rate);
-    let coins = if 0.0 < variance {
+    let coins = if variance > 0.0 {
         rate * (1.0 - rate) / variance
     } else {
         starts
@@ -154,13 +154,13 @@ pub fn mean_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> (f64, [f64
     // The trainings of both sides and the starts err independently. So squares
     // add up, separately in each direction (Zou and Donner 2008).
     let (mut below, mut above, mut rest) = (0.0, 0.0, 0.0);
-    for side in scores.sides.iter().filter(|side| 1 < side.means.len()) {
+    for side in scores.sides.iter().filter(|side| side.means.len() > 1) {
         let spread = side.spread();
         let [lo, hi] = trainings::interval(&side.means, spread.effective_starts);
         let down = (side.mean() - lo).max(0.0) * side.weight;
         let up = (hi - side.mean()).max(0.0) * side.weight;
         // The negative side errs in the opposite direction.
-        let (down, up) = if 0.0 < side.weight {
+        let (down, up) = if side.weight > 0.0 {
             (down, up)
         } else {
             (up, down)

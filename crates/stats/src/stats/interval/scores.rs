@@ -196,5 +196,5 @@ impl ScoreSide {
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, n) = values.fold((0.0, 0usize), |(sum, n), value| (sum + value, n + 1));
-    (0 < n).then(|| sum / n as f64)
+    (n > 0).then(|| sum / n as f64)
 }

@@ -139,7 +139,7 @@ fn intervals_stay_in_range_and_hold_the_rate() {
                     let all: usize = ones.iter().sum();
                     let rate = all as f64 / (count * starts) as f64;
                     assert!(
-                        0.0 <= lo && lo <= rate + 1e-12,
+                        lo >= 0.0 && lo <= rate + 1e-12,
                         "{ones:?} of {starts}: {lo}"
                     );
                     assert!(
@@ -235,7 +235,7 @@ fn trainings_that_differ_widen_the_interval_and_more_trainings_narrow_it() {
     assert!(width(&[285, 270, 255]) < width(&[300, 270, 240]));
     assert!(width(&[270; 5]) < width(&[270; 3]) && width(&[270; 10]) < width(&[270; 5]));
     assert!(
-        0.85 < width(&[300, 0]),
+        width(&[300, 0]) > 0.85,
         "of two trainings one works: nothing is known"
     );
 }
@@ -256,9 +256,9 @@ fn trainings_that_agree_on_every_start_tell_no_more_of_starts_than_one() {
 fn equal_rates_of_a_few_trainings_are_no_proof_that_none_ever_fails() {
     let all = marks(500, 0);
     let [lo, hi] = seeds_interval(&[&all, &all, &all]);
-    assert!(0.85 < lo && lo < 0.95 && hi == 1.0, "{lo}");
+    assert!(lo > 0.85 && lo < 0.95 && hi == 1.0, "{lo}");
     let [lo, _] = seeds_interval(&[&*all; 10]);
-    assert!(0.95 < lo && lo < 0.99, "{lo}");
+    assert!(lo > 0.95 && lo < 0.99, "{lo}");
 }
 
 #[test]
@@ -267,12 +267,12 @@ fn pairing_sees_what_unpaired_intervals_hide() {
     let (a, b) = (marks(60, 40), marks(52, 48));
     let (difference, [lo, hi]) = paired_difference(&[&a], &[&b]);
     assert!((difference - 0.08).abs() < 1e-12);
-    assert!(0.0 < lo && hi < 0.2, "{lo} {hi}");
+    assert!(lo > 0.0 && hi < 0.2, "{lo} {hi}");
     assert!(wilson(60, 100)[0] < wilson(52, 100)[1]);
     // No difference on a hundred starts leaves up to three in a hundred.
     let (none, [lo, hi]) = paired_difference(&[&a], &[&a]);
     assert!(
-        none == 0.0 && lo == -hi && 0.02 < hi && hi < 0.04,
+        none == 0.0 && lo == -hi && hi > 0.02 && hi < 0.04,
         "{lo} {hi}"
     );
 }
@@ -328,7 +328,7 @@ fn a_training_that_failed_fails_on_every_ego() {
     let ten: Vec<_> = (0..10).map(|_| pair()).collect();
     let (mean, [lo, hi]) = mean_difference(&ten);
     assert!((mean - 0.5).abs() < 1e-12);
-    assert!(lo < 0.1 && 0.9 < hi, "{lo} {hi}");
+    assert!(lo < 0.1 && hi > 0.9, "{lo} {hi}");
     assert_eq!(
         mean_difference(&[pair()]).1.map(|end| (1e9 * end).round()),
         [lo, hi].map(|end| (1e9 * end).round())

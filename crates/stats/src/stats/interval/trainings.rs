@@ -40,8 +40,11 @@ pub(super) fn interval(rates: &[f64], starts: f64) -> [f64; 2] {
         .collect();
     // Relative to the greatest log density, so that not all exponentials
     // underflow.
-    let best = lines.iter().flatten().map(|(_, log)| *log);
-    let best = best.fold(f64::NEG_INFINITY, f64::max);
+    let best = lines
+        .iter()
+        .flatten()
+        .map(|(_, log)| *log)
+        .fold(f64::NEG_INFINITY, f64::max);
     let mut density = vec![0.0; mus.nodes.len()];
     for (node, log) in lines.into_iter().flatten() {
         density[node] += libm::exp(log - best);
@@ -162,7 +165,7 @@ impl Mus {
                 // This form of the root of a f + (b − a) f² / 2 = left stays
                 // finite.
                 let root = (a * a + 2.0 * (b - a) * left).max(0.0).sqrt();
-                position += if 0.0 < a + root {
+                position += if a + root > 0.0 {
                     2.0 * left / (a + root)
                 } else {
                     0.0

@@ -60,16 +60,19 @@ fn log_actions(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
         ScenarioKind::Drive(driving) => driving,
         ScenarioKind::Grid(grid) => {
             let spaces = grid.world().spaces();
-            let labels = (0..spaces.actions).map(|action| grid.action_label(action));
-            let labels: Vec<String> = labels.collect();
+            let labels: Vec<String> = (0..spaces.actions)
+                .map(|action| grid.action_label(action))
+                .collect();
             return log_choice(story, "ado", joint, &labels, spaces.neutral, journal);
         }
     };
     let mut stride = 1;
     for (agent, set, neutral) in driving.spec().action_sets() {
         // In a joint action, the first ado's action varies fastest.
-        let own = joint.iter().map(|joint| joint / stride % set.len());
-        let own: Vec<usize> = own.collect();
+        let own: Vec<usize> = joint
+            .iter()
+            .map(|joint| joint / stride % set.len())
+            .collect();
         stride *= set.len();
         let labels: Vec<String> = (0..set.len()).map(|action| set.label(action)).collect();
         log_choice(story, agent, &own, &labels, neutral, journal)?;

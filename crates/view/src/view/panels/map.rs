@@ -137,11 +137,12 @@ fn log_player(
     let colour = story.colour(who);
     // Trails on the same path lie side by side.
     let aside = if is_ego { 0.07 } else { -0.07 };
-    let centres = story
+    let centres: Vec<[f32; 2]> = story
         .frames
         .iter()
-        .map(|frame| frame.placements[who].centre_m);
-    let centres: Vec<[f32; 2]> = centres.map(|centre| shown(arena, centre)).collect();
+        .map(|frame| frame.placements[who].centre_m)
+        .map(|centre| shown(arena, centre))
+        .collect();
     let beside = |[x, y]: [f32; 2]| [x + aside, y + aside];
     for (sample, centre) in centres.iter().enumerate() {
         let at = (sample, story.time_s(sample));

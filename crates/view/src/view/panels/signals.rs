@@ -66,8 +66,12 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
     for plot in plots(story) {
         let columns: Vec<&[f64]> = plot.signals.iter().map(|&i| trace.column(i)).collect();
         let rows = (0..trace.len()).flat_map(|i| columns.iter().map(move |column| column[i]));
-        let pens = plot.names.iter().zip(&plot.colours);
-        let pens: Vec<Pen<'_>> = pens.map(|(name, rgb)| (name.as_str(), *rgb, 1.8)).collect();
+        let pens: Vec<Pen<'_>> = plot
+            .names
+            .iter()
+            .zip(&plot.colours)
+            .map(|(name, rgb)| (name.as_str(), *rgb, 1.8))
+            .collect();
         log_lines(
             plot.entity.clone(),
             &pens,
@@ -112,7 +116,7 @@ impl Plot {
 
     /// Returns true if colour and title do not identify every curve.
     fn needs_legend(&self) -> bool {
-        0 < self.nobodys && 1 < self.names.len()
+        self.nobodys > 0 && self.names.len() > 1
     }
 }
 

@@ -39,7 +39,7 @@ fn walk(run: &LoadedRun, origin: WorldOrigin<'_>, chain: &mut Vec<Link>) -> Resu
              train one of these again in a world without the others",
         ));
     }
-    if MOST_NESTED < chain.len() {
+    if chain.len() > MOST_NESTED {
         let begins = names(&chain[..SHOWN]);
         return Err(refused(
             format!("more than {MOST_NESTED} runs within each other: {begins} → …"),

@@ -78,8 +78,11 @@ impl JudgedAdo {
             }
         }
         // Lower than every rule of the file, and in their own order.
-        let below = rules.iter().map(|rule| rule.priority + 1).max();
-        let below = below.unwrap_or(0);
+        let below = rules
+            .iter()
+            .map(|rule| rule.priority + 1)
+            .max()
+            .unwrap_or(0);
         rules.extend(self.home.rules.iter().map(|rule| RuleSpec {
             ado: self.name.clone(),
             priority: below + rule.priority,

@@ -85,7 +85,7 @@ impl Keyframes {
         let is_needed = |i: usize| {
             let same = |other: Option<&(f64, String)>| other.is_some_and(|it| it.1 == values[i].1);
             // A value between two equal values is interpolated anyway.
-            !(0 < i && same(values.get(i - 1)) && same(values.get(i + 1)))
+            !(i > 0 && same(values.get(i - 1)) && same(values.get(i + 1)))
         };
         let mut frames = String::new();
         for (i, (time_s, value)) in values.iter().enumerate() {

@@ -173,11 +173,14 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
         .collect();
     let clock = clock(panels[0].picture, &mut keyframes);
     // The first line is the outcome.
-    let lines = said.iter().enumerate().flat_map(|(nth, it)| {
-        let lines = wrapped(it, nth == 0).into_iter();
-        lines.map(move |line| (if nth == 0 { "said told" } else { "said" }, line))
-    });
-    let lines: Vec<(&str, String)> = lines.collect();
+    let lines: Vec<(&str, String)> = said
+        .iter()
+        .enumerate()
+        .flat_map(|(nth, it)| {
+            let lines = wrapped(it, nth == 0).into_iter();
+            lines.map(move |line| (if nth == 0 { "said told" } else { "said" }, line))
+        })
+        .collect();
     let top_px = HEIGHT_PX + 30.0;
     let height_px = top_px + LINE_PX * lines.len() as f64;
     let picture = panels[0].picture;
@@ -224,11 +227,13 @@ fn strokes(scale: f64) -> String {
 fn clock(picture: &Picture<'_>, keyframes: &mut Keyframes) -> Markup {
     let Period { from_s, until_s } = keyframes.period;
     let x = |time_s: f64| WIDTH_PX * (time_s - from_s) / (until_s - from_s);
-    let moved = [(from_s, 0.0), (until_s, WIDTH_PX - 3.0)];
-    let moved = moved.map(|(at_s, x)| (at_s, format!("translate({}px,0px)", n(x, 1))));
+    let moved = [(from_s, 0.0), (until_s, WIDTH_PX - 3.0)]
+        .map(|(at_s, x)| (at_s, format!("translate({}px,0px)", n(x, 1))));
     let moved = keyframes.moving(&moved);
-    let moments = picture.moments.iter();
-    let moments = moments.filter(|it| from_s < it.time_s && it.time_s <= until_s);
+    let moments = picture
+        .moments
+        .iter()
+        .filter(|it| from_s < it.time_s && it.time_s <= until_s);
     html! {
         g transform=(format!("translate(0 {})", HEIGHT_PX + 5.0)) {
             rect class="bar" width=(WIDTH_PX) height="6" rx="3" {}

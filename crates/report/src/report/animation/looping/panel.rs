@@ -173,10 +173,12 @@ impl LoopPanel<'_> {
         keyframes: &mut Keyframes,
         (shown, cameras): (&[usize], &[Camera<'_>]),
     ) -> Markup {
-        let places = self
+        let places: Vec<[f64; 2]> = self
             .contact_m
-            .map(|at| cameras.iter().map(move |it| it.at(at)));
-        let places: Vec<[f64; 2]> = places.into_iter().flatten().collect();
+            .map(|at| cameras.iter().map(move |it| it.at(at)))
+            .into_iter()
+            .flatten()
+            .collect();
         let Some([x, y]) = places.last().copied() else {
             return html! {};
         };
@@ -208,8 +210,8 @@ impl LoopPanel<'_> {
         let moves = |place: &dyn Fn(&PlacedLabel) -> String| {
             let mut moves: Vec<(f64, String)> = Vec::new();
             for (nth, label) in labels.iter().enumerate() {
-                let jumps = 0 < nth && all[nth].1[who];
-                if jumps && JUMP_S < time_s(nth) - time_s(nth - 1) {
+                let jumps = nth > 0 && all[nth].1[who];
+                if jumps && time_s(nth) - time_s(nth - 1) > JUMP_S {
                     moves.push((time_s(nth) - JUMP_S, place(labels[nth - 1])));
                 }
                 moves.push((time_s(nth), place(label)));
