@@ -70,7 +70,11 @@ impl Agreement {
             if let Some(heading_rad) = samples[i].heading_rad
                 && speed_mps >= MOVING_MPS
             {
-                self.headings.push((heading_rad, libm::atan2(y, x)));
+                // A vehicle that says it reverses heads away from its motion.
+                let is_back = matches!(samples[i].velocity, RawVector::Along(along) if along < 0.0);
+                let way = if is_back { -1.0 } else { 1.0 };
+                self.headings
+                    .push((heading_rad, libm::atan2(way * y, way * x)));
             }
         }
         let own = &mut self.ratios[first.0..];
@@ -99,17 +103,20 @@ impl Agreement {
     }
 
     fn heading_problem(&self) -> Option<FileProblem> {
-        let share_of = |read: &dyn Fn(f64) -> f64| {
-            let same = self
-                .headings
-                .iter()
-                .filter(|(heading, course)| is_same_way((read(*heading), *course)));
-            same.count() as f64 / self.headings.len() as f64
+        // Share of the headings that are the course, and the mean difference to it.
+        let fit_of = |read: &dyn Fn(f64) -> f64| {
+            let (mut same, mut off_rad) = (0, 0.0);
+            for (heading, course) in &self.headings {
+                same += usize::from(is_same_way((read(*heading), *course)));
+                off_rad += wrapped(read(*heading) - course).abs();
+            }
+            let count = self.headings.len() as f64;
+            (same as f64 / count, off_rad / count)
         };
         if self.headings.len() < 5 {
             return None;
         }
-        let share = share_of(&|it| it);
+        let (share, _) = fit_of(&|it| it);
         let readings: [(&'static str, &dyn Fn(f64) -> f64); 6] = [
             ("degrees", &f64::to_radians),
             ("degrees of a compass, clockwise from north", &|it| {
@@ -133,8 +140,13 @@ impl Agreement {
         let best = readings
             .iter()
             .filter(|(name, _)| *name != "degrees" || are_large)
-            .map(|(name, read)| (*name, share_of(read)))
-            .max_by(|a, b| a.1.total_cmp(&b.1))?;
+            .map(|(name, read)| (*name, fit_of(read)))
+            // Of readings that fit alike, by chance some headings do: the nearer one.
+            .max_by(|a, b| {
+                let by_share = a.1.0.total_cmp(&b.1.0);
+                by_share.then(b.1.1.total_cmp(&a.1.1))
+            })
+            .map(|(name, (share, _))| (name, share))?;
         let is_better = off.len() >= 5 && 1.0 - best.1 <= 0.3 * (1.0 - share) && best.1 > 0.9;
         (is_better || share < 0.6).then_some(FileProblem::HeadingsDiffer {
             share: 1.0 - share,
@@ -162,7 +174,8 @@ fn speed_of(samples: &[RawRow]) -> Option<f64> {
 
 /// Returns the units or the rate that explain a ratio of speeds.
 fn fits(ratio: f64, rate_hz: Option<f64>) -> Option<String> {
-    let is_near = |it: &&(f64, &str)| (ratio / it.0 - 1.0).abs() < 0.05;
+    // Twice the speed is another frame rate, and knots are 1.94 times.
+    let is_near = |it: &&(f64, &str)| (ratio / it.0 - 1.0).abs() < 0.02;
     if let Some((_, unit)) = RATIOS.iter().find(is_near) {
         return Some((*unit).to_owned());
     }

@@ -84,7 +84,7 @@ pub enum ReadError {
         /// Coordinate in the unit of the file.
         value: f64,
     },
-    /// A box is negative or longer than 1 km.
+    /// A box is negative, longer than 1 km or wider than 20 m.
     #[error("`{file}`, line {line}, column `{column}`: {value} is not the size of a road user")]
     Size {
         /// Name of the file.
@@ -105,6 +105,18 @@ pub enum ReadError {
         id: String,
         /// Instant of both rows.
         time_s: f64,
+    },
+    /// Two files of a recording, or two places in one, state different values.
+    #[error("`{file}`: {said}, but `{other}`: {other_said}")]
+    Contradiction {
+        /// Name of a file, with the line where it is known.
+        file: String,
+        /// Value there.
+        said: String,
+        /// Name of the other file or map.
+        other: String,
+        /// Value there.
+        other_said: String,
     },
     /// A file other than CSV, or an array, is invalid.
     #[error("`{file}`{place}: {problem}")]
@@ -145,6 +157,9 @@ impl ReadError {
             ReadError::Fields { .. } => {
                 "remove the row, or quote fields that contain commas".to_owned()
             }
+            ReadError::Number { text, .. } if text.contains(',') => {
+                "write decimals with a point".to_owned()
+            }
             ReadError::Number { .. } => {
                 "remove the row, or map another column; a hole is better than a guess".to_owned()
             }
@@ -158,6 +173,9 @@ impl ReadError {
             }
             ReadError::Repeated { .. } => {
                 "map a column that is unique per road user, or remove one of the rows".to_owned()
+            }
+            ReadError::Contradiction { .. } => {
+                "copy all files of one recording again, or rename the one that is wrong".to_owned()
             }
             ReadError::Content { problem, .. } => problem.help(),
             ReadError::Empty { .. } => {

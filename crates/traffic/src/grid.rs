@@ -1,5 +1,7 @@
 //! From raw rows to tracks on one time grid.
 
+use std::ops::RangeInclusive;
+
 use brakecheck_stl::sampling::EvenSampling;
 
 use crate::agreement::{Agreement, FAST_MPS};
@@ -19,7 +21,10 @@ const MOST_SAMPLES: f64 = 1.0e7;
 const PERIODS_S: [f64; 2] = [5.0e-4, 5.0];
 
 /// Greatest number of samples per row: more are mostly made up.
-const SAMPLES_PER_ROW: usize = 20;
+const SAMPLES_PER_ROW: usize = 10;
+
+/// Width of no road user that is not longer, in metres.
+const WIDE_M: f64 = 3.5;
 
 /// Speed below which the direction of motion is no heading, in m/s.
 const STANDING_MPS: f64 = 0.5;
@@ -68,17 +73,19 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
             row.time_s -= grid.first_s;
         }
         for part in parts(raw, grid.dt_s, &mut counts) {
-            let Some(samples) = grid.samples(&part.rows, &mut counts) else {
+            let Some(span) = grid.span(&part.rows) else {
                 counts.too_short += 1;
                 continue;
             };
+            // Before they are made: a step between two rows may take a thousand samples.
+            budget = budget
+                .checked_sub(span.end() - span.start())
+                .ok_or_else(|| whole(FileProblem::Uneven { dt_s: grid.dt_s }))?;
+            let samples = grid.samples(&part.rows, span, &mut counts);
             if mean_speed_mps(&samples.rows, grid.dt_s) > FAST_MPS {
                 counts.too_fast += 1;
                 continue;
             }
-            budget = budget
-                .checked_sub(samples.rows.len())
-                .ok_or_else(|| whole(FileProblem::Uneven { dt_s: grid.dt_s }))?;
             agreement.add(&samples.rows, grid.dt_s);
             all.push(track(raw, &part, samples, grid.dt_s, &mut counts));
         }
@@ -90,6 +97,9 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
     }
     if all.is_empty() {
         return Err(empty());
+    }
+    if let Some(problem) = swapped(&all) {
+        return Err(whole(problem));
     }
     if let Some(problem) = agreement.problem(rate_hz) {
         return Err(whole(problem));
@@ -119,6 +129,17 @@ fn check_span(tracks: &[RawTrack], grid: &TimeGrid) -> Result<(), FileProblem> {
         return Err(FileProblem::Period { dt_s });
     }
     Ok(())
+}
+
+/// Returns a problem if most road users are wider than any lane and wider than long.
+fn swapped(tracks: &[RoadUserTrack]) -> Option<FileProblem> {
+    let is_wide = |it: &&RoadUserTrack| it.width_m > WIDE_M.max(it.length_m);
+    let mut wide = tracks.iter().filter(is_wide);
+    let first = wide.next()?;
+    (2 * (1 + wide.count()) > tracks.len()).then_some(FileProblem::Wide {
+        length_m: first.length_m,
+        width_m: first.width_m,
+    })
 }
 
 /// Time grid of a recording.
@@ -179,33 +200,41 @@ impl TimeGrid {
         (grid.dt_s > 0.0).then_some(grid)
     }
 
-    /// Interpolates unbroken rows onto the grid, `None` for fewer than two samples.
-    fn samples(&self, rows: &[RawRow], counts: &mut ReadCounts) -> Option<GridSamples> {
-        let (dt_s, on_grid) = (self.dt_s, self.on_grid);
+    /// Returns the first and last sample of unbroken rows, `None` for fewer than two.
+    fn span(&self, rows: &[RawRow]) -> Option<RangeInclusive<usize>> {
         let (first, last) = (rows.first()?, rows.last()?);
-        let from = (first.time_s / dt_s - on_grid).ceil().max(0.0) as usize;
-        let to = (last.time_s / dt_s + on_grid).floor() as usize;
-        if to < from + 1 {
-            return None;
-        }
+        let from = (first.time_s / self.dt_s - self.on_grid).ceil().max(0.0) as usize;
+        let to = (last.time_s / self.dt_s + self.on_grid).floor() as usize;
+        (from < to).then_some(from..=to)
+    }
+
+    /// Interpolates unbroken rows onto the grid.
+    fn samples(
+        &self,
+        rows: &[RawRow],
+        span: RangeInclusive<usize>,
+        counts: &mut ReadCounts,
+    ) -> GridSamples {
+        let (dt_s, on_grid) = (self.dt_s, self.on_grid);
+        let first = *span.start();
         let off = |row: &&RawRow| {
             let at = row.time_s / dt_s;
             on_grid < (at - at.round()).abs()
         };
         counts.off_grid += rows.iter().filter(off).count();
         let mut next = 0;
-        let mut samples: Vec<RawRow> = Vec::with_capacity(to + 1 - from);
-        for k in from..=to {
+        let mut samples: Vec<RawRow> = Vec::with_capacity(span.end() + 1 - first);
+        for k in span {
             let time_s = k as f64 * dt_s;
             while next + 1 < rows.len() && rows[next].time_s < time_s - on_grid * dt_s {
                 next += 1;
             }
             samples.push(self.sample(rows, next, time_s, counts));
         }
-        Some(GridSamples {
-            first: from,
+        GridSamples {
+            first,
             rows: samples,
-        })
+        }
     }
 
     /// Returns the sample at `time_s`, from the row there or its neighbours.

@@ -1,28 +1,29 @@
-//! Reading of OSI traces in MCAP.
+//! OSI traces in MCAP.
 //!
-//! An MCAP file is a magic, then records: a type, a length and fields, lowest byte first.
-//! A chunk is a record that holds records, often compressed. Indexes and the summary at
-//! the end are not needed.
+//! The crate `mcap` frames and parses the records. Its own decompressors are libraries in C,
+//! so chunks come whole from it and are unpacked here.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{BufReader, Read};
+
+use mcap::records::{ChunkHeader, Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::{MAGIC, McapError, parse_record};
 
 use crate::error::ReadError;
 use crate::osi::{OsiKind, OsiTracks, read_bytes};
 use crate::problem::{FilePlace, FileProblem};
 use crate::recording::TrafficRecording;
 
-/// Beginning and end of an MCAP file.
-pub(crate) const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 /// Greatest length of a record and of an unpacked chunk in bytes.
-const MOST_BYTES: u64 = 1 << 27;
-
-// Types of records.
-const SCHEMA: u8 = 0x03;
-const CHANNEL: u8 = 0x04;
-const MESSAGE: u8 = 0x05;
-const CHUNK: u8 = 0x06;
-const DATA_END: u8 = 0x0f;
+const MOST_BYTES: usize = 1 << 27;
+/// Bytes of a record before its content: its type and its length.
+const HEAD: u64 = 9;
+/// Bytes that the chunks of a file unpack to at most: a constant, and those per byte of
+/// the file. Frames that repeat a whole map are packed to a hundredth.
+const UNPACKED: u64 = 1 << 24;
+const UNPACKED_PER_BYTE: u64 = 1000;
 
 /// Reads an OSI trace in MCAP: `.mcap`. Errors call it by `name`.
 ///
@@ -31,77 +32,23 @@ const DATA_END: u8 = 0x0f;
 /// compressed, or compressed with lz4 or zstd.
 ///
 /// # Errors
-/// The file is not MCAP, ends early, or a message is invalid.
+/// The file is not MCAP, ends early, unpacks to far more than it is, or a message is invalid.
 pub fn read_mcap(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
-    let mut reader = BufReader::with_capacity(1 << 18, trace);
+    let mut trace = BufReader::with_capacity(1 << 18, trace);
     let mut file = McapFile::new(name);
-    let mut content = Vec::new();
-    read_bytes(&mut reader, MAGIC.len() as u64, &mut content, name)?;
-    if content != MAGIC {
+    let mut magic = Vec::new();
+    read_bytes(&mut trace, MAGIC.len() as u64, &mut magic, name)?;
+    if magic != MAGIC {
         return Err(file.tracks.error(FilePlace::Whole, FileProblem::NotMcap));
     }
-    let mut offset = MAGIC.len() as u64;
-    loop {
-        let place = FilePlace::Byte(offset);
-        read_bytes(&mut reader, 9, &mut content, name)?;
-        let mut head = Fields(&content);
-        let (Some(kind), Some(length)) = (head.u8(), head.u64()) else {
-            return Err(file.tracks.cut(place, content.len() as u64, 9));
-        };
-        if MOST_BYTES < length {
-            return Err(file.tracks.error(place, FileProblem::TooLong(length)));
-        }
-        read_bytes(&mut reader, length, &mut content, name)?;
-        if (content.len() as u64) < length {
-            return Err(file.tracks.cut(place, content.len() as u64, length));
-        }
-        match kind {
-            DATA_END => return file.finish(),
-            CHUNK => file.chunk(&content, offset)?,
-            _ => file.record(kind, &content, offset)?,
-        }
-        offset += 9 + length;
-    }
-}
-
-/// Fields of a record, taken from the front.
-struct Fields<'a>(&'a [u8]);
-
-impl<'a> Fields<'a> {
-    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(count)?;
-        self.0 = rest;
-        Some(taken)
-    }
-
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.bytes(N)?.try_into().ok()
-    }
-
-    fn u8(&mut self) -> Option<u8> {
-        Some(u8::from_le_bytes(self.array()?))
-    }
-
-    fn u16(&mut self) -> Option<u16> {
-        Some(u16::from_le_bytes(self.array()?))
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        Some(u32::from_le_bytes(self.array()?))
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        Some(u64::from_le_bytes(self.array()?))
-    }
-
-    fn text(&mut self) -> Option<String> {
-        let length = usize::try_from(self.u32()?).ok()?;
-        Some(String::from_utf8_lossy(self.bytes(length)?).into_owned())
-    }
+    file.tracks.bytes = MAGIC.len() as u64;
+    file.records(&mut trace, None)?;
+    file.finish()
 }
 
 /// State of the reading.
 struct McapFile<'a> {
+    name: &'a str,
     tracks: OsiTracks<'a>,
     /// Names of the schemas by their numbers.
     schemas: HashMap<u16, String>,
@@ -110,77 +57,118 @@ struct McapFile<'a> {
     /// Channel that is read.
     channel: Option<u16>,
     messages: u64,
+    /// Bytes of all unpacked chunks.
+    unpacked: u64,
 }
 
 impl<'a> McapFile<'a> {
     fn new(name: &'a str) -> McapFile<'a> {
         McapFile {
+            name,
             tracks: OsiTracks::new(name),
             schemas: HashMap::new(),
             channels: HashMap::new(),
             channel: None,
             messages: 0,
+            unpacked: 0,
         }
     }
 
-    /// Reads the records of a chunk.
-    fn chunk(&mut self, content: &[u8], offset: u64) -> Result<(), ReadError> {
-        let error = |problem| self.tracks.error(FilePlace::Byte(offset), problem);
-        let records = unpacked(content).map_err(error)?;
-        let mut rest = Fields(&records);
-        while !rest.0.is_empty() {
-            let head = rest.u8().zip(rest.u64());
-            let record = head.and_then(|(kind, length)| {
-                Some((kind, rest.bytes(usize::try_from(length).ok()?)?))
-            });
-            let Some((kind, record)) = record else {
-                let problem = FileProblem::Record(CHUNK);
-                return Err(self.tracks.error(FilePlace::Byte(offset), problem));
-            };
-            self.record(kind, record, offset)?;
+    /// Reads records up to the end of the data of a file, or all of the chunk at a byte.
+    ///
+    /// Indexes and the summary behind the data are not needed.
+    fn records(&mut self, bytes: &mut impl Read, chunk: Option<u64>) -> Result<(), ReadError> {
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_emit_chunks(true)
+            .with_record_length_limit(MOST_BYTES);
+        let mut reader = LinearReader::new_with_options(options);
+        let (mut content, mut want) = (Vec::new(), HEAD);
+        while let Some(event) = reader.next_event() {
+            let place = FilePlace::Byte(chunk.unwrap_or(self.tracks.bytes));
+            match event {
+                Ok(LinearReadEvent::ReadRequest(more)) => {
+                    want = more as u64;
+                    // A record may announce more than there is, so memory follows the bytes.
+                    read_bytes(bytes, want, &mut content, self.name)?;
+                    let got = content.len() as u64;
+                    if got > 0 && got < want {
+                        return Err(self.tracks.cut(place, got, want));
+                    }
+                    reader.insert(content.len()).copy_from_slice(&content);
+                    reader.notify_read(content.len());
+                }
+                Ok(LinearReadEvent::Record { opcode, data }) => {
+                    let offset = chunk.unwrap_or(self.tracks.bytes);
+                    if chunk.is_none() {
+                        self.tracks.bytes += HEAD + data.len() as u64;
+                    }
+                    if opcode == op::DATA_END {
+                        return Ok(());
+                    }
+                    self.record(opcode, data, offset, chunk.is_some())?;
+                }
+                Err(error) => {
+                    let problem = match error {
+                        McapError::UnexpectedEof => FileProblem::Cut { got: 0, want },
+                        McapError::RecordTooLarge { len, .. } => FileProblem::TooLong(len),
+                        other => FileProblem::Mcap(other.to_string()),
+                    };
+                    return Err(self.tracks.error(place, problem));
+                }
+            }
+        }
+        if chunk.is_some() {
+            return Ok(());
+        }
+        // Without the record that ends the data the file was not written to its end.
+        let place = FilePlace::Byte(self.tracks.bytes);
+        Err(self.tracks.cut(place, 0, HEAD))
+    }
+
+    /// Reads a record. Others than those of messages are skipped, and so is their damage.
+    fn record(
+        &mut self,
+        opcode: u8,
+        content: &[u8],
+        offset: u64,
+        is_in_chunk: bool,
+    ) -> Result<(), ReadError> {
+        let is_read = match opcode {
+            op::SCHEMA | op::CHANNEL | op::MESSAGE => true,
+            // A chunk in a chunk would be a way to unpack without end.
+            op::CHUNK => !is_in_chunk,
+            _ => false,
+        };
+        if !is_read {
+            return Ok(());
+        }
+        let place = FilePlace::Byte(offset);
+        let record = parse_record(opcode, content)
+            .map_err(|_| self.tracks.error(place, FileProblem::Record(opcode)))?;
+        match record {
+            Record::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Record::Channel(it) => {
+                let schema = self.schemas.get(&it.schema_id).cloned().unwrap_or_default();
+                self.channels.insert(it.id, (schema, it.message_encoding));
+            }
+            Record::Message { header, data } => {
+                return self.message(header.channel_id, &data, offset);
+            }
+            Record::Chunk { header, data } => {
+                let records = self.unpacked(&header, &data);
+                let records = records.map_err(|problem| self.tracks.error(place, problem))?;
+                return self.records(&mut &*records, Some(offset));
+            }
+            _ => {}
         }
         Ok(())
     }
 
-    /// Reads a record that is no chunk. Others than those of messages are skipped.
-    fn record(&mut self, kind: u8, content: &[u8], offset: u64) -> Result<(), ReadError> {
-        let read = match kind {
-            SCHEMA => self.schema(content),
-            CHANNEL => self.channel(content),
-            MESSAGE => return self.message(content, offset),
-            _ => Some(()),
-        };
-        let short = || {
-            let problem = FileProblem::Record(kind);
-            self.tracks.error(FilePlace::Byte(offset), problem)
-        };
-        read.ok_or_else(short)
-    }
-
-    fn schema(&mut self, content: &[u8]) -> Option<()> {
-        let mut fields = Fields(content);
-        let (id, name) = (fields.u16()?, fields.text()?);
-        self.schemas.insert(id, name);
-        Some(())
-    }
-
-    fn channel(&mut self, content: &[u8]) -> Option<()> {
-        let mut fields = Fields(content);
-        let (id, schema) = (fields.u16()?, fields.u16()?);
-        let (_topic, encoding) = (fields.text()?, fields.text()?);
-        let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
-        self.channels.insert(id, (schema, encoding));
-        Some(())
-    }
-
-    fn message(&mut self, content: &[u8], offset: u64) -> Result<(), ReadError> {
-        let mut fields = Fields(content);
-        // The sequence number and the times of logging and publishing are not needed.
-        let channel = fields.u16();
-        let (Some(channel), Some(_)) = (channel, fields.bytes(20)) else {
-            let problem = FileProblem::Record(MESSAGE);
-            return Err(self.tracks.error(FilePlace::Byte(offset), problem));
-        };
+    fn message(&mut self, channel: u16, message: &[u8], offset: u64) -> Result<(), ReadError> {
         let Some(kind) = self.kind_of(channel) else {
             return Ok(());
         };
@@ -192,7 +180,7 @@ impl<'a> McapFile<'a> {
         self.messages += 1;
         let number = self.messages;
         self.tracks
-            .push(fields.0, FilePlace::Message { number, offset })
+            .push(message, FilePlace::Message { number, offset })
     }
 
     fn kind_of(&self, channel: u16) -> Option<OsiKind> {
@@ -202,6 +190,43 @@ impl<'a> McapFile<'a> {
             ("osi3.SensorView", "protobuf") => Some(OsiKind::SensorView),
             _ => None,
         }
+    }
+
+    /// Returns the records of a chunk.
+    fn unpacked<'c>(
+        &mut self,
+        header: &ChunkHeader,
+        packed: &'c [u8],
+    ) -> Result<Cow<'c, [u8]>, FileProblem> {
+        let size = header.uncompressed_size;
+        if size > MOST_BYTES as u64 {
+            return Err(FileProblem::TooLong(size));
+        }
+        self.unpacked += size;
+        if self.unpacked > UNPACKED + UNPACKED_PER_BYTE * self.tracks.bytes {
+            let packed = packed.len() as u64;
+            return Err(FileProblem::Unpacks { packed, size });
+        }
+        let records = match &*header.compression {
+            "" => Cow::Borrowed(packed),
+            "lz4" => read_all(lz4_flex::frame::FrameDecoder::new(packed), size)?,
+            "zstd" => {
+                let decoder = ruzstd::decoding::StreamingDecoder::new(packed);
+                let failed = |error: &dyn ToString| FileProblem::Decompress(error.to_string());
+                read_all(decoder.map_err(|error| failed(&error))?, size)?
+            }
+            other => return Err(FileProblem::Compression(other.to_owned())),
+        };
+        if records.len() as u64 != size {
+            let got = records.len() as u64;
+            return Err(FileProblem::Cut { got, want: size });
+        }
+        // A checksum of 0 is none.
+        let checksum = header.uncompressed_crc;
+        if checksum != 0 && checksum != crc32fast::hash(&records) {
+            return Err(FileProblem::Checksum);
+        }
+        Ok(records)
     }
 
     fn finish(self) -> Result<TrafficRecording, ReadError> {
@@ -216,61 +241,10 @@ impl<'a> McapFile<'a> {
     }
 }
 
-/// Returns the records of a chunk.
-fn unpacked(content: &[u8]) -> Result<Vec<u8>, FileProblem> {
-    let mut fields = Fields(content);
-    let mut parts = || {
-        let _span = fields.bytes(16)?;
-        let (size, checksum, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
-        let length = usize::try_from(fields.u64()?).ok()?;
-        Some((size, checksum, compression, fields.bytes(length)?))
-    };
-    let (size, checksum, compression, packed) = parts().ok_or(FileProblem::Record(CHUNK))?;
-    if MOST_BYTES < size {
-        return Err(FileProblem::TooLong(size));
-    }
-    let records = match &*compression {
-        "" => packed.to_vec(),
-        "lz4" => read_all(lz4_flex::frame::FrameDecoder::new(packed), size)?,
-        "zstd" => {
-            let failed = |error: String| FileProblem::Decompress(error);
-            let decoder = ruzstd::decoding::StreamingDecoder::new(packed);
-            read_all(decoder.map_err(|error| failed(error.to_string()))?, size)?
-        }
-        _ => return Err(FileProblem::Compression(compression)),
-    };
-    if records.len() as u64 != size {
-        let got = records.len() as u64;
-        return Err(FileProblem::Cut { got, want: size });
-    }
-    // A checksum of 0 is none.
-    if checksum != 0 && checksum != crc32(&records) {
-        return Err(FileProblem::Checksum);
-    }
-    Ok(records)
-}
-
 /// Reads a decompressor up to one byte more than expected.
-fn read_all(decoder: impl Read, size: u64) -> Result<Vec<u8>, FileProblem> {
+fn read_all(decoder: impl Read, size: u64) -> Result<Cow<'static, [u8]>, FileProblem> {
     let mut records = Vec::new();
     let read = decoder.take(size + 1).read_to_end(&mut records);
     read.map_err(|error| FileProblem::Decompress(error.to_string()))?;
-    Ok(records)
-}
-
-/// Returns the CRC-32 of zip and Ethernet.
-pub(crate) fn crc32(bytes: &[u8]) -> u32 {
-    let table: [u32; 256] = std::array::from_fn(|i| {
-        (0..8).fold(i as u32, |rest, _| (rest >> 1) ^ (0xedb8_8320 * (rest & 1)))
-    });
-    let step = |crc: u32, byte: &u8| (crc >> 8) ^ table[((crc ^ u32::from(*byte)) & 0xff) as usize];
-    !bytes.iter().fold(!0, step)
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn the_checksum_is_that_of_the_catalogue() {
-        assert_eq!(super::crc32(b"123456789"), 0xcbf4_3926);
-    }
+    Ok(Cow::Owned(records))
 }

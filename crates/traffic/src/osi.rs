@@ -8,7 +8,8 @@ use prost::Message;
 use crate::error::ReadError;
 use crate::grid;
 use crate::osi_message::{
-    OsiBase, OsiGroundTruth, OsiMovingObject, OsiSensorView, OsiTimestamp, OsiVector,
+    GLOBAL_GROUND_TRUTH, MOVING_OBJECTS, NestedFields, OsiBase, OsiInstant, OsiMovingObject,
+    OsiTimestamp, OsiVector,
 };
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{FARTHEST_M, RawRow, RawTrack, RawTracks, RawVector};
@@ -16,6 +17,12 @@ use crate::recording::{Class, ReadCounts, TrafficRecording};
 
 /// Greatest length of a message in bytes.
 const MOST_BYTES: u64 = 1 << 28;
+/// Objects of all messages that a trace may have without any bytes, and those per byte of
+/// the file. Parked vehicles in a compressed trace need least: about a byte for four.
+const OBJECTS: u64 = 200_000;
+const OBJECTS_PER_BYTE: u64 = 4;
+/// Objects of known road users that take the memory of a new one.
+const NEW_ROAD_USER: u64 = 8;
 
 /// Reads a trace of the Open Simulation Interface: `.osi`. Errors call it by `name`.
 ///
@@ -49,6 +56,7 @@ pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadEr
         if (message.len() as u64) < length {
             return Err(tracks.cut(place, message.len() as u64, length));
         }
+        tracks.bytes += 4 + length;
         tracks.push(&message, place)?;
         number += 1;
         offset += 4 + length;
@@ -90,6 +98,8 @@ pub(crate) struct OsiTracks<'a> {
     /// Type of the messages, once it is known.
     pub(crate) kind: Option<OsiKind>,
     pub(crate) counts: ReadCounts,
+    /// Bytes of the file up to here, by which the memory is bounded.
+    pub(crate) bytes: u64,
     by_id: HashMap<u64, usize>,
     tracks: Vec<RawTrack>,
     origin: Option<OsiOrigin>,
@@ -101,6 +111,7 @@ impl<'a> OsiTracks<'a> {
             file,
             kind: None,
             counts: ReadCounts::default(),
+            bytes: 0,
             by_id: HashMap::new(),
             tracks: Vec::new(),
             origin: None,
@@ -121,55 +132,54 @@ impl<'a> OsiTracks<'a> {
 
     /// Adds the moving objects of a message.
     pub(crate) fn push(&mut self, message: &[u8], place: FilePlace) -> Result<(), ReadError> {
-        let invalid = |error: prost::DecodeError| FileProblem::Protobuf(error.to_string());
-        let ground_truth = match self.kind {
-            Some(OsiKind::GroundTruth) => OsiGroundTruth::decode(message).map_err(invalid),
-            Some(OsiKind::SensorView) => {
-                OsiSensorView::decode(message).map_err(invalid).map(of_view)
+        self.push_objects(message)
+            .map_err(|problem| self.error(place, problem))
+    }
+
+    fn push_objects(&mut self, message: &[u8]) -> Result<(), FileProblem> {
+        let kind = match self.kind {
+            Some(kind) => kind,
+            None => match OsiKind::guess(message)? {
+                Some(kind) => *self.kind.insert(kind),
+                None => return Ok(()),
+            },
+        };
+        let ground_truth = kind.ground_truth(message)?;
+        let mut instant = None;
+        for object in NestedFields::of(ground_truth, MOVING_OBJECTS) {
+            let object = decoded::<OsiMovingObject>(object.map_err(FileProblem::Protobuf)?)?;
+            let missing = |owner: &str, field: &'static str| FileProblem::MissingField {
+                owner: owner.to_owned(),
+                field,
+            };
+            if instant.is_none() {
+                // A view states its instant, too, for a ground truth without one.
+                let own = decoded::<OsiInstant>(ground_truth)?.timestamp;
+                instant = own.or(decoded::<OsiInstant>(message)?.timestamp);
             }
-            None => self.guessed(message).map_err(invalid),
-        };
-        let ground_truth = ground_truth.map_err(|problem| self.error(place, problem))?;
-        let missing =
-            |owner: String, field: &'static str| FileProblem::MissingField { owner, field };
-        if ground_truth.moving_objects.is_empty() {
-            return Ok(());
-        }
-        let Some(instant) = &ground_truth.timestamp else {
-            let problem = missing("the message".to_owned(), "timestamp");
-            return Err(self.error(place, problem));
-        };
-        for object in &ground_truth.moving_objects {
+            let Some(instant) = &instant else {
+                return Err(missing("the message", "timestamp"));
+            };
             // A number 0 is left out by writers of proto3, as is that of esmini's first car.
             let Some(id) = object.id.as_ref().map(|it| it.value.unwrap_or(0)) else {
-                let problem = missing("a moving object".to_owned(), "id");
-                return Err(self.error(place, problem));
+                return Err(missing("a moving object", "id"));
             };
-            self.add(id, object, instant)
-                .map_err(|problem| self.error(place, problem))?;
+            self.add(id, &object, instant)?;
         }
         Ok(())
     }
 
-    /// Decodes a message of an unknown type.
-    ///
-    /// Field 5 is the moving objects of a ground truth, and field 7 is the ground truth of
-    /// a sensor view. In the other type these numbers have contents that do not decode.
-    fn guessed(&mut self, message: &[u8]) -> Result<OsiGroundTruth, prost::DecodeError> {
-        let direct = OsiGroundTruth::decode(message);
-        if direct
-            .as_ref()
-            .is_ok_and(|it| !it.moving_objects.is_empty())
-        {
-            self.kind = Some(OsiKind::GroundTruth);
-            return direct;
+    /// Refuses more road users and rows than a file of this size has.
+    fn check_memory(&self) -> Result<(), FileProblem> {
+        let most = OBJECTS + OBJECTS_PER_BYTE * self.bytes;
+        let road_users = NEW_ROAD_USER * self.tracks.len() as u64;
+        if road_users + self.counts.rows as u64 <= most {
+            return Ok(());
         }
-        let view = OsiSensorView::decode(message).map(of_view);
-        if view.as_ref().is_ok_and(|it| !it.moving_objects.is_empty()) {
-            self.kind = Some(OsiKind::SensorView);
-            return view;
-        }
-        direct.or(view)
+        Err(FileProblem::Swollen {
+            objects: self.counts.rows,
+            bytes: self.bytes,
+        })
     }
 
     fn add(
@@ -216,6 +226,7 @@ impl<'a> OsiTracks<'a> {
         };
         self.counts.rows += 1;
         self.counts.unknown_class += usize::from(class.is_none());
+        self.check_memory()?;
         let tracks = &mut self.tracks;
         let at = *self.by_id.entry(id).or_insert_with(|| {
             tracks.push(RawTrack {
@@ -246,11 +257,45 @@ impl<'a> OsiTracks<'a> {
     }
 }
 
-/// Returns the ground truth of a view, with the view's instant if it has none.
-fn of_view(view: OsiSensorView) -> OsiGroundTruth {
-    let mut ground_truth = view.global_ground_truth.unwrap_or_default();
-    ground_truth.timestamp = ground_truth.timestamp.or(view.timestamp);
-    ground_truth
+impl OsiKind {
+    /// Returns the type of the first message with moving objects, `None` without any.
+    ///
+    /// Field 5 is the moving objects of a ground truth, and field 7 is the ground truth of
+    /// a sensor view. In the other type these numbers have contents that do not decode.
+    fn guess(message: &[u8]) -> Result<Option<OsiKind>, FileProblem> {
+        let objects = |kind: OsiKind| -> Result<usize, FileProblem> {
+            let ground_truth = kind.ground_truth(message)?;
+            decoded::<OsiInstant>(ground_truth)?;
+            NestedFields::of(ground_truth, MOVING_OBJECTS).try_fold(0, |count, object| {
+                decoded::<OsiMovingObject>(object.map_err(FileProblem::Protobuf)?)?;
+                Ok(count + 1)
+            })
+        };
+        let direct = objects(OsiKind::GroundTruth);
+        if direct.as_ref().is_ok_and(|count| *count > 0) {
+            return Ok(Some(OsiKind::GroundTruth));
+        }
+        let view = objects(OsiKind::SensorView);
+        if view.as_ref().is_ok_and(|count| *count > 0) {
+            return Ok(Some(OsiKind::SensorView));
+        }
+        direct.or(view).map(|_| None)
+    }
+
+    /// Returns the ground truth in a message, which is empty if there is none.
+    fn ground_truth(self, message: &[u8]) -> Result<&[u8], FileProblem> {
+        if self == OsiKind::GroundTruth {
+            return Ok(message);
+        }
+        let mut found = NestedFields::of(message, GLOBAL_GROUND_TRUTH);
+        // As protobuf has it, the last of several counts.
+        let found = found.try_fold(&[][..], |_, it| it);
+        found.map_err(FileProblem::Protobuf)
+    }
+}
+
+fn decoded<M: Message + Default>(bytes: &[u8]) -> Result<M, FileProblem> {
+    M::decode(bytes).map_err(|error| FileProblem::Protobuf(error.to_string()))
 }
 
 fn finite(value: f64, owner: &dyn Fn() -> String, name: &str) -> Result<f64, FileProblem> {

@@ -130,10 +130,78 @@ pub(crate) struct OsiOpenDrive {
     pub(crate) open_drive_xml_content: Option<String>,
 }
 
+/// Instant of a ground truth or of a sensor view, which have it in the same field.
 #[derive(Clone, PartialEq, Message)]
-pub(crate) struct OsiSensorView {
+pub(crate) struct OsiInstant {
     #[prost(message, optional, tag = "2")]
     pub(crate) timestamp: Option<OsiTimestamp>,
-    #[prost(message, optional, tag = "7")]
-    pub(crate) global_ground_truth: Option<OsiGroundTruth>,
+}
+
+/// Field of the moving objects in a ground truth.
+pub(crate) const MOVING_OBJECTS: usize = 5;
+/// Field of the ground truth in a sensor view.
+pub(crate) const GLOBAL_GROUND_TRUTH: usize = 7;
+
+/// Contents of one field of nested messages, in their order.
+///
+/// A decoder of the whole message would make 500 bytes of an object of two.
+pub(crate) struct NestedFields<'a> {
+    rest: &'a [u8],
+    number: usize,
+}
+
+impl<'a> NestedFields<'a> {
+    /// Looks for the fields with this number in a message.
+    pub(crate) fn of(message: &'a [u8], number: usize) -> NestedFields<'a> {
+        NestedFields {
+            rest: message,
+            number,
+        }
+    }
+
+    /// Takes a number of variable length.
+    fn varint(&mut self) -> Result<usize, String> {
+        prost::decode_length_delimiter(&mut self.rest).map_err(|error| error.to_string())
+    }
+
+    fn bytes(&mut self, count: usize) -> Result<&'a [u8], String> {
+        let split = self.rest.split_at_checked(count);
+        let (taken, rest) = split.ok_or("a field is longer than its message")?;
+        self.rest = rest;
+        Ok(taken)
+    }
+
+    /// Takes a field. Its content is `None` if it is another one.
+    fn field(&mut self) -> Result<Option<&'a [u8]>, String> {
+        let key = self.varint()?;
+        match key & 7 {
+            0 => self.varint().map(|_| None),
+            1 => self.bytes(8).map(|_| None),
+            2 => {
+                let length = self.varint()?;
+                let content = self.bytes(length)?;
+                Ok((key >> 3 == self.number).then_some(content))
+            }
+            5 => self.bytes(4).map(|_| None),
+            kind => Err(format!("a field of the wire type {kind}")),
+        }
+    }
+}
+
+impl<'a> Iterator for NestedFields<'a> {
+    type Item = Result<&'a [u8], String>;
+
+    fn next(&mut self) -> Option<Result<&'a [u8], String>> {
+        while !self.rest.is_empty() {
+            match self.field() {
+                Ok(None) => {}
+                Ok(Some(content)) => return Some(Ok(content)),
+                Err(error) => {
+                    self.rest = &[];
+                    return Some(Err(error));
+                }
+            }
+        }
+        None
+    }
 }

@@ -1,8 +1,12 @@
 //! Writing of OSI traces in MCAP.
 
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{McapResult, WriteOptions};
 use prost::Message;
 
-use crate::mcap_writer::{McapChannel, mcap};
 use crate::osi_message::{
     OsiBase, OsiDimension, OsiGroundTruth, OsiIdentifier, OsiMovingObject, OsiOpenDrive,
     OsiOrientation, OsiTimestamp, OsiVector, OsiVehicleAttributes, OsiVehicleClassification,
@@ -88,45 +92,78 @@ pub struct OsiState {
 /// an `osi3.MapAsamOpenDrive` in the topic `ground_truth_map`, which omega-prime reads.
 /// Equal traces give equal bytes. [`read_mcap`](crate::read_mcap) reads the file.
 pub fn write_osi(trace: &OsiTrace) -> Vec<u8> {
-    let described = [
-        ("net.asam.osi.trace.channel.osi_version", OSI_TEXT),
-        ("net.asam.osi.trace.channel.protobuf_version", PROTOBUF),
-        ("net.asam.osi.trace.channel.description", "all road users"),
-    ];
-    let messages = trace.frames.iter();
-    let messages = messages.map(|frame| (frame.time_ns, trace.message(frame).encode_to_vec()));
-    let mut channels = vec![McapChannel {
-        topic: TOPIC,
-        schema: ("osi3.GroundTruth", osi_schema::ground_truth()),
-        metadata: &described,
-        messages: messages.collect(),
-    }];
-    let road = trace.open_drive.as_ref().map(|(name, text)| OsiOpenDrive {
-        map_reference: Some(name.clone()),
-        open_drive_xml_content: Some(text.clone()),
-    });
-    channels.extend(road.map(|road| McapChannel {
-        topic: MAP_TOPIC,
-        schema: ("osi3.MapAsamOpenDrive", osi_schema::open_drive()),
-        metadata: &described[..2],
-        messages: vec![(
-            trace.frames.first().map_or(0, |frame| frame.time_ns),
-            road.encode_to_vec(),
-        )],
-    }));
-    let metadata = [
-        ("version", FILE_VERSION),
-        ("min_osi_version", OSI_TEXT),
-        ("max_osi_version", OSI_TEXT),
-        ("min_protobuf_version", PROTOBUF),
-        ("max_protobuf_version", PROTOBUF),
-        ("description", &*trace.description),
-        ("data_sources", "brakecheck"),
-    ];
-    mcap(&channels, ("net.asam.osi.trace", &metadata))
+    // Invariant: writing into memory does not fail, and two channels are few.
+    trace.write().unwrap_or_default()
+}
+
+/// Returns texts by their names, as MCAP has its metadata.
+fn entries(entries: &[(&str, &str)]) -> BTreeMap<String, String> {
+    let entries = entries.iter();
+    entries
+        .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
+        .collect()
 }
 
 impl OsiTrace {
+    fn write(&self) -> McapResult<Vec<u8>> {
+        // All messages are in one chunk, which every reader can read without a decompressor.
+        let mut file = WriteOptions::new()
+            .library(concat!("brakecheck ", env!("CARGO_PKG_VERSION")))
+            .compression(None)
+            .chunk_size(None)
+            .create(Cursor::new(Vec::new()))?;
+        file.write_metadata(&Metadata {
+            name: "net.asam.osi.trace".to_owned(),
+            metadata: entries(&[
+                ("version", FILE_VERSION),
+                ("min_osi_version", OSI_TEXT),
+                ("max_osi_version", OSI_TEXT),
+                ("min_protobuf_version", PROTOBUF),
+                ("max_protobuf_version", PROTOBUF),
+                ("description", &self.description),
+                ("data_sources", "brakecheck"),
+            ]),
+        })?;
+        let mut described = entries(&[
+            ("net.asam.osi.trace.channel.osi_version", OSI_TEXT),
+            ("net.asam.osi.trace.channel.protobuf_version", PROTOBUF),
+            ("net.asam.osi.trace.channel.description", "all road users"),
+        ]);
+        let schema = osi_schema::ground_truth();
+        let schema = file.add_schema("osi3.GroundTruth", "protobuf", &schema)?;
+        let channel = file.add_channel(schema, TOPIC, "protobuf", &described)?;
+        described.remove("net.asam.osi.trace.channel.description");
+        let mut road = match &self.open_drive {
+            Some((name, text)) => {
+                let schema = osi_schema::open_drive();
+                let schema = file.add_schema("osi3.MapAsamOpenDrive", "protobuf", &schema)?;
+                let road = OsiOpenDrive {
+                    map_reference: Some(name.clone()),
+                    open_drive_xml_content: Some(text.clone()),
+                };
+                let channel = file.add_channel(schema, MAP_TOPIC, "protobuf", &described)?;
+                Some((channel, road.encode_to_vec()))
+            }
+            None => None,
+        };
+        for frame in &self.frames {
+            let header = |channel_id: u16| MessageHeader {
+                channel_id,
+                sequence: 0,
+                log_time: frame.time_ns,
+                publish_time: frame.time_ns,
+            };
+            let message = self.message(frame).encode_to_vec();
+            file.write_to_known_channel(&header(channel), &message)?;
+            // The road does not change, so it is stated at the first instant only.
+            if let Some((channel, road)) = road.take() {
+                file.write_to_known_channel(&header(channel), &road)?;
+            }
+        }
+        file.finish()?;
+        Ok(file.into_inner().into_inner())
+    }
+
     /// Returns the message of an instant.
     fn message(&self, frame: &OsiFrame) -> OsiGroundTruth {
         let objects = self.bodies.iter().zip(&frame.states).zip(1..);

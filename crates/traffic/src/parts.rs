@@ -7,6 +7,15 @@ use crate::recording::{Class, HOLE_S, ReadCounts};
 const JUMP_MPS: f64 = 20.0;
 /// Distance that no step exceeds by noise, in metres.
 const NOISE_M: f64 = 1.0;
+/// Speed above the usual one at which no vehicle passes a hole, in m/s.
+const HOLE_MPS: f64 = 15.0;
+/// Distance behind its last place at which no vehicle comes out of a hole, and the speed
+/// from which it would have had to turn round twice.
+const BACK_M: f64 = 10.0;
+const BACK_MPS: f64 = 5.0;
+/// Acceleration in m/s² and noise in metres that no step to the side exceeds.
+const SIDEWAYS_MPS2: f64 = 30.0;
+const SIDEWAYS_M: f64 = 2.5;
 /// Steps on either side that show the usual speed.
 const NEAR_STEPS: usize = 5;
 /// Longest stretch that is displaced and comes back, in seconds.
@@ -28,6 +37,7 @@ pub(crate) struct TrackPart {
 /// Rows that are displaced for at most half a second are left out. All of it is counted.
 pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> Vec<TrackPart> {
     let rows = without_displaced(std::mem::take(&mut raw.rows), counts);
+    counts.sideways += sideways_steps(&rows);
     let speeds = step_speeds(&rows);
     let hole_s = HOLE_S.max(1.5 * dt_s);
     let mut parts: Vec<TrackPart> = Vec::new();
@@ -48,7 +58,9 @@ pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> V
         }
         counts.holes_split += usize::from(is_hole);
         counts.jumps += usize::from(is_jump && !is_hole);
-        let is_other = is_jump || has_other_box(before, row);
+        let is_other = is_jump
+            || has_other_box(before, row)
+            || (is_hole && comes_from_elsewhere(&rows[..i], &speeds[..i], row));
         counts.reused_ids += usize::from(is_other);
         let vehicle = part.vehicle + usize::from(is_other);
         parts.push(TrackPart {
@@ -95,6 +107,50 @@ fn is_jump(speeds: &[f64], step: usize, before: &RawRow, after: &RawRow) -> bool
     };
     let step_s = after.time_s - before.time_s;
     distance_m(before, after) > most_mps * step_s + NOISE_M
+}
+
+/// Returns true if no vehicle drives from the last of the rows before a hole to one after.
+fn comes_from_elsewhere(before: &[RawRow], speeds: &[f64], after: &RawRow) -> bool {
+    let [.., earlier, last] = before else {
+        return false;
+    };
+    // The last speed is that of the hole itself.
+    let seen = speeds.len().saturating_sub(1);
+    let usual_mps = usual_mps(&speeds[..seen], seen);
+    let hole_s = after.time_s - last.time_s;
+    let is_fast = distance_m(last, after) > (1.5 * usual_mps + HOLE_MPS) * hole_s + NOISE_M;
+    let step = [last.x_m - earlier.x_m, last.y_m - earlier.y_m];
+    let step_m = libm::hypot(step[0], step[1]).max(1e-9);
+    let ahead_m = (step[0] * (after.x_m - last.x_m) + step[1] * (after.y_m - last.y_m)) / step_m;
+    let is_moving = step_m > BACK_MPS * (last.time_s - earlier.time_s);
+    // Whoever turns round needs more time than that of a short hole.
+    is_fast || (is_moving && ahead_m < -BACK_M.max(usual_mps * hole_s))
+}
+
+/// Returns the number of steps that jump to the side of those before and after.
+///
+/// They are counted and kept: a simulator may change lanes so, as may a tracker that takes
+/// one vehicle for another.
+fn sideways_steps(rows: &[RawRow]) -> usize {
+    let step = |i: usize| [rows[i + 1].x_m - rows[i].x_m, rows[i + 1].y_m - rows[i].y_m];
+    let steps_s = |i: usize| rows[i + 1].time_s - rows[i].time_s;
+    let is_sideways = |i: &usize| {
+        // The distance from where each neighbour's velocity leads, across that velocity.
+        let across_m = |neighbour: usize| {
+            let [ux, uy] = step(neighbour);
+            let way_m = libm::hypot(ux, uy);
+            let [x, y] = step(*i);
+            if way_m < 1e-9 {
+                return 0.0;
+            }
+            ((ux * y - uy * x) / way_m).abs()
+        };
+        let most_m = SIDEWAYS_M + 0.5 * SIDEWAYS_MPS2 * steps_s(*i) * steps_s(*i);
+        across_m(i - 1).min(across_m(i + 1)) > most_m
+    };
+    (1..rows.len().saturating_sub(2))
+        .filter(is_sideways)
+        .count()
 }
 
 /// Returns true if two rows have boxes or classes of two vehicles.
@@ -195,6 +251,42 @@ mod tests {
         let rows = [steady(30, 0, 4.5), steady(30, 60, 4.5)].concat();
         let (parts, counts) = split(rows);
         assert_eq!((parts, counts.reused_ids), (vec![(30, 0), (30, 0)], 0));
+    }
+
+    #[test]
+    fn an_identity_that_comes_out_of_a_hole_elsewhere_is_another_vehicle() {
+        let moved = |x_m: f64| {
+            let mut rows = steady(30, 60, 4.5);
+            for row in &mut rows {
+                row.x_m += x_m;
+            }
+            [steady(30, 0, 4.5), rows].concat()
+        };
+        // 3.1 s at 20 m/s are 62 m: as expected, far ahead, far behind, and a stop.
+        for (x_m, vehicles) in [(0.0, 0), (200.0, 1), (-250.0, 1), (-62.0, 0)] {
+            let (parts, counts) = split(moved(x_m));
+            assert_eq!(parts, [(30, 0), (30, vehicles)], "{x_m}");
+            assert_eq!(counts.reused_ids, vehicles);
+        }
+    }
+
+    #[test]
+    fn steps_to_the_side_are_counted_and_kept() {
+        let mut rows = steady(50, 0, 4.5);
+        for row in &mut rows[25..] {
+            row.y_m += 3.5;
+        }
+        let (parts, counts) = split(rows);
+        assert_eq!((parts, counts.sideways), (vec![(50, 0)], 1));
+        // A turn with a radius of 8 m at 8 m/s is none, with a row per 0.5 s.
+        let turn = (0..40).map(|i| {
+            let (sin, cos) = libm::sincos(0.5 * f64::from(i));
+            RawRow {
+                y_m: 8.0 * cos,
+                ..row(0.5 * f64::from(i), 8.0 * sin, 4.5)
+            }
+        });
+        assert_eq!(split(turn.collect()).1.sideways, 0);
     }
 
     #[test]

@@ -77,6 +77,6 @@ fn missing(header: &[String], file: &str, column: &str) -> ReadError {
         file: file.to_owned(),
         column: column.to_owned(),
         nearest: nearest.filter(|it| 0.7 < likeness(it)).cloned(),
-        header: header.join(","),
+        header: crate::csv_rows::header_shown(header),
     }
 }

@@ -110,6 +110,25 @@ pub enum FileProblem {
     /// A length is implausible.
     #[error("a length of {0} bytes")]
     TooLong(u64),
+    /// A chunk unpacks to far more than it is.
+    #[error("a chunk of {packed} bytes unpacks to {size} bytes")]
+    Unpacks {
+        /// Bytes of the chunk in the file.
+        packed: u64,
+        /// Bytes that it announces.
+        size: u64,
+    },
+    /// A trace has far more objects than a file of its size.
+    #[error("{objects} moving objects in the first {bytes} bytes of the file")]
+    Swollen {
+        /// Number of objects in all messages up to here.
+        objects: usize,
+        /// Bytes of the file up to here.
+        bytes: u64,
+    },
+    /// A trajectory is that of too many entities.
+    #[error("a trajectory of more than {0} entities")]
+    ManyEntities(usize),
     /// A message is not protobuf of its type.
     #[error("invalid protobuf: {0}")]
     Protobuf(String),
@@ -127,6 +146,9 @@ pub enum FileProblem {
     /// The file does not begin as MCAP does.
     #[error("the file does not begin as MCAP does")]
     NotMcap,
+    /// A file is not MCAP from some record on.
+    #[error("invalid MCAP: {0}")]
+    Mcap(String),
     /// A record is shorter than its fields.
     #[error("an MCAP record of type 0x{0:02x} is too short for its fields")]
     Record(u8),
@@ -164,6 +186,14 @@ pub enum FileProblem {
     Fast {
         /// Median speed in m/s.
         speed_mps: f64,
+    },
+    /// Most road users are wider than long.
+    #[error("road users are {width_m} m wide and {length_m} m long")]
+    Wide {
+        /// Length of the first of them in metres.
+        length_m: f64,
+        /// Its width in metres.
+        width_m: f64,
     },
     /// Recorded speeds contradict the positions.
     #[error(
@@ -255,14 +285,19 @@ impl FileProblem {
                 "name an OSI trace: every message has its length in four bytes before it, \
                  lowest first"
             }
+            FileProblem::Unpacks { .. } | FileProblem::Swollen { .. } => {
+                "run `mcap decompress`: what is plain is read, whatever it is"
+            }
+            FileProblem::ManyEntities(_) => "give each group of entities a trajectory of its own",
             FileProblem::Protobuf(_) | FileProblem::NoGroundTruth(_) => {
                 "record osi3.GroundTruth, or osi3.SensorView with global_ground_truth"
             }
             FileProblem::MissingField { .. } => "let the simulator fill the field",
             FileProblem::NotMcap => "name an MCAP file, or rename it to .osi or .csv",
-            FileProblem::Record(_) | FileProblem::Checksum | FileProblem::Decompress(_) => {
-                "copy the file again, or run `mcap recover`"
-            }
+            FileProblem::Mcap(_)
+            | FileProblem::Record(_)
+            | FileProblem::Checksum
+            | FileProblem::Decompress(_) => "copy the file again, or run `mcap recover`",
             FileProblem::Compression(_) => "run `mcap compress --compression lz4`",
             FileProblem::Span { .. } => {
                 "map the time in its unit, and remove rows of another day or clock"
@@ -276,6 +311,10 @@ impl FileProblem {
             }
             FileProblem::Fast { .. } => {
                 "map times and positions in their units, or resample at the rate of the positions"
+            }
+            FileProblem::Wide { .. } => {
+                "map the length to `length` and the width to `width`, or the size as \
+                 Fixed(length_m: 4.5, width_m: 1.8)"
             }
             FileProblem::SpeedsDiffer { .. } => {
                 "write a column map with the right rate_hz, unit of time or `speed_unit`, or with \

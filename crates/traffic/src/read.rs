@@ -1,21 +1,23 @@
 //! Reading of long CSV files.
 
 use std::collections::HashMap;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 
 use csv::ByteRecord;
 
 use crate::column_map::{ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, YAxis};
+use crate::csv_rows::{csv_error, csv_of, header_of, header_shown, line_of, shown};
 use crate::error::ReadError;
 use crate::grid;
 use crate::positions::Positions;
 use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
+use crate::recording_meta::RecordingMeta;
 use crate::timestamp::parse_iso;
 use crate::xosc_entity::class_of_words;
 
-/// Length of the longest road user, beyond that of any train.
-const MOST_SIZE_M: f64 = 1000.0;
+/// Length of the longest road user, beyond that of any train, and width of the widest.
+const MOST_SIZE_M: [f64; 2] = [1000.0, 20.0];
 
 /// Reads rows with the column map that the header determines.
 ///
@@ -40,21 +42,67 @@ pub fn read_csv_timed(
     name: &str,
     time: Option<&str>,
 ) -> Result<(TrafficRecording, &'static str), ReadError> {
-    let mut reader = csv_of(rows, None, name)?;
-    let header = header_of(&mut reader, name)?;
-    let shipped = ColumnMap::guess(&header);
-    let shipped = shipped.and_then(|it| Some((it, ColumnMap::shipped(it)?)));
-    let named = || Some(("by name", ColumnMap::by_names(&header, time)?));
-    let Some((known, mut map)) = shipped.or_else(named) else {
-        return Err(ReadError::UnknownFormat {
-            file: name.to_owned(),
-            header: header.join(","),
-        });
+    let columns = CsvColumns {
+        time,
+        ..CsvColumns::default()
     };
-    if let Some(column) = time {
-        map.time = TimeColumn::named(column);
+    columns.read(rows, name)
+}
+
+/// Columns of a CSV file, and what other files say of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CsvColumns<'a> {
+    /// Column map, by default the one that the header determines.
+    pub map: Option<&'a ColumnMap>,
+    /// Another time column than that of the header's map.
+    pub time: Option<&'a str>,
+    /// Files beside the tracks, such as `NN_tracksMeta.csv`.
+    pub meta: Option<&'a RecordingMeta>,
+}
+
+impl CsvColumns<'_> {
+    /// Reads rows as [`read_csv`] does. Errors call them by `name`.
+    ///
+    /// Returns the name of the map that the header determines, too.
+    ///
+    /// # Errors
+    /// No map fits, a row is invalid, or the files contradict each other.
+    pub fn read(
+        &self,
+        rows: impl Read,
+        name: &str,
+    ) -> Result<(TrafficRecording, &'static str), ReadError> {
+        let delimiter = self.map.and_then(|map| map.delimiter);
+        let mut reader = csv_of(rows, delimiter, name)?;
+        let header = header_of(&mut reader, name)?;
+        let (map, known) = match self.map {
+            Some(map) => (map.clone(), "as given"),
+            None => self.guess(&header, name)?,
+        };
+        let none = RecordingMeta::default();
+        let meta = self.meta.unwrap_or(&none);
+        let timed = meta.timed(&map)?;
+        let recording = read_rows(reader, &header, name, &timed, meta)?;
+        meta.check_period(&timed, recording.dt_s, name)?;
+        Ok((recording, known))
     }
-    Ok((read_rows(reader, &header, name, &map)?, known))
+
+    /// Returns the map that a header determines, with its name.
+    fn guess(&self, header: &[String], name: &str) -> Result<(ColumnMap, &'static str), ReadError> {
+        let guessed = ColumnMap::guess(header);
+        let shipped = guessed.and_then(|it| Some((ColumnMap::shipped(it)?, it)));
+        let named = || Some((ColumnMap::by_names(header, self.time)?, "by name"));
+        let Some((mut map, known)) = shipped.or_else(named) else {
+            return Err(ReadError::UnknownFormat {
+                file: name.to_owned(),
+                header: header_shown(header),
+            });
+        };
+        if let Some(column) = self.time {
+            map.time = TimeColumn::named(column);
+        }
+        Ok((map, known))
+    }
 }
 
 /// Reads rows with a column map. Errors call them by `name`.
@@ -71,72 +119,11 @@ pub fn read_csv(
     name: &str,
     map: &ColumnMap,
 ) -> Result<TrafficRecording, ReadError> {
-    let mut reader = csv_of(rows, map.delimiter, name)?;
-    let header = header_of(&mut reader, name)?;
-    read_rows(reader, &header, name, map)
-}
-
-/// Returns a reader of records, with the separator of the first line if none is given.
-fn csv_of<R: Read>(
-    rows: R,
-    delimiter: Option<char>,
-    name: &str,
-) -> Result<csv::Reader<BufReader<R>>, ReadError> {
-    let mut rows = BufReader::with_capacity(1 << 18, rows);
-    let start = rows.fill_buf().map_err(|source| ReadError::File {
-        file: name.to_owned(),
-        source,
-    })?;
-    let line = start
-        .split(|byte| *byte == b'\n')
-        .next()
-        .unwrap_or_default();
-    let count = |sign: u8| line.iter().filter(|byte| **byte == sign).count();
-    let known = delimiter.and_then(|it| u8::try_from(it).ok());
-    let usual = [b',', b';', b'\t']
-        .into_iter()
-        .rev()
-        .max_by_key(|sign| count(*sign));
-    Ok(csv::ReaderBuilder::new()
-        .buffer_capacity(1 << 18)
-        // The default also ends a record at `\r`, and then counts lines of files with
-        // `\r\n` one too low. The `\r` is trimmed with the blanks.
-        .terminator(csv::Terminator::Any(b'\n'))
-        .trim(csv::Trim::All)
-        .delimiter(known.or(usual).unwrap_or(b','))
-        .from_reader(rows))
-}
-
-fn header_of(reader: &mut csv::Reader<impl Read>, name: &str) -> Result<Vec<String>, ReadError> {
-    let header = reader.byte_headers().map_err(|it| csv_error(it, name))?;
-    let text = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
-    let mut header: Vec<String> = header.iter().map(text).collect();
-    if let Some(first) = header.first_mut() {
-        // Spreadsheets write a byte order mark.
-        *first = first.trim_start_matches('\u{feff}').to_owned();
-    }
-    Ok(header)
-}
-
-fn csv_error(error: csv::Error, name: &str) -> ReadError {
-    let file = name.to_owned();
-    match error.into_kind() {
-        csv::ErrorKind::Io(source) => ReadError::File { file, source },
-        csv::ErrorKind::UnequalLengths {
-            pos,
-            expected_len,
-            len,
-        } => ReadError::Fields {
-            file,
-            line: pos.map_or(0, |it| it.line()),
-            got: len,
-            want: expected_len,
-        },
-        other => ReadError::File {
-            file,
-            source: std::io::Error::other(format!("{other:?}")),
-        },
-    }
+    let columns = CsvColumns {
+        map: Some(map),
+        ..CsvColumns::default()
+    };
+    Ok(columns.read(rows, name)?.0)
 }
 
 fn read_rows(
@@ -144,6 +131,7 @@ fn read_rows(
     header: &[String],
     name: &str,
     map: &ColumnMap,
+    meta: &RecordingMeta,
 ) -> Result<TrafficRecording, ReadError> {
     let mut parser = RowParser::new(header, name, map)?;
     let mut record = ByteRecord::new();
@@ -153,7 +141,13 @@ fn read_rows(
     {
         parser.push(&record)?;
     }
-    grid::recording(parser.finish(), name)
+    let is_frames = matches!(map.time, TimeColumn::Frames { .. });
+    let first_frame = parser.origin.as_ref().map(|origin| origin.rest);
+    let mut raw = parser.finish();
+    let frame = first_frame.filter(|_| is_frames);
+    meta.complete(&mut raw.tracks, &mut raw.counts, map, frame, name)?;
+    raw.reading += &meta.in_words(raw.tracks.len());
+    grid::recording(raw, name)
 }
 
 /// Converts rows into raw tracks in metres and seconds, in a frame with y to the left.
@@ -325,13 +319,13 @@ impl<'a> RowParser<'a> {
         let Some((length, width)) = self.at.size else {
             return Ok([0.0; 2]);
         };
-        let size = |at: usize| {
+        let size = |at: usize, most_m: f64| {
             if record[at].is_empty() {
                 return Ok(0.0);
             }
             let value = self.number(record, at)?;
             let size_m = value * self.map.length_unit.metres();
-            if (0.0..MOST_SIZE_M).contains(&size_m) {
+            if (0.0..most_m).contains(&size_m) {
                 return Ok(size_m);
             }
             Err(ReadError::Size {
@@ -341,7 +335,7 @@ impl<'a> RowParser<'a> {
                 value,
             })
         };
-        let size_m = [size(length)?, size(width)?];
+        let size_m = [size(length, MOST_SIZE_M[0])?, size(width, MOST_SIZE_M[1])?];
         // A box without an extent in one direction is none.
         Ok(if size_m.contains(&0.0) {
             [0.0; 2]
@@ -427,18 +421,4 @@ impl<'a> RowParser<'a> {
                 text: shown(field),
             })
     }
-}
-
-fn line_of(record: &ByteRecord) -> u64 {
-    record.position().map_or(0, csv::Position::line)
-}
-
-/// Returns the beginning of a field for a message.
-pub(crate) fn shown(field: &[u8]) -> String {
-    let text = String::from_utf8_lossy(field);
-    if text.chars().count() <= 40 {
-        return text.into_owned();
-    }
-    let start: String = text.chars().take(40).collect();
-    format!("{start}…")
 }

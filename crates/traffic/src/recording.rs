@@ -175,6 +175,9 @@ pub struct ReadCounts {
     /// Steps that nothing on wheels takes, each of which ends a track.
     #[serde(default)]
     pub jumps: usize,
+    /// Steps that jump to the side, as no vehicle does.
+    #[serde(default)]
+    pub sideways: usize,
     /// Identities that go to another vehicle, which gets a number: `7#2`.
     #[serde(default)]
     pub reused_ids: usize,

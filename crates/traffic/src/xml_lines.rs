@@ -105,7 +105,7 @@ impl PlacedElement<'_> {
             self.error(FileProblem::NotFinite {
                 owner: self.name().to_owned(),
                 name: name.to_owned(),
-                text: crate::read::shown(text.as_bytes()),
+                text: crate::csv_rows::shown(text.as_bytes()),
             })
         })
     }
@@ -128,7 +128,7 @@ impl PlacedText<'_> {
             self.error(FileProblem::NotFinite {
                 owner: self.path.last().cloned().unwrap_or_default(),
                 name: name.to_owned(),
-                text: crate::read::shown(self.text.as_bytes()),
+                text: crate::csv_rows::shown(self.text.as_bytes()),
             })
         })
     }

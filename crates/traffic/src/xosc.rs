@@ -15,6 +15,9 @@ use crate::recording::{Class, ReadCounts, TrafficRecording};
 use crate::xml_lines::LineCounter;
 use crate::xosc_entity::{XoscEntity, class_of_catalog, class_of_vehicle};
 
+/// Greatest number of entities that follow one trajectory, each with rows of its own.
+const MOST_ACTORS: usize = 100;
+
 /// Reads the polylines that the entities of a scenario follow. Errors call it by `name`.
 ///
 /// The file needs no road and may have any size. Every vertex has a time and a
@@ -138,7 +141,13 @@ impl<'a> XoscFile<'a> {
             "ManeuverGroup" => self.actors.clear(),
             "EntityRef" if self.open.last().is_some_and(|it| it == "Actors") => {
                 let entity = self.text(tag, "entityRef")?;
-                self.actors.push(entity);
+                if self.actors.len() == MOST_ACTORS {
+                    return Err(self.error(FileProblem::ManyEntities(MOST_ACTORS)));
+                }
+                // An entity that is named twice does not follow a line twice.
+                if !self.actors.contains(&entity) {
+                    self.actors.push(entity);
+                }
             }
             "Event" => self.start_s = None,
             "SimulationTimeCondition" if self.is_inside("Event") && self.start_s.is_none() => {
@@ -363,7 +372,7 @@ impl<'a> XoscFile<'a> {
             self.error(FileProblem::NotFinite {
                 owner: tag.local_name().into_inner().to_owned(),
                 name: name.to_owned(),
-                text: crate::read::shown(text.as_bytes()),
+                text: crate::csv_rows::shown(text.as_bytes()),
             })
         })
     }

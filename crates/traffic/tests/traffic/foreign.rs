@@ -9,15 +9,15 @@ use brakecheck_traffic::{
 
 /// State of a vehicle: metres, radians, m/s.
 #[derive(Clone, Copy)]
-struct State {
-    x: f64,
-    y: f64,
-    heading: f64,
-    speed: f64,
+pub(super) struct State {
+    pub(super) x: f64,
+    pub(super) y: f64,
+    pub(super) heading: f64,
+    pub(super) speed: f64,
 }
 
 /// Rows of vehicles in a header of the generic kind, with a line per state.
-fn rows(
+pub(super) fn rows(
     vehicles: &[(&str, &dyn Fn(f64) -> State)],
     rate_hz: f64,
     seconds: f64,
@@ -34,7 +34,7 @@ fn rows(
 }
 
 /// A vehicle with a constant speed and heading.
-fn steady(x: f64, y: f64, heading: f64, speed: f64) -> impl Fn(f64) -> State {
+pub(super) fn steady(x: f64, y: f64, heading: f64, speed: f64) -> impl Fn(f64) -> State {
     move |t| State {
         x: x + speed * t * heading.cos(),
         y: y + speed * t * heading.sin(),
@@ -59,13 +59,13 @@ fn changing(x: f64, from: f64, to: f64, start: f64, speed: f64) -> impl Fn(f64) 
     }
 }
 
-fn generic(text: &str) -> Result<TrafficRecording, ReadError> {
+pub(super) fn generic(text: &str) -> Result<TrafficRecording, ReadError> {
     let map = ColumnMap::shipped("generic").expect("shipped");
     let text = format!("time,id,x,y,heading,speed,length,width\n{text}");
     read_csv(text.as_bytes(), "log.csv", &map)
 }
 
-fn generic_line(t: f64, id: &str, s: State) -> String {
+pub(super) fn generic_line(t: f64, id: &str, s: State) -> String {
     format!(
         "{t:.4},{id},{:.4},{:.4},{:.6},{:.3},4.5,1.8",
         s.x, s.y, s.heading, s.speed

@@ -3,6 +3,7 @@
 mod columns;
 mod crossings;
 mod foreign;
+mod meta;
 mod naturalness;
 mod openscenario;
 mod osi;
@@ -11,4 +12,5 @@ mod reading;
 mod rules;
 mod situations;
 mod synthetic;
+mod units;
 mod worlds;
