@@ -1,16 +1,10 @@
 //! The grid world: exact numbers, theorems, learners, and errors in its files.
 
-#[path = "grid/bisimulation.rs"]
 mod bisimulation;
-#[path = "grid/errors.rs"]
 mod errors;
-#[path = "grid/exact.rs"]
 mod exact;
-#[path = "grid/learning.rs"]
 mod learning;
-#[path = "grid/solver.rs"]
 mod solver;
-#[path = "grid/theorems.rs"]
 mod theorems;
 
 use brakecheck::rl::Policy;
@@ -29,8 +23,8 @@ const B: AtWall = AtWall::FirstInMap;
 
 fn world(wall: AtWall) -> Scenario {
     let (file, text) = match wall {
-        AtWall::Stays => ("grid.ron", include_str!("../worlds/grid.ron")),
-        AtWall::FirstInMap => ("grid_hard.ron", include_str!("../worlds/grid_hard.ron")),
+        AtWall::Stays => ("grid.ron", include_str!("../../worlds/grid.ron")),
+        AtWall::FirstInMap => ("grid_hard.ron", include_str!("../../worlds/grid_hard.ron")),
     };
     Scenario::parse(file, text).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -1,25 +1,15 @@
 //! Every learner: solves a tiny problem, repeats itself bit for bit, resumes;
 //! its updates are held to numbers computed elsewhere.
 
-#[path = "learners/bits.rs"]
 mod bits;
-#[path = "learners/bounds.rs"]
 mod bounds;
-#[path = "learners/golden.rs"]
 mod golden;
-#[path = "learners/letter.rs"]
 mod letter;
-#[path = "learners/lived.rs"]
 mod lived;
-#[path = "learners/per_ado.rs"]
 mod per_ado;
-#[path = "learners/schedules.rs"]
 mod schedules;
-#[path = "learners/scripted.rs"]
 mod scripted;
-#[path = "learners/shown.rs"]
 mod shown;
-#[path = "learners/starts.rs"]
 mod starts;
 
 use brakecheck::rl::{
@@ -928,7 +918,7 @@ fn hyperparameters_out_of_range_are_named() {
 
 #[test]
 fn every_learner_has_its_own_words_in_the_docs() {
-    let docs = include_str!("../docs/background/learners.md");
+    let docs = include_str!("../../docs/background/learners.md");
     for learner in LearnerSettings::all() {
         let heading = format!("\n## `{}`", learner.name());
         assert!(

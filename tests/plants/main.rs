@@ -3,21 +3,13 @@
 //! The checks here and in `contacts` and `bits` run on both plants; each of
 //! those in `faults` guards one fault that a plant on rapier has had or easily has.
 
-#[path = "plants/bits.rs"]
 mod bits;
-#[path = "plants/collisions.rs"]
 mod collisions;
-#[path = "plants/contacts.rs"]
 mod contacts;
-#[path = "plants/cyclists.rs"]
 mod cyclists;
-#[path = "plants/faults.rs"]
 mod faults;
-#[path = "plants/push.rs"]
 mod push;
-#[path = "plants/shapes.rs"]
 mod shapes;
-#[path = "plants/vehicle_validation.rs"]
 mod vehicle_validation;
 
 use brakecheck::scene::{BodyCommand, BodyState, Pose};
@@ -448,9 +440,9 @@ fn shipped_bodies_parse_and_survive_a_round_trip() {
     names.sort();
     assert_eq!(names, files);
     for name in Body::shipped_names() {
-        let physics = include_str!("../docs/background/physics.md");
+        let physics = include_str!("../../docs/background/physics.md");
         assert!(physics.contains(&format!("\n| `{name}.ron` |")), "{name}");
-        let worlds = include_str!("../docs/reference/world-file.md");
+        let worlds = include_str!("../../docs/reference/world-file.md");
         assert!(worlds.contains(&format!("`{name}`")), "{name}");
         let it = body(name);
         assert_eq!(it.name, name);

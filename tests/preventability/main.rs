@@ -1,12 +1,8 @@
 //! Replays with somebody else in the ego's place.
 
-#[path = "preventability/at_the_wheel.rs"]
 mod at_the_wheel;
-#[path = "preventability/by_hand.rs"]
 mod by_hand;
-#[path = "preventability/edges.rs"]
 mod edges;
-#[path = "preventability/panel.rs"]
 mod panel;
 
 use brakecheck::crashes::Regressions;

@@ -1,57 +1,32 @@
 //! The program as a user runs it: exit codes, rows, files, and what it says.
 
-#[path = "cli/campaign.rs"]
 mod campaign;
-#[path = "cli/export.rs"]
 mod export;
-#[path = "cli/family.rs"]
 mod family;
-#[path = "cli/faults.rs"]
 mod faults;
-#[path = "cli/first.rs"]
 mod first;
-#[path = "cli/gate.rs"]
 mod gate;
-#[path = "cli/hostile.rs"]
 mod hostile;
-#[path = "cli/interrupted.rs"]
 mod interrupted;
-#[path = "cli/learned.rs"]
 mod learned;
-#[path = "cli/live.rs"]
 mod live;
-#[path = "cli/log.rs"]
 mod log;
-#[path = "cli/memory.rs"]
 mod memory;
-#[path = "cli/natural.rs"]
 mod natural;
-#[path = "cli/picture.rs"]
 mod picture;
-#[path = "cli/points.rs"]
 mod points;
-#[path = "support/program.rs"]
+#[path = "../support/program.rs"]
 mod program;
-#[path = "cli/programs.rs"]
 mod programs;
-#[path = "cli/replayed.rs"]
 mod replayed;
-#[path = "cli/report.rs"]
 mod report;
 #[cfg(feature = "rerun")]
-#[path = "cli/rerun.rs"]
 mod rerun;
-#[path = "cli/reuse.rs"]
 mod reuse;
-#[path = "cli/risk.rs"]
 mod risk;
-#[path = "cli/rivals.rs"]
 mod rivals;
-#[path = "cli/serve.rs"]
 mod serve;
-#[path = "cli/several_ados.rs"]
 mod several_ados;
-#[path = "cli/stl.rs"]
 mod stl;
 
 use std::path::{Path, PathBuf};

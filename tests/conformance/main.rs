@@ -1,7 +1,6 @@
 //! Whatever is shipped keeps the promises of its trait, and whoever does not is
 //! caught.
 
-#[path = "conformance/faults.rs"]
 mod faults;
 
 use std::collections::BTreeSet;
@@ -70,7 +69,7 @@ fn every_shipped_world_and_its_egos_conform() {
         "YellowLight",
         "YellowLightFixed",
     ];
-    // The other reference drivers are met as drivers: tests/preventability.rs.
+    // The other reference drivers are met as drivers: tests/preventability/main.rs.
     assert_eq!(
         Vec::from_iter(egos),
         stock,
