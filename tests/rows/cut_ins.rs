@@ -3,6 +3,7 @@
 use brakecheck::trace::Trace;
 use brakecheck::world::Scenario;
 use brakecheck_scene::natural::behaviour::behaviours;
+use brakecheck_scene::natural::{SuccessRarity, motorway};
 use brakecheck_traffic::{CUT_IN_GAP_M, CutInState, DrivingBehaviour};
 
 /// Driving of an ado beside an ego, which both move between two lanes in 2 s.
@@ -90,8 +91,8 @@ fn a_cut_in_has_the_clearance_the_closing_and_the_sideways_speed() {
     // A lane of 3.5 m in 39 samples of 0.05 s.
     let aside_mps = 3.5 / (39.0 * 0.05);
     assert!(
-        (cut_in.lateral_mps.abs() - aside_mps).abs() < 1e-6,
-        "{cut_in:?}"
+        (cut_in.lateral_mps + aside_mps).abs() < 1e-6,
+        "from the left lane to the right: {cut_in:?}"
     );
     let at = |ahead_m: f64| {
         let passage = Passage {
@@ -146,5 +147,36 @@ fn a_start_is_that_of_an_ego_behind_the_ado_in_its_lane() {
     assert!((found.gap_m - (20.0 - ado_m)).abs() < 1e-9, "{found:?}");
     for (ahead_m, lane) in [(20.0, 1), (ado_m - 0.1, 0), (-20.0, 0)] {
         assert_eq!(start(ahead_m, lane).0, None, "{ahead_m} m, lane {lane}");
+    }
+}
+
+/// Driving of the two ados of `sandwich`, of which one brakes with 3 m/s².
+#[test]
+fn an_episode_is_as_rare_as_its_rarest_ado() {
+    let world = Scenario::shipped("sandwich")
+        .expect("shipped")
+        .expect("sound");
+    let driving = world.drive().expect("a road").world();
+    let bench = world.bench();
+    for braking in ["lead", "tail"] {
+        let mut trace = Trace::new(std::sync::Arc::clone(bench.schema()));
+        let column = |name: &str| bench.schema().position(name).expect("published");
+        for sample in 0..SAMPLES {
+            let mut row = vec![0.0; bench.schema().len()];
+            for (name, ahead_m) in [("lead", 30.0), ("ego", 0.0), ("tail", -30.0)] {
+                let lost_mps = if name == braking {
+                    0.15 * f64::from(sample)
+                } else {
+                    0.0
+                };
+                row[column(&format!("{name}.x"))] = ahead_m + f64::from(sample);
+                row[column(&format!("{name}.speed"))] = 30.0 - lost_mps;
+            }
+            trace.push(&row).expect("finite");
+        }
+        let found = SuccessRarity::of(&motorway(), driving, &trace, SAMPLES as usize);
+        let known = found.expect("two vehicles").naturalness(&motorway());
+        assert_eq!(known.ado, braking, "{known}");
+        assert!(known.per_1000_km.is_some(), "{known}");
     }
 }

@@ -1,6 +1,10 @@
 //! Actions that a limit on the naturalness of ados leaves.
 
-use brakecheck::scene::{Scene, Start};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use brakecheck::ego::{Command, Controller, Fault, Percept};
+use brakecheck::scene::{Scene, Start, StepOutcome};
 use brakecheck::testbench::{Aftermath, Testbench};
 use brakecheck::world::{PlantKind, Scenario};
 use brakecheck_scene::natural::limited_scene::{LimitedScene, LimitedVehicle};
@@ -230,5 +234,138 @@ fn every_ado_with_a_plan_has_its_own_part_of_a_joint_action() {
             [acceleration(one), acceleration(two)],
             "{one}, {two}"
         );
+    }
+}
+
+/// An ego that keeps its speed and counts its finished episodes.
+#[derive(Clone)]
+struct Coasting(Arc<AtomicUsize>);
+
+impl Controller for Coasting {
+    fn reset(&mut self, _: u64) {}
+
+    fn control(&mut self, _: &Percept) -> Result<Command, Fault> {
+        Ok(Command::accelerate(0.0))
+    }
+
+    fn finish(&mut self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}
+
+fn limited(world: &Scenario, per_1000_km: f64) -> Box<dyn Scene> {
+    let limit = AdoLimit {
+        model: motorway(),
+        per_1000_km,
+    };
+    LimitedScene::around(world.world().scene(), &limit)
+}
+
+/// What viewers, judges and programs read of a scene.
+fn read(scene: &dyn Scene) -> impl PartialEq + std::fmt::Debug {
+    let mut row = vec![0.0; scene.schema().len()];
+    scene.publish(&mut row);
+    let mut observation = vec![0.0; scene.spaces().observation];
+    scene.observe(&row, &mut observation);
+    let mut bodies = Vec::new();
+    scene.bodies(&mut bodies);
+    let viewed = (scene.frame(), scene.stage(), scene.after_contact(1.0));
+    let counted = (scene.rapier_steps(), scene.commands().to_vec());
+    (row, observation, bodies, viewed, counted)
+}
+
+/// A limit takes actions away and changes nothing else of a scene.
+#[test]
+fn a_limited_scene_is_its_own_scene_but_for_its_actions() {
+    let finished = Arc::new(AtomicUsize::new(0));
+    for plant in [PlantKind::Kinematic, PlantKind::Rigid] {
+        let own = Coasting(Arc::clone(&finished));
+        let factory = Arc::new(move || Box::new(own.clone()) as Box<dyn Controller>);
+        let world = acc().on(plant).with_ego("coasting", factory);
+        let mut both = [world.world().scene(), limited(&world, 20.0)];
+        // The lead car is slow and near.
+        let near_by = |axis: &str| match axis {
+            "ego.speed" => 25.0,
+            "ado.headway" => 10.0,
+            _ => 5.0,
+        };
+        let axes = both[1].axes().iter().map(|it| near_by(&it.name));
+        let start = Start(axes.collect());
+        both.iter_mut().for_each(|scene| {
+            scene.reset(&start, 3);
+            scene.decide(2);
+        });
+        let mut ends = [StepOutcome::Going, StepOutcome::Going];
+        while ends[0] == StepOutcome::Going {
+            ends = [0, 1].map(|at: usize| both[at].advance());
+            assert_eq!(ends[0], ends[1]);
+            assert!(read(&*both[0]) == read(&*both[1]), "{plant:?}");
+        }
+        assert!(matches!(ends[0], StepOutcome::Contact(_)), "{ends:?}");
+        assert!(both[1].after_contact(1.0).is_some() && both[1].driven().is_some());
+        assert_eq!(both[1].rapier_steps() > 0, plant == PlantKind::Rigid);
+        assert!(!both[1].commands().is_empty());
+        let before = finished.load(Ordering::Relaxed);
+        both[1].finish();
+        assert_eq!(finished.load(Ordering::Relaxed), before + 1);
+    }
+}
+
+#[test]
+fn what_an_ado_drove_limits_it_in_copies_and_if_others_moved_it() {
+    let world = acc();
+    let begun = || {
+        let mut scene = limited(&world, 20.0);
+        scene.reset(&Start(world.axes().iter().map(|it| it.hi).collect()), 0);
+        scene
+    };
+    let allowed = |scene: &dyn Scene| scene.allowed().expect("a mask");
+    let fresh = allowed(&*begun());
+    // Braking for as long as it may.
+    let mut braked = begun();
+    while allowed(&*braked)[0] {
+        braked.decide(0);
+        (0..10).for_each(|_| assert_eq!(braked.advance(), StepOutcome::Going));
+    }
+    assert_eq!((fresh[0], allowed(&*braked)[1]), (true, true));
+    let mut copy = braked.fork().expect("a stock ego");
+    assert_eq!(allowed(&*copy), allowed(&*braked));
+    copy.decide(1);
+    braked.decide(1);
+    for _ in 0..10 {
+        assert_eq!(copy.advance(), braked.advance());
+    }
+    assert!(read(&*copy) == read(&*braked) && allowed(&*copy) == allowed(&*braked));
+    // Another simulator brakes the ado as hard, which counts as its own driving.
+    let mut given = begun();
+    let mut plain = world.world().scene();
+    plain.reset(&Start(world.axes().iter().map(|it| it.hi).collect()), 0);
+    let mut bodies = Vec::new();
+    given.bodies(&mut bodies);
+    let mut state = bodies[1].state;
+    for _ in 0..20 {
+        state.pose.x_m += 0.05 * state.speed_mps;
+        state.speed_mps -= 0.05 * 5.0;
+        let states = [None, Some(state)];
+        let ends = [&mut given, &mut plain].map(|scene| scene.advance_given(&states));
+        assert_eq!(ends[0], Some(StepOutcome::Going));
+        assert_eq!(ends[0], ends[1]);
+        assert!(read(&*given) == read(&*plain));
+    }
+    assert!(!allowed(&*given)[0]);
+}
+
+#[test]
+fn people_lights_and_surroundings_have_no_limit() {
+    for name in ["pedestrian", "light_ado", "wet_bend", "tightening_bend"] {
+        let world = Scenario::shipped(name).expect("shipped").expect("sound");
+        let mut scene = limited(&world, 1e12);
+        scene.reset(&Start(world.axes().iter().map(|it| it.lo).collect()), 0);
+        let allowed = scene.allowed().expect("a mask");
+        assert_eq!(allowed, vec![true; scene.spaces().actions], "{name}");
     }
 }

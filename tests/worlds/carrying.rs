@@ -247,3 +247,114 @@ fn a_witness_of_a_whole_run_has_a_margin_at_its_end_only() {
     }
     assert!(0 < seen, "{seen}");
 }
+
+/// Distances of a run that is the witness itself, deeper, or shorter.
+#[test]
+fn a_distance_is_signed_at_the_deepest_sample_and_infinite_for_a_part() {
+    let (_, world, episode) = recorded()
+        .into_iter()
+        .find(|(path, ..)| path.ends_with("acc-nominal-0001.ron"))
+        .expect("a kept crash of `acc`");
+    let horizon = world.bench().clock().samples();
+    let rulebook = world.rulebook();
+    let witness = Witness::of(rulebook, &episode, horizon).expect("a counterexample");
+    let headway = episode
+        .trace
+        .schema()
+        .position("headway")
+        .expect("a signal");
+    let run = |by_m: f64, samples: usize| {
+        let mut other = Trace::new(episode.trace.schema().clone());
+        let mut row = vec![0.0; episode.trace.schema().len()];
+        for sample in 0..samples {
+            episode.trace.read_row(sample, &mut row);
+            row[headway] += by_m;
+            other.push(&row).expect("finite");
+        }
+        // It ended at its horizon, so that nothing is known of a later sample.
+        let run = Episode {
+            trace: other,
+            contact: None,
+            ..episode.clone()
+        };
+        witness.distance(rulebook, &run, horizon)
+    };
+    // As many samples as the witness are enough.
+    for samples in [episode.trace.len(), witness.samples] {
+        let same = run(0.0, samples);
+        assert_eq!((same.epsilon, same.rise), (0.0, Some(0.0)), "{samples}");
+        assert_eq!(same.rules, [0.0; 2]);
+        assert!(witness.covers(&same) && witness.covers_sharply(&same) == Some(true));
+    }
+    // A deeper violation is far away and needs no margin.
+    let by_m = 3.0 * witness.tau;
+    let deeper = run(-by_m, witness.samples);
+    assert!((deeper.epsilon - by_m).abs() < 1e-9, "{deeper:?}");
+    assert!(
+        deeper.rise.is_some_and(|it| (it + by_m).abs() < 1e-9),
+        "{deeper:?}"
+    );
+    assert_eq!(deeper.rules, [0.0; 2]);
+    assert!(!witness.covers(&deeper) && witness.covers_sharply(&deeper) == Some(true));
+    // A run that is shorter without a contact cannot be compared.
+    let part = run(0.0, witness.samples - 1);
+    assert_eq!(part.epsilon, f64::INFINITY);
+    assert_eq!((part.rise, part.rules.len()), (Some(f64::INFINITY), 2));
+    assert!(part.rules.iter().all(|it| *it == f64::INFINITY));
+    assert!(!witness.covers(&part) && witness.covers_sharply(&part) == Some(false));
+    // Its margins are the depth and what each rule has to spare.
+    let margins = witness.sharp_margins().expect("an invariant");
+    assert_eq!(margins.len(), 3);
+    let least = margins.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!((least - witness.tau).abs() < 1e-9, "{margins:?}");
+    // No success, no witness.
+    let held = Episode {
+        verdict: Verdict::Held { margin: 1.0 },
+        ..episode.clone()
+    };
+    assert!(Witness::of(rulebook, &held, horizon).is_none());
+}
+
+#[test]
+fn worlds_in_which_some_violations_do_not_count_are_refused() {
+    let text = super::acc().text().replace(
+        "judge: UntilViolation,",
+        "judge: UntilContact, counts: Contact(closing_mps: 1.0),",
+    );
+    let nominal = Scenario::parse("counting.ron", &text).expect("a world");
+    let nominal = nominal.on(PlantKind::Kinematic);
+    let starts = test_starts(&nominal, 7, 2, &watch()).expect("not stopped");
+    let request = TheoremsRequest {
+        nominal: &nominal,
+        changed: &[],
+        policy: &Always(1),
+        starts: &starts,
+        alpha: 0.1,
+    };
+    let error = carry_over(&request, &watch()).expect_err("not every violation");
+    assert!(
+        matches!(error, TheoremsError::NotEveryViolation { .. }),
+        "{error}"
+    );
+    let plain = super::acc().on(PlantKind::Kinematic);
+    let request = TheoremsRequest {
+        nominal: &plain,
+        ..request
+    };
+    let error = carry_over(&request, &watch()).expect_err("no changed ego");
+    assert!(
+        matches!(error, TheoremsError::NothingChanged { .. }),
+        "{error}"
+    );
+    let changed = [("same".to_owned(), plain.clone())];
+    let request = TheoremsRequest {
+        changed: &changed,
+        ..request
+    };
+    // An ado that keeps its speed makes nobody fail.
+    let error = carry_over(&request, &watch()).expect_err("no counterexample");
+    assert!(
+        matches!(error, TheoremsError::NoCounterexample { .. }),
+        "{error}"
+    );
+}

@@ -209,4 +209,80 @@ mod tests {
         assert_eq!(forecast.recall, Some(2.0 / 3.0));
         assert!(forecast.as_promised);
     }
+
+    fn case(distances: &[f64], margins: &[f64], carried: bool) -> ForecastCase {
+        ForecastCase {
+            distances: distances.to_vec(),
+            margins: margins.to_vec(),
+            carried,
+        }
+    }
+
+    #[test]
+    fn several_components_share_alpha_and_have_to_hold_together() {
+        let calibration: Vec<Vec<f64>> = (1..=19)
+            .map(|i| vec![f64::from(i), 100.0 * f64::from(i)])
+            .collect();
+        let tests = [
+            case(&[18.0, 1800.0], &[18.5, 1801.0], true),
+            case(&[1.0, 1801.0], &[18.5, 1801.0], true),
+            case(&[19.0, 1.0], &[18.5, 1.0], false),
+            case(&[1.0, 1.0], &[18.0, 1801.0], false),
+        ];
+        // Half of 0.2 each, so the 18th of 19.
+        let found = forecast(&calibration, &tests, 0.2);
+        assert_eq!(found.calibration, 19);
+        assert_eq!(found.quantiles, [18.0, 1800.0]);
+        assert_eq!(found.coverage, 0.5);
+        assert_eq!(found.coverage_ci95, wilson(2, 4));
+        assert_eq!(found.predicted, 0.5);
+        assert_eq!((found.precision, found.recall), (Some(1.0), Some(1.0)));
+        // At most two of four with 0.8 each.
+        let chance = 1.0 - 4.0 * 0.8_f64.powi(3) * 0.2 - 0.8_f64.powi(4);
+        assert!((found.chance_of_so_little - chance).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_coverage_that_chance_does_not_explain_is_not_as_promised() {
+        let calibration: Vec<Vec<f64>> = (1..=99).map(|i| vec![f64::from(i)]).collect();
+        let with = |covered: usize| {
+            let distance = |at: usize| if at < covered { 1.0 } else { 1e3 };
+            let tests = (0..40).map(|at| case(&[distance(at)], &[0.0], false));
+            forecast(&calibration, &tests.collect::<Vec<_>>(), 0.1)
+        };
+        assert!(with(36).as_promised && with(30).as_promised);
+        assert!(!with(15).as_promised && !with(0).as_promised);
+        // 90 of 99 are below a conformal bound of rank 90: a Beta(90, 10) of 40.
+        let found = with(0).chance_of_so_little;
+        let exact = (0..40).map(|j| f64::from(10 + j) / f64::from(100 + j));
+        assert!(
+            (found / exact.product::<f64>() - 1.0).abs() < 1e-6,
+            "{found}"
+        );
+        // No prediction, and nothing that carried over, has no share.
+        let none = with(36);
+        assert_eq!(
+            (none.predicted, none.precision, none.recall),
+            (0.0, None, None)
+        );
+    }
+
+    #[test]
+    fn an_infinite_bound_covers_everything_and_is_a_word() {
+        let found = forecast(&[vec![1.0]], &[case(&[5.0], &[9.0], true)], 0.1);
+        assert_eq!((found.quantiles[0], found.coverage), (f64::INFINITY, 1.0));
+        assert_eq!((found.chance_of_so_little, found.predicted), (1.0, 0.0));
+        assert_eq!(found.recall, Some(0.0));
+        let json = serde_json::to_value(&found).expect("words");
+        assert_eq!(json["quantiles"], serde_json::json!(["inf"]));
+        assert_eq!(
+            [word(-f64::INFINITY), word(1.5)],
+            [serde_json::json!("-inf"), serde_json::json!(1.5)]
+        );
+        // A bound that covers everything cannot miss anything.
+        assert_eq!(chance_of_at_most(3, 4, 5, 0), 0.0);
+        assert_eq!(chance_of_at_most(4, 4, 5, 0), 1.0);
+        assert_eq!([0.0, 1.0].map(|p| binomial_at_most(0, 4, p)), [1.0; 2]);
+        assert_eq!(forecast(&[], &[], 0.1).coverage, 0.0);
+    }
 }

@@ -103,3 +103,71 @@ impl Display for ContactSeverity {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::severity::Side;
+
+    fn impact(kind: CrashKind, ego_side: Side, ego_delta_v_mps: f64) -> Impact {
+        Impact {
+            kind,
+            ego_side,
+            other_side: Side::Front,
+            overlap: None,
+            ego_speed_mps: 12.5,
+            other_speed_mps: 5.0,
+            turned_rad: 0.0,
+            ego_delta_v_mps,
+            other_delta_v_mps: 1.0,
+            curve: match kind {
+                CrashKind::Pedestrian => Some(RiskCurve::PedestrianFatality),
+                CrashKind::Crossing => None,
+                _ => Some(RiskCurve::OccupantMais3),
+            },
+        }
+    }
+
+    #[test]
+    fn a_row_has_the_shares_of_its_contacts_and_the_greatest_risk_of_each_curve() {
+        let all = [
+            impact(CrashKind::RearEnd, Side::Front, 4.0),
+            impact(CrashKind::Crossing, Side::Rear, 10.0),
+            impact(CrashKind::RearEnd, Side::Rear, 6.0),
+            impact(CrashKind::RearEnd, Side::Front, 2.0),
+            impact(CrashKind::Pedestrian, Side::Front, 1.0),
+        ];
+        let found = ContactSeverity::of(&all).expect("contacts");
+        let kinds = [
+            (CrashKind::RearEnd, 0.6),
+            (CrashKind::Crossing, 0.2),
+            (CrashKind::Pedestrian, 0.2),
+        ];
+        assert_eq!(found.kinds, BTreeMap::from(kinds));
+        // A crossing car that hits a rear did not follow the ego.
+        assert_eq!(found.struck_from_behind, 0.2);
+        assert_eq!(found.ego_delta_v_mps, 4.0);
+        let risk = |at: usize| all[at].injury_risk().expect("a curve").probability;
+        assert!(risk(0) > risk(2) && risk(0) > risk(3));
+        let risks = [
+            (RiskCurve::OccupantMais3, risk(0)),
+            (RiskCurve::PedestrianFatality, risk(4)),
+        ];
+        assert_eq!(found.max_injury_risk, BTreeMap::from(risks));
+        let [occupant, pedestrian] = risks.map(|(_, risk)| 100.0 * risk);
+        assert_eq!(
+            found.to_string(),
+            format!(
+                "60 % rear-end, 20 % crossing, 20 % pedestrian (20 % with the ego struck from \
+                 behind); Δv of the ego 4.0 m/s (median); at most {occupant:.1} % risk of MAIS 3+ \
+                 of the ego's occupants; at most {pedestrian:.1} % risk of death of the pedestrian"
+            )
+        );
+        let none = ContactSeverity::of(&all[1..2]).expect("a contact");
+        assert_eq!(
+            none.to_string(),
+            "100 % crossing; Δv of the ego 10.0 m/s (median); injury risk not computed"
+        );
+        assert_eq!(ContactSeverity::of(&[]), None);
+    }
+}

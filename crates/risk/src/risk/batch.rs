@@ -284,10 +284,12 @@ pub(super) fn open(dir: &Path, fingerprint: &str) -> Result<(), RunError> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::RiskTraffic;
     use super::super::record::RunEnd;
-    use super::super::tests::{directory, traffic, world};
+    use super::super::tests::{TRAFFIC, directory, traffic, world};
     use super::*;
     use crate::ego::Fault;
+    use crate::scene::Start;
 
     /// Plays ten natural runs, whose file is returned.
     fn counted(
@@ -374,5 +376,97 @@ mod tests {
         let refused = open(&dir, "two");
         assert!(matches!(refused, Err(RunError::NoRiskRequest { .. })));
         std::fs::remove_dir_all(&dir).expect("removed");
+    }
+
+    /// Player of the small world that stores nothing.
+    fn player<'a>(watch: &'a Watch<'a>, has_lanes: bool) -> Player<'a> {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        Player {
+            world: RiskWorld::new(&world, traffic.starts, traffic.actions),
+            has_lanes,
+            seed: 9,
+            request: "digest".to_owned(),
+            name: "ego".to_owned(),
+            dir: None,
+            watch,
+        }
+    }
+
+    #[test]
+    fn runs_of_each_content_have_their_actions_and_their_judges() {
+        let watch = Watch::unwatched();
+        let player = player(&watch, false);
+        let known = [0, 1].map(|noise| KnownFailure {
+            start: Start(vec![30.0]),
+            noise,
+            actions: vec![0],
+        });
+        let of = |content: Content<'_>, index: usize| {
+            let order = player.order(7, index, &content, 2);
+            assert_eq!((order.seed, order.stage, order.index), (9, 7, index as u64));
+            let source = match order.source {
+                EpisodeSource::Component(component) => format!("component {component}"),
+                EpisodeSource::Held(hold) => format!("held {hold}"),
+                EpisodeSource::Recorded(known) => format!("known {}", known.noise),
+            };
+            (source, order.judge_held, order.prevent)
+        };
+        let case = |source: &str, judge_held, prevent| (source.to_owned(), judge_held, prevent);
+        // The first natural runs are judged by the rules, and all by the drivers.
+        let natural = Content::Natural(5000);
+        assert_eq!(of(natural, JUDGED - 1), case("component 0", true, true));
+        assert_eq!(of(natural, JUDGED), case("component 0", false, true));
+        let round = Content::Round(ASSESSED);
+        assert_eq!(of(round, 1), case("component 2", false, true));
+        // A larger round assesses every second failure.
+        let round = Content::Round(ASSESSED + 1);
+        assert_eq!(of(round, 1), case("component 2", false, false));
+        assert_eq!(of(round, 2), case("component 2", false, true));
+        // The longest hold is the whole run of five decisions.
+        for (index, hold) in [1, 2, 4, 8, 5, 1].into_iter().enumerate() {
+            let held = case(&format!("held {hold}"), false, false);
+            assert_eq!(of(Content::Exploring(10), index), held);
+        }
+        for index in [0, 1] {
+            let said = case(&format!("known {index}"), false, false);
+            assert_eq!(of(Content::Known(&known), index), said);
+        }
+    }
+
+    #[test]
+    fn natural_runs_are_counted_alike_in_lanes_and_on_benches() {
+        let watch = Watch::unwatched();
+        let counted = |has_lanes: bool| {
+            let player = player(&watch, has_lanes);
+            assert!(player.world.lanes().is_some());
+            let counts = player.count(0, JUDGED + 1000, &Mixture::natural(1));
+            counts.expect("no disk").expect("not stopped")
+        };
+        let (lanes, benches) = (counted(true), counted(false));
+        assert_eq!(format!("{lanes:?}"), format!("{benches:?}"));
+        // Rules are judged in the first runs, whatever plays the others.
+        assert_eq!((lanes.len(), lanes.judged()), (JUDGED + 1000, JUDGED));
+        // Another stage and another seed have other draws.
+        let draws = |seed: u64, stage: u64| {
+            let player = Player {
+                seed,
+                ..player(&watch, true)
+            };
+            let runs = player.play(stage, Content::Natural(3), &Mixture::natural(1));
+            let runs = runs.expect("no disk").expect("not stopped").into_iter();
+            runs.map(|run| run.noise).collect::<Vec<u64>>()
+        };
+        assert_eq!(draws(9, 0), draws(9, 0));
+        assert_ne!(draws(9, 0), draws(10, 0));
+        assert_ne!(draws(9, 0), draws(9, 1));
+    }
+
+    #[test]
+    fn a_directory_in_which_only_the_programs_are_bound_is_new() {
+        let dir = tempfile::tempdir().expect("a directory");
+        assert!(!is_used(dir.path()));
+        std::fs::write(dir.path().join(PROGRAMS), "{}").expect("written");
+        assert!(open(dir.path(), "one").is_ok() && is_used(dir.path()));
     }
 }

@@ -573,4 +573,55 @@ mod tests {
             checks.bound
         );
     }
+
+    #[test]
+    fn a_tail_refuses_if_it_is_heavy_and_carries_more_than_a_tenth() {
+        let checks = checked(400, 1.0);
+        let refused = |k: f64, unseen: f64| {
+            let found = checks.found(Some(WeightTail { k, unseen }), &IndexMap::new());
+            found.iter().map(|it| it.reason.clone()).next()
+        };
+        for (k, unseen) in [(0.69, 5.0), (0.71, 0.09), (0.0, 0.0)] {
+            assert_eq!(refused(k, unseen), None, "{k}, {unseen}");
+        }
+        let said = refused(0.71, 0.11).expect("a heavy tail");
+        assert!(said.contains("k̂ is 0.71") && said.ends_with("may be 11 % of the risk"));
+        // More than all of the risk is no share.
+        let said = refused(1.5, 7.0).expect("a heavy tail");
+        assert!(said.ends_with("may be 100 % of the risk"), "{said}");
+    }
+
+    #[test]
+    fn the_bound_is_of_the_last_round_and_at_most_one() {
+        let mixture = Mixture::natural(0);
+        let bound = |rounds: &[Round], natural: &NaturalCounts, limit: f64| {
+            Checks::of(rounds, (natural, limit), &mixture, &[]).bound
+        };
+        // Without a round, only natural runs are left.
+        let none = bound(&[], &natural(1000, 0, 0), 0.0);
+        assert!(
+            (none - (1.0 - libm::pow(0.025, 1e-3))).abs() < 1e-9,
+            "{none}"
+        );
+        let held = natural(10_000, 0, 0);
+        let last = bound(&[round(100, 0.1)], &held, 1.0);
+        assert_eq!(
+            bound(&[round(5000, 1.0), round(100, 0.1)], &held, 1.0),
+            last
+        );
+        assert!(last < 0.1, "{last}");
+        assert_eq!(bound(&[round(100, 0.1)], &held, 1e6), 1.0);
+    }
+
+    #[test]
+    fn stored_failures_are_compared_with_the_runs_that_they_are_of() {
+        // All of the first thousand runs fail, and nothing later is stored.
+        let natural = natural(20_000, 0, 1000);
+        let found = refusals(&[round(10_000, 1.0)], &natural, 0.5);
+        assert!(
+            begins(&found, "1000 natural failures of kinds"),
+            "{found:?}"
+        );
+        assert_eq!(refusals(&[round(10_000, 1.0)], &natural, 1.0), [""; 0]);
+    }
 }

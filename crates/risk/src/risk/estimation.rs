@@ -497,9 +497,13 @@ impl<'a> Estimation<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{directory, traffic, world};
+    use super::super::record::KnownFailure;
+    use super::super::tests::{TRAFFIC, directory, traffic, world};
+    use super::super::{RiskTraffic, ValueKind};
     use super::*;
     use crate::ego::Fault;
+    use crate::scene::Start;
+    use crate::sim::PlantKind;
 
     fn failed(mode: &str, action: u32) -> RiskRun {
         RiskRun {
@@ -547,5 +551,194 @@ mod tests {
         let likeliest = likeliest.map(|(ego, _, run)| (*ego, run.actions[0]));
         assert_eq!(likeliest.collect::<Vec<_>>(), [(0, 2), (0, 0)]);
         std::fs::remove_dir_all(&dir).expect("removed");
+    }
+
+    /// Round of 10,000 natural draws, of which some fail and others end in a fault.
+    fn round(failures: usize, faults: usize) -> Round {
+        let failure = |index| WeightedFailure {
+            index,
+            component: 0,
+            weight: 0.1,
+            mode: "contact".to_owned(),
+            lawful: true,
+            preventable: None,
+        };
+        let fault = |index| WeightedFault {
+            index,
+            component: 0,
+            weight: 0.1,
+        };
+        Round {
+            draws: vec![10_000],
+            failures: (0..failures).map(failure).collect(),
+            faults: (5000..5000 + faults).map(fault).collect(),
+        }
+    }
+
+    #[test]
+    fn an_estimate_is_good_if_it_is_narrow_rests_on_enough_and_passes_its_checks() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world)];
+        let is_good = |width: f64, rounds: Vec<Round>, natural: Vec<RiskRun>| {
+            let mut request = RiskRequest::new(&traffic, &egos);
+            request.settings.width = width;
+            let watch = Watch::unwatched();
+            let mut estimation = Estimation::begin(&request, vec![None], &watch);
+            let mut counts = NaturalCounts::default();
+            counts.add(natural);
+            (estimation.natural, estimation.rounds) = (vec![counts], vec![rounds]);
+            estimation.is_good(0)
+        };
+        assert!(is_good(0.25, vec![round(101, 0)], Vec::new()));
+        // Its half-width is 22 %.
+        assert!(!is_good(0.21, vec![round(101, 0)], Vec::new()));
+        assert!(!is_good(0.25, vec![round(99, 0)], Vec::new()));
+        assert!(!is_good(0.25, Vec::new(), Vec::new()));
+        // Nature fails in every run.
+        assert!(!is_good(
+            0.25,
+            vec![round(101, 0)],
+            vec![failed("lawful", 1); 50]
+        ));
+    }
+
+    #[test]
+    fn a_ratio_of_weighted_risks_has_both_ends_of_what_faults_allow() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world), EgoUnderTest::nominal(&world)];
+        let request = RiskRequest::new(&traffic, &egos);
+        let watch = Watch::unwatched();
+        let report = |rounds: [Round; 2]| {
+            let mut estimation = Estimation::begin(&request, vec![None; 2], &watch);
+            estimation.natural = vec![NaturalCounts::default(); 2];
+            estimation.rounds = rounds.map(|round| vec![round]).into();
+            estimation.report()
+        };
+        let of = |it: Option<RiskEstimate>| it.map(|it| (it.probability * 1e9).round());
+        let sound = report([round(130, 0), round(260, 0)]);
+        assert_eq!((of(sound.ratio), sound.ratio_between), (Some(5e8), None));
+        assert_eq!((sound.cost.egos, sound.inside), (2, 1.0));
+        // Faults of the second ego may only lower the ratio, and those of the first raise it.
+        let faulty = report([round(130, 13), round(260, 26)]);
+        assert!(faulty.is_result() && faulty.ratio.is_none());
+        let between = faulty.ratio_between.expect("faults");
+        let ends = between.map(|it| (it.probability * 1e9).round());
+        assert_eq!(ends, [(1e9_f64 * 130.0 / 286.0).round(), 5.5e8]);
+        // Numbers that are no results have no ratio.
+        let few = report([round(10, 0), round(130, 0)]);
+        assert!(!few.is_result() && few.ratio.is_none() && few.ratio_between.is_none());
+        let few = report([round(10, 2), round(130, 0)]);
+        assert!(few.ratio.is_none() && few.ratio_between.is_none());
+    }
+
+    #[test]
+    fn each_ego_has_its_own_likeliest_failures() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world), EgoUnderTest::nominal(&world)];
+        let request = RiskRequest::new(&traffic, &egos);
+        let watch = Watch::unwatched();
+        let mut estimation = Estimation::begin(&request, vec![None; 2], &watch);
+        estimation.note_round(0, vec![failed("lawful", 1)]);
+        estimation.note_round(1, vec![failed("lawful", 2), failed("lawful", 0)]);
+        estimation.note_round(0, vec![failed("lawful", 0)]);
+        let likeliest = estimation.likeliest.iter();
+        let likeliest = likeliest.map(|(ego, _, run)| (*ego, run.actions[0]));
+        assert_eq!(likeliest.collect::<Vec<_>>(), [(0, 1), (1, 2)]);
+        // Later rounds learn from all of them.
+        assert_eq!(estimation.learning.runs(), 4);
+    }
+
+    fn known(headway_m: f64, action: usize) -> KnownFailure {
+        KnownFailure {
+            start: Start(vec![headway_m]),
+            noise: 0,
+            actions: vec![action],
+        }
+    }
+
+    #[test]
+    fn known_counterexamples_count_for_the_egos_that_they_fail() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world), EgoUnderTest::nominal(&world)];
+        // One that fails both egos, one that does not, and one that is impossible.
+        let all = [known(24.5, 0), known(45.0, 1), known(1e6, 0)];
+        let mut request = RiskRequest::new(&traffic, &egos);
+        request.known = &all;
+        let watch = Watch::unwatched();
+        let mut estimation = Estimation::begin(&request, vec![None; 2], &watch);
+        let learned = estimation.learn(Content::Known(&all), true);
+        assert_eq!(learned.expect("no disk"), Some(()));
+        assert_eq!(
+            (estimation.cost.exploring, estimation.cost.learning),
+            (3, 0)
+        );
+        assert_eq!(estimation.impossible, [1, 1]);
+        assert_eq!(estimation.faults[1].runs, 3);
+        let probes = estimation.probes.iter();
+        let probes = probes.map(|it| (it.ego, it.run.failure().is_some()));
+        assert_eq!(probes.collect::<Vec<_>>(), [(0, true), (1, true)]);
+        let modes = estimation.known_modes.iter().map(|(ego, _)| *ego);
+        assert_eq!(modes.collect::<Vec<_>>(), [0, 1]);
+        // A run that held teaches nothing about counterexamples.
+        assert_eq!(estimation.learning.runs(), 2);
+    }
+
+    #[test]
+    fn probes_are_failures_that_nature_can_draw() {
+        let world = world();
+        // No ado begins to brake.
+        let never = TRAFFIC.replace("0.02 *", "0.0 *");
+        let [rare, never] =
+            [TRAFFIC, &never].map(|text| RiskTraffic::parse(&world, "t.ron", text).expect("sound"));
+        let egos = [EgoUnderTest::nominal(&world)];
+        let probes = |traffic: &RiskTraffic| {
+            let request = RiskRequest::new(traffic, &egos);
+            let watch = Watch::unwatched();
+            let mut estimation = Estimation::begin(&request, vec![None], &watch);
+            let learned = estimation.learn(Content::Exploring(2000), true);
+            assert_eq!(learned.expect("no disk"), Some(()));
+            estimation.probes.len()
+        };
+        assert_eq!(probes(&never), 0);
+        assert!(probes(&rare) > 0);
+    }
+
+    #[test]
+    fn runs_on_another_plant_cost_the_ego_nothing() {
+        let world = world();
+        // From so far ahead nothing fails, so that no round follows.
+        let far = TRAFFIC.replace(
+            "mean: 35.0, sd: 2.5, within: (24.0, 46.0)",
+            "mean: 45.0, sd: 1.0, within: (44.0, 46.0)",
+        );
+        let traffic = RiskTraffic::parse(&world, "t.ron", &far).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world)];
+        let all = [known(45.0, 1)];
+        let costs = |learn_on: Option<PlantKind>, surrogate: Option<u64>| {
+            let mut request = RiskRequest::new(&traffic, &egos);
+            request.known = &all;
+            request.settings.budget = 100;
+            request.settings.natural = 50;
+            request.settings.value = ValueKind::Table;
+            (request.settings.learn_on, request.settings.surrogate) = (learn_on, surrogate);
+            let watch = Watch::unwatched();
+            let mut estimation = Estimation::begin(&request, vec![None], &watch);
+            let plants = estimation.learners.iter();
+            let plants = plants.filter_map(|it| it.world.scenario.plant().plant());
+            assert_eq!(plants.collect::<Vec<_>>(), Vec::from_iter(learn_on));
+            assert!(estimation.learn_proposals().expect("no disk").is_some());
+            let cost = estimation.cost;
+            assert_eq!(cost.of_ego(), estimation.faults[0].runs);
+            [cost.exploring, cost.learning]
+        };
+        // Ten runs explore, and one counterexample is known.
+        assert_eq!(costs(None, None), [11, 0]);
+        assert_eq!(costs(Some(PlantKind::Rigid), None), [0, 11]);
+        // A surrogate need not fail where its ego does.
+        assert_eq!(costs(Some(PlantKind::Rigid), Some(5)), [1, 10]);
     }
 }

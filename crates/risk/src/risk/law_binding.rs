@@ -581,4 +581,72 @@ mod tests {
         let drawn = law.probabilities(&[], [3, 3], 2);
         assert!((drawn[0] + drawn[1] - 0.5).abs() < 1e-12, "{drawn:?}");
     }
+
+    #[test]
+    fn a_fitted_law_needs_decisions_that_divide_those_of_its_model() {
+        use crate::risk::{RiskTraffic, RiskTrafficError};
+        use crate::world::{LoadError, Scenario};
+        let text = "Traffic(source: \"test\", model: \"motorway\", starts: {}, \
+                    ados: { \"ado\": Fitted() })";
+        let hold = |decision_s: &str| {
+            let world = include_str!("../../../../worlds/acc.ron");
+            let clock = format!("horizon_s: 12.0, decision_s: {decision_s}");
+            let world = world.replace("horizon_s: 15.0, decision_s: 0.5", &clock);
+            let world = Scenario::parse("acc.ron", &world).expect("sound");
+            match RiskTraffic::parse(&world, "t.ron", text) {
+                Ok(traffic) => match &traffic.actions.ados[0].kind {
+                    LawKind::Fitted(law) => Ok(law.hold),
+                    LawKind::Markov(_) => panic!("a fitted law"),
+                },
+                Err(RiskTrafficError::File(LoadError::Scenario(placed))) => {
+                    Err(placed.problems[0].what.clone())
+                }
+                Err(error) => panic!("{error}"),
+            }
+        };
+        for (decision_s, decisions) in [("0.5", 1), ("0.25", 2), ("0.1", 5), ("0.05", 10)] {
+            assert_eq!(hold(decision_s), Ok(decisions), "{decision_s}");
+        }
+        // Too long, and no part of half a second.
+        for decision_s in ["2.0", "1.0", "0.4", "0.2"] {
+            let said = hold(decision_s).expect_err(decision_s);
+            assert!(said.ends_with("do not divide the model's 0.5 s"), "{said}");
+        }
+    }
+
+    #[test]
+    fn onsets_share_their_probability_by_their_rates_and_their_weights() {
+        let schema = Schema::new(0.5, [Signal::real("v", "m/s", "speed")]).expect("sound");
+        let onset = |rate: &str, to: &[f64]| Onset {
+            rate_per_s: rate
+                .parse::<Expr>()
+                .and_then(|rate| rate.bind(&schema, &Default::default()))
+                .expect("sound"),
+            to: to.to_vec(),
+        };
+        let law = MarkovLaw {
+            onsets: vec![
+                onset("0.3", &[1.0, 0.0, 0.0]),
+                onset("0.1", &[0.0, 0.25, 0.75]),
+            ],
+            ..markov()
+        };
+        let found = law.probabilities(&[0.0], 0);
+        let none = libm::exp(-0.4 * 0.5);
+        let expected = [
+            0.5 * none + 0.75 * (1.0 - none),
+            0.375 * none + 0.25 * 0.25 * (1.0 - none),
+            0.125 * none + 0.25 * 0.75 * (1.0 - none),
+        ];
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{found}, not {expected}");
+        }
+        // A certain event has no limit that is no number.
+        let certain = MarkovLaw {
+            onsets: vec![onset("1 / (v * 0)", &[0.0, 0.0, 1.0])],
+            ..markov()
+        };
+        let found = certain.probabilities(&[1.0], 0);
+        assert_eq!(found, [0.0, 0.0, 1.0]);
+    }
 }

@@ -101,6 +101,12 @@ impl Learning {
         }
     }
 
+    /// Returns the number of runs of which V is learned.
+    #[cfg(test)]
+    pub(super) fn runs(&self) -> usize {
+        self.data.len()
+    }
+
     /// Refits V and the mixture. `None` without a known failure.
     ///
     /// `stage` is the number of batches so far, by which random numbers differ.

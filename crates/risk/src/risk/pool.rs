@@ -677,4 +677,50 @@ mod tests {
             "{found:?} {apart:?}"
         );
     }
+
+    #[test]
+    fn widths_add_as_squares_on_each_side() {
+        let of = |probability: f64, interval| RiskEstimate {
+            probability,
+            interval,
+            ess: 30.0,
+            hits: 40,
+        };
+        let (risk, rate) = (of(0.01, [0.008, 0.012]), of(0.9, [0.85, 0.92]));
+        let near = |found: [f64; 2], expected: [f64; 2]| {
+            let pairs = found.iter().zip(expected);
+            let far = pairs.map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+            assert!(far < 1e-12, "{found:?}, not {expected:?}");
+        };
+        let side = |own: f64, other: f64| libm::hypot(libm::log(own), libm::log(other));
+        let times = risk.times(&rate);
+        let expected = [side(0.8, 0.85 / 0.9), -side(1.2, 0.92 / 0.9)];
+        near(times.interval, expected.map(|it| 0.009 * libm::exp(-it)));
+        // A greater rate makes a smaller quotient, so the sides of the rate change.
+        let over = risk.over(&rate);
+        let expected = [side(0.8, 0.9 / 0.92), -side(1.2, 0.9 / 0.85)];
+        near(
+            over.interval,
+            expected.map(|it| 0.01 / 0.9 * libm::exp(-it)),
+        );
+        assert_eq!((over.ess, over.hits, times.hits), (30.0, 40, 40));
+        // Without a hit, the end is divided by the least rate.
+        let none = of(0.0, [0.0, 0.001]).over(&rate);
+        near([1.0, none.interval[1]], [1.0, 0.001 / 0.85]);
+    }
+
+    #[test]
+    fn a_ratio_has_an_exact_width() {
+        let many = [equal(1000, 60, 1.0)];
+        let mut few = [equal(1000, 30, 1.0)];
+        few[0].failures.iter_mut().for_each(|it| it.index += 500);
+        let found = ratio(&many, &few).expect("failures");
+        // 60 values of 1 / 0.06 and 30 of −1 / 0.03 have the variance 50 · 1000 / 999, and
+        // t of 29 is 2.04523.
+        let spread = 2.04523 * libm::sqrt(0.05 * 1000.0 / 999.0);
+        for (side, sign) in [(0, -1.0), (1, 1.0)] {
+            let log = libm::log(found.interval[side] / 2.0);
+            assert!((log - sign * spread).abs() < 1e-4, "{log}, not {spread}");
+        }
+    }
 }

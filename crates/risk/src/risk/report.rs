@@ -959,4 +959,104 @@ mod tests {
         let text = hourly(vec![faulty, sound], None, Some([ratio, INSIDE.scaled(2.0)]));
         assert!(text.contains("`ego`: 0.50 to 1.00, 0.25 … 1.00"), "{text}");
     }
+
+    #[test]
+    fn runs_are_counted_where_they_were_played() {
+        let cost = RiskCost {
+            natural: 1,
+            exploring: 2,
+            rounds: 3,
+            surrogate: 4,
+            learning: 5,
+            egos: 1,
+        };
+        assert_eq!(cost.of_ego(), 10);
+        let line = |cost: RiskCost| {
+            let report = RiskReport {
+                cost,
+                ..report(Vec::new())
+            };
+            let text = report.to_string();
+            let line = text.lines().find(|it| it.starts_with("runs per ego"));
+            line.expect("a line").to_owned()
+        };
+        let plain = "runs per ego: 1 natural, 2 exploring, 3 in rounds";
+        assert_eq!(line(cost), format!("{plain}, 4 for its surrogate, 5 in it"));
+        let on_other = RiskCost {
+            surrogate: 0,
+            ..cost
+        };
+        assert_eq!(line(on_other), format!("{plain}, 5 on another plant"));
+        let on_own = RiskCost {
+            learning: 0,
+            ..on_other
+        };
+        assert_eq!(line(on_own), plain);
+    }
+
+    #[test]
+    fn a_report_names_its_starts_its_checks_and_what_counting_would_cost() {
+        let sound = weighted(&[round(0)], &natural());
+        let said = |inside: f64, axes: &[&str]| {
+            let report = RiskReport {
+                inside,
+                uniform_axes: axes.iter().map(|it| (*it).to_owned()).collect(),
+                ..report(vec![sound.clone()])
+            };
+            report.to_string()
+        };
+        let text = said(0.9, &["ado.speed", "ego.speed"]);
+        for line in [
+            "acc, kinematic, runs of 15 s, traffic: test",
+            "starts uniform over the world's ranges, without a law: ado.speed, ego.speed",
+            "90.0 % of the law of starts is inside the world's ranges",
+            "of the failures:",
+            " 60.0 %  1.2e-3  rear-end",
+            "counting alone would need ",
+        ] {
+            assert!(
+                text.lines().any(|it| it.starts_with(line)),
+                "{line}: {text}"
+            );
+        }
+        assert!(
+            text.contains("100 failures, largest 1.0 %, probes 0 of 0 covered"),
+            "{text}"
+        );
+        let text = said(0.9995, &[]);
+        assert!(
+            !text.contains("is inside") && !text.contains("starts uniform"),
+            "{text}"
+        );
+        // Known kinds have a line, and faults one for each kind.
+        let mut known = sound.clone().with_known(&["side-swipe"]);
+        known.impossible = 0;
+        let text = report(vec![known]).to_string();
+        assert!(
+            text.contains(" 40.0 %  of kinds that known counterexamples show"),
+            "{text}"
+        );
+        assert!(
+            !text.contains("warning") && !text.contains("invalid"),
+            "{text}"
+        );
+        assert_eq!([0.00999, 0.01].map(number), ["9.99e-3", "0.0100"]);
+    }
+
+    #[test]
+    fn an_ego_that_is_not_repeatable_has_no_result() {
+        let sound = weighted(&[round(0)], &natural());
+        assert!(report(vec![sound.clone()]).is_result());
+        let unrepeatable = EgoRisk {
+            unrepeatable: Some(FaultCount {
+                kind: crate::ego::FaultKind::KeptState,
+                message: "keeps state".to_owned(),
+                stderr: String::new(),
+                first_start: 0,
+                count: 1,
+            }),
+            ..sound.clone()
+        };
+        assert!(!report(vec![sound, unrepeatable]).is_result());
+    }
 }

@@ -190,7 +190,9 @@ impl<'a> RiskRequest<'a> {
 mod tests {
     use super::super::tests::{TRAFFIC, world};
     use super::*;
+    use crate::ego::{Command, Controller, Fault, Percept};
     use crate::scene::Start;
+    use crate::world::Scenario;
 
     fn known(change: fn(&mut KnownFailure)) -> Vec<KnownFailure> {
         let mut known = KnownFailure {
@@ -271,5 +273,81 @@ mod tests {
         assert_eq!(before(1_000, 10_000), [1_000, 0, 0]);
         assert_eq!(before(20_000, 10_000), [10_000, 2_000, 1_000]);
         assert_eq!(before(100_000, 10_000), [10_000, 5_000, 5_000]);
+    }
+
+    /// Drives like the world's own ego would coast.
+    struct Coasting;
+
+    impl Controller for Coasting {
+        fn reset(&mut self, _: u64) {}
+
+        fn control(&mut self, _: &Percept) -> Result<Command, Fault> {
+            Ok(Command::accelerate(0.0))
+        }
+
+        fn fork(&self) -> Option<Box<dyn Controller>> {
+            None
+        }
+    }
+
+    #[test]
+    fn every_part_of_an_ego_changes_the_digest() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let of = |ego: &EgoUnderTest| {
+            let egos = [ego.clone()];
+            RiskRequest::new(&traffic, &egos).fingerprint()
+        };
+        // Only the name differs.
+        let own = |name: &str| {
+            let factory = || Box::new(Coasting) as Box<dyn Controller>;
+            let ego = EgoUnderTest::own(&world, name, std::sync::Arc::new(factory));
+            ego.expect("driven").in_world(world.clone())
+        };
+        // Only the change differs.
+        let changes = ["weak brakes", "strong brakes"].map(|name| {
+            let ego = EgoUnderTest::changed(&world, "same", &world.reuse()[name], "none");
+            ego.expect("fits").in_world(world.clone())
+        });
+        // Only the world differs.
+        let text = world.text().replace("d_safe\": 4.7", "d_safe\": 4.8");
+        assert_ne!(text, world.text());
+        let stricter = Scenario::parse("acc.ron", &text).expect("sound");
+        let stricter = stricter.on(PlantKind::Kinematic);
+        let [weak, strong] = changes;
+        let egos = [
+            own("one"),
+            own("other"),
+            weak,
+            strong,
+            EgoUnderTest::nominal(&world),
+            EgoUnderTest::nominal(&stricter),
+        ];
+        let mut all: Vec<String> = egos.iter().map(of).collect();
+        all.sort();
+        all.dedup();
+        assert_eq!(all.len(), egos.len());
+        // A rebuilt program has its old command.
+        let dir = tempfile::tempdir().expect("a directory");
+        let file = dir.path().join("ego.sh");
+        let program = EgoUnderTest::program(&world, &[file.display().to_string()]);
+        let program = program.expect("driven");
+        let built = |text: &str| {
+            std::fs::write(&file, text).expect("written");
+            of(&program)
+        };
+        let first = built("#!/bin/sh\necho 1\n");
+        assert_ne!(built("#!/bin/sh\necho 2\n"), first);
+        assert_eq!(built("#!/bin/sh\necho 1\n"), first);
+    }
+
+    #[test]
+    fn a_request_without_surrogates_has_none_for_any_ego() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let egos = [EgoUnderTest::nominal(&world), EgoUnderTest::nominal(&world)];
+        let found = RiskRequest::new(&traffic, &egos).surrogates(&Watch::unwatched());
+        let found = found.expect("not stopped");
+        assert!(found.len() == 2 && found.iter().all(Option::is_none));
     }
 }

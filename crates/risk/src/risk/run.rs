@@ -346,6 +346,8 @@ pub(super) fn draw(probabilities: &[f64], share: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::RiskTraffic;
+    use super::super::tests::{TRAFFIC, reckless, world};
     use super::*;
 
     #[test]
@@ -362,5 +364,169 @@ mod tests {
             assert_eq!(draw(&law, share), action, "{share}");
         }
         assert_eq!(draw(&[0.0, 1.0], 0.0), 1);
+    }
+
+    const NOTHING: fn(&mut KnownFailure) = |_| {};
+
+    /// Plays a recorded sequence in a world, with its rate of braking.
+    fn played(
+        world: &Scenario,
+        rate: &str,
+        (headway_m, actions): (f64, &[usize]),
+        change: fn(&mut KnownFailure),
+        [judge_held, prevent]: [bool; 2],
+    ) -> RiskRun {
+        let traffic = TRAFFIC.replace("0.02 *", rate);
+        let traffic = RiskTraffic::parse(world, "t.ron", &traffic).expect("sound");
+        let risk = RiskWorld::new(world, traffic.starts, traffic.actions);
+        let mut known = KnownFailure {
+            start: Start(vec![headway_m]),
+            noise: 77,
+            actions: actions.to_vec(),
+        };
+        change(&mut known);
+        let order = Order {
+            seed: 3,
+            stage: 4,
+            index: 5,
+            source: EpisodeSource::Recorded(&known),
+            judge_held,
+            prevent,
+        };
+        let mut bench = risk.scenario.bench();
+        risk.play(&mut bench, &Mixture::natural(1), &order)
+    }
+
+    fn recorded(
+        rate: &str,
+        sequence: (f64, &[usize]),
+        change: fn(&mut KnownFailure),
+        asked: [bool; 2],
+    ) -> RiskRun {
+        played(&world(), rate, sequence, change, asked)
+    }
+
+    #[test]
+    fn a_recorded_sequence_keeps_its_noise_its_last_action_and_its_law() {
+        let run = recorded("0.02 *", (24.5, &[1, 0]), NOTHING, [true, false]);
+        assert_eq!(run.noise, 77);
+        let taken = run.actions.len();
+        assert!(taken > 2, "{:?}", run.actions);
+        assert!(run.actions[..2] == [1, 0] && run.actions[2..].iter().all(|it| *it == 0));
+        // Braking goes on with 0.7, or begins anew by an onset.
+        let law = run.law(2);
+        let none = law[1] / 0.15;
+        assert!((law[0] - (0.7 * none + 1.0 - none)).abs() < 1e-6, "{law:?}");
+        assert!(law[1] == law[2] && 0.98 < none && none < 0.99, "{law:?}");
+        let onset = 0.02 * (1.0 + 12.0 / 25.0) * 0.5;
+        let kept = 0.95 * libm::exp(-onset);
+        assert!(
+            (f64::from(run.law(0)[1]) - kept).abs() < 1e-6,
+            "{:?}",
+            run.law(0)
+        );
+        // The last input is the share of the decisions that are left.
+        let left: Vec<f32> = (0..taken)
+            .map(|at| *run.input(at).last().expect("it"))
+            .collect();
+        let all = [1.0, 0.8, 0.6, 0.4, 0.2];
+        assert_eq!(left, all[..taken]);
+        assert!((run.ratios[0] - 1.0).abs() < 1e-12, "{:?}", run.ratios);
+    }
+
+    #[test]
+    fn the_first_state_is_what_a_run_reads_first() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let risk = RiskWorld::new(&world, traffic.starts, traffic.actions);
+        let run = recorded("0.02 *", (30.0, &[0]), NOTHING, [true, false]);
+        let start = Start(vec![30.0]);
+        let (input, law) = risk.first_state(&mut risk.scenario.bench(), &start);
+        assert_eq!((input.len(), &input[..]), (risk.inputs(), run.input(0)));
+        let law: Vec<f32> = law.iter().map(|it| *it as f32).collect();
+        assert_eq!(law, run.law(0));
+    }
+
+    #[test]
+    fn the_end_of_a_run_is_judged_as_far_as_it_was_asked() {
+        let held = |asked| recorded("0.02 *", (45.0, &[1]), NOTHING, [asked, true]).end;
+        assert_eq!(held(true), RunEnd::Held { lawful: Some(true) });
+        assert_eq!(held(false), RunEnd::Held { lawful: None });
+        let failed = |asked| {
+            let run = recorded("0.02 *", (24.5, &[0]), NOTHING, [true, asked]);
+            run.failure().cloned().expect("a failure")
+        };
+        assert!(failed(false).lawful && failed(false).preventable.is_none());
+        assert!(
+            failed(true).mode.ends_with(", lawful"),
+            "{:?}",
+            failed(true)
+        );
+        assert_eq!(failed(true).preventable, Some(DriverAnswer::Fails));
+        // A law without braking cannot produce it, and neither can one of nearer starts.
+        let never = recorded("0.0 *", (24.5, &[0]), NOTHING, [true, true]);
+        assert_eq!((never.end, never.ratios), (RunEnd::Impossible, vec![0.0]));
+        let far = recorded("0.02 *", (24.5, &[0]), |it| it.start.0[0] = 60.0, [true; 2]);
+        assert_eq!((far.end, far.actions.len()), (RunEnd::Impossible, 0));
+    }
+
+    /// A rule that the ado breaks after the failure did not cause it.
+    #[test]
+    fn a_failure_is_lawful_if_the_rules_were_kept_up_to_it() {
+        // With a larger distance to keep, the ado brakes on before the contact.
+        let text = world().text().replace("\"d_safe\": 4.7", "\"d_safe\": 9.0");
+        let plain = Scenario::parse("acc.ron", &text).expect("sound");
+        let plain = plain.on(crate::sim::PlantKind::Kinematic);
+        let start = Start(vec![24.0]);
+        let mut bench = plain.without_rules(|_| true).bench();
+        bench.begin(&start, 77, Aftermath::Play);
+        while !bench.is_done() {
+            bench.decide(0);
+        }
+        let column = |name: &str| bench.trace().signal(name).expect("published");
+        let (headways, speeds) = (column("headway"), column("ado.speed"));
+        let failed = headways.iter().position(|it| *it < 9.0).expect("a failure");
+        let (then_mps, end_mps) = (speeds[failed], speeds[speeds.len() - 1]);
+        assert!(
+            end_mps + 0.1 < then_mps,
+            "{end_mps} at the end, {then_mps} before"
+        );
+        let failure = |least_mps: f64| {
+            let text = plain
+                .text()
+                .replace("\"v_min\": 0.1", &format!("\"v_min\": {least_mps:?}"));
+            assert_ne!(text, plain.text());
+            let world = Scenario::parse("acc.ron", &text).expect("sound");
+            let world = world.on(crate::sim::PlantKind::Kinematic);
+            let run = played(&world, "0.02 *", (24.0, &[0]), NOTHING, [true, false]);
+            run.failure().cloned().expect("a failure")
+        };
+        let lawful = failure(0.5 * (then_mps + end_mps));
+        assert!(
+            lawful.lawful && lawful.mode.ends_with(", lawful"),
+            "{lawful:?}"
+        );
+        let unlawful = failure(then_mps + 0.01);
+        let said = "breaks “never stops or reverses”";
+        assert!(
+            !unlawful.lawful && unlawful.mode.ends_with(said),
+            "{unlawful:?}"
+        );
+    }
+
+    /// Reference drivers are asked about a contact, and either answer is kept.
+    #[test]
+    fn a_contact_is_preventable_if_a_driver_model_avoids_it() {
+        let world = world();
+        let ego = reckless(&world, false);
+        let answer = |headway_m: f64, actions: &[usize]| {
+            let sequence = (headway_m, actions);
+            // With this seed the ego speeds up.
+            let change = |it: &mut KnownFailure| it.noise = 78;
+            let run = played(ego.scenario(), "0.02 *", sequence, change, [true, true]);
+            run.failure().and_then(|it| it.preventable)
+        };
+        assert_eq!(answer(40.0, &[1]), Some(DriverAnswer::Avoids));
+        assert_eq!(answer(24.0, &[0]), Some(DriverAnswer::Fails));
     }
 }

@@ -477,7 +477,7 @@ impl Controller for Reckless {
     }
 }
 
-fn reckless(world: &Scenario, is_fragile: bool) -> EgoUnderTest {
+pub(super) fn reckless(world: &Scenario, is_fragile: bool) -> EgoUnderTest {
     let name = if is_fragile { "fragile" } else { "sound" };
     let factory = move || -> Box<dyn Controller> {
         Box::new(Reckless {

@@ -199,3 +199,52 @@ fn bind(
         sha256: sha256(format!("{text}{model}").as_bytes()),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{TRAFFIC, world};
+    use super::*;
+
+    #[test]
+    fn traffic_names_its_origin_and_the_axes_without_a_law() {
+        let world = world();
+        let declared = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        assert_eq!(declared.source, "test");
+        assert_eq!(declared.uniform_axes, [""; 0]);
+        assert!(declared.exposure.is_none());
+        let fitted = RiskTraffic::read(&world, "motorway").expect("shipped");
+        let name = TrafficModel::motorway().name;
+        assert_eq!(fitted.source, format!("model `{name}`"));
+        assert_eq!(fitted.uniform_axes, ["ado.headway"]);
+        let both = "Traffic(source: \"mine\", model: \"motorway\", \
+                    exposure: PerHour(20.0), starts: {}, ados: { \"ado\": Fitted() })";
+        let both = RiskTraffic::parse(&world, "t.ron", both).expect("sound");
+        assert_eq!(both.source, format!("mine; model `{name}`"));
+        assert_eq!(both.exposure, Some(EncounterRate::PerHour(20.0)));
+    }
+
+    #[test]
+    fn a_model_that_changes_under_its_name_is_other_traffic() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let file = dir.path().join("roads.ron").display().to_string();
+        let (world, model) = (world(), TrafficModel::motorway());
+        let declared = format!(
+            "Traffic(source: \"mine\", model: {file:?}, starts: {{}}, \
+             ados: {{ \"ado\": Fitted() }})"
+        );
+        let mut digests = Vec::new();
+        for freedom in [model.driver.freedom, 2.0 * model.driver.freedom] {
+            let mut model = model.clone();
+            model.driver.freedom = freedom;
+            std::fs::write(&file, model.to_ron()).expect("written");
+            // By the name of the model, and by a file that names it.
+            let read = RiskTraffic::read(&world, &file).expect("a model");
+            assert!(read.source.starts_with("model `"), "{}", read.source);
+            let named = RiskTraffic::parse(&world, "t.ron", &declared).expect("sound");
+            digests.extend([read.sha256, named.sha256]);
+        }
+        digests.sort();
+        digests.dedup();
+        assert_eq!(digests.len(), 4);
+    }
+}

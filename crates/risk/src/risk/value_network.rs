@@ -158,3 +158,79 @@ impl FitStep {
         net.backward(&self.inputs, rows.len(), &mut self.tape, &mut self.gradient);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::{EgoFailure, RunEnd};
+    use super::*;
+
+    /// Runs of two decisions, of which action 1 in the high state fails.
+    fn runs() -> Vec<RiskRun> {
+        let run = |i: u32| {
+            let (state, action) = (f32::from((i % 2) as u8), i / 2 % 2);
+            let fails = action == 1 && 0.5 < state;
+            let failure = EgoFailure {
+                mode: "contact".to_owned(),
+                lawful: true,
+                preventable: None,
+            };
+            RiskRun {
+                actions: vec![0, action],
+                inputs: vec![state, 1.0, state, 0.5],
+                laws: vec![1.0, 0.0, 0.9, 0.1],
+                ..RiskRun::ending(if fails {
+                    RunEnd::Failed(failure)
+                } else {
+                    RunEnd::Held { lawful: None }
+                })
+            }
+        };
+        (0..400).map(run).collect()
+    }
+
+    #[test]
+    fn a_network_learns_the_size_of_v_from_the_end_of_runs_backwards() {
+        let runs = runs();
+        let with_heads = runs.iter().map(|run| {
+            // No failure is of the second kind.
+            (run, vec![run.failure().is_some(), false])
+        });
+        let mut network = ValueNetwork::new(2, 2, 2, 3);
+        let fresh = network.values(&[1.0, 0.5]);
+        assert!(
+            fresh.len() == 4 && fresh.iter().all(|it| *it < 1e-3),
+            "{fresh:?}"
+        );
+        network.fit(&with_heads.collect::<Vec<_>>(), 5);
+        let near = |found: f64, expected: f64| {
+            let ratio = found / expected;
+            assert!((0.7..1.4).contains(&ratio), "{found}, not {expected}");
+        };
+        let last = network.values(&[1.0, 0.5]);
+        near(last[1], 1.0);
+        assert!(
+            last[0] < 0.02 && last[2] < 0.02 && last[3] < 0.02,
+            "{last:?}"
+        );
+        assert!(network.values(&[0.0, 0.5]).iter().all(|it| *it < 0.02));
+        // Before it, the law takes action 1 with a tenth.
+        near(network.values(&[1.0, 1.0])[0], 0.1);
+        assert!(network.values(&[0.0, 1.0])[0] < 0.02);
+        // A mean leaves an action out, and all that the law excludes.
+        let means = network.means_without(&[1.0, 0.5], &[0.9, 0.1], 0);
+        near(means[0], 0.1);
+        assert!(network.means_without(&[1.0, 0.5], &[0.9, 0.1], 1)[0] < 0.02);
+        assert_eq!(network.means_without(&[1.0, 0.5], &[1.0, 0.0], 0), [0.0; 2]);
+        assert_eq!(network.heads(), 2);
+    }
+
+    #[test]
+    fn a_network_without_runs_stays_as_it_is() {
+        let mut network = ValueNetwork::new(2, 1, 2, 3);
+        let before = network.values(&[1.0, 0.5]);
+        network.fit(&[], 5);
+        assert_eq!(network.values(&[1.0, 0.5]), before);
+        assert_eq!(value_of(100.0), 1.0);
+        assert!((value_of(0.0) - libm::exp(-9.0)).abs() < 1e-12);
+    }
+}

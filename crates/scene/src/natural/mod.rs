@@ -138,4 +138,30 @@ mod tests {
         let empty = traffic(true).of_row(&[]).expect("declared");
         assert_eq!((empty.successes, empty.median), (0, None));
     }
+
+    #[test]
+    fn a_training_names_its_rate_and_its_traffic() {
+        let of = |traffic: &str| {
+            let training = NaturalTraining {
+                per_1000_km: 20.0,
+                traffic: traffic.to_owned(),
+            };
+            training.to_string()
+        };
+        let said = of("one");
+        let digest = said.strip_prefix("20 per 1,000 km in the traffic ");
+        assert_eq!(digest.map(str::len), Some(8), "{said}");
+        assert_ne!(of("other"), said);
+        // The limit of a declared model is of that model.
+        let mut model = TrafficModel::motorway();
+        model.name = "another".to_owned();
+        let declared = DeclaredTraffic {
+            model: Arc::new(model),
+            per_1000_km: Some(5.0),
+            is_declared: true,
+        };
+        assert_eq!(declared.limit().expect("a limit").model.name, "another");
+        let row = declared.of_row(&[]).expect("declared");
+        assert_eq!(row.limit_per_1000_km, Some(5.0));
+    }
 }

@@ -289,4 +289,54 @@ mod tests {
                 .any(|it| it.starts_with("a speed of 500.0 m/s"))
         );
     }
+
+    #[test]
+    fn a_line_states_the_rarest_event_and_the_direction_of_the_surprise() {
+        let known = Naturalness {
+            model: "roads".to_owned(),
+            ado: "lead".to_owned(),
+            rarest: Some("an event".to_owned()),
+            per_1000_km: Some(2.0),
+            surprise_decades: Some(1.5),
+            outside: Vec::new(),
+        };
+        assert_eq!(
+            known.to_string(),
+            "among the drivers of `roads`, an event; 1.5 decades less likely than the median drive"
+        );
+        let calm = Naturalness {
+            rarest: None,
+            surprise_decades: Some(-0.5),
+            ..known.clone()
+        };
+        assert_eq!(
+            calm.to_string(),
+            "`lead` neither brakes hard nor cuts in (drivers of `roads`); 0.5 decades more likely \
+             than the median drive"
+        );
+        let outside = Naturalness {
+            outside: vec!["one".to_owned(), "two".to_owned()],
+            ..known.clone()
+        };
+        assert_eq!(
+            outside.to_string(),
+            "rarity among the drivers of `roads`: no answer: outside the data: one, two"
+        );
+        let row = |successes, outside_data, median| NaturalnessOfRow {
+            limit_per_1000_km: None,
+            successes,
+            outside_data,
+            median,
+        };
+        let half = format!("in half of 2 successes at least as rare as: {known}");
+        assert_eq!(row(2, 0, Some(known.clone())).to_string(), half);
+        let some = row(3, 1, Some(known));
+        assert_eq!(
+            some.to_string(),
+            format!("{half}; 1 successes are outside the data")
+        );
+        assert_eq!(row(0, 0, None).to_string(), "no success");
+        let none = "no answer; 2 successes are outside the data";
+        assert_eq!(row(2, 2, None).to_string(), none);
+    }
 }

@@ -115,4 +115,28 @@ mod tests {
         assert_eq!(Unknown.preventable(), None);
         assert_eq!(Unknown.unavoidable(), None);
     }
+
+    #[test]
+    fn a_line_names_the_drivers_that_avoid_it_and_those_that_do_not() {
+        use crate::preventability::outcome::Exoneration;
+        use ReferenceDriver::{Cc, Fsm};
+        let some = judged(Label::AvoidedBySome, &[Cc, Fsm]);
+        let said = "avoided by 2 of 6 reference drivers (CC, FSM), \
+                    not by CC_LANE, CC_LATCHED, REG, RSS";
+        assert_eq!(some.to_string(), said);
+        assert_eq!(some.any_driver(), Some(Cc));
+        let both = Preventability {
+            self_inflicted: true,
+            exonerated: Some(Exoneration::Standing),
+            ..some
+        };
+        let more = "; self-inflicted; not the ego's fault: the ego stands";
+        assert_eq!(both.to_string(), format!("{said}{more}"));
+        let all = judged(Label::AvoidedByAll, &crate::preventability::PANEL);
+        assert!(!all.to_string().contains("not by"), "{all}");
+        let none = Preventability::not_applicable(NotApplicable::OnFoot);
+        let said = "reference drivers: not applicable, since a pedestrian was hit";
+        assert_eq!((none.to_string().as_str(), none.any_driver()), (said, None));
+        assert_eq!((none.human_model_avoids(), none.who_avoids()), (None, None));
+    }
 }
