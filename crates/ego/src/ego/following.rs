@@ -13,8 +13,9 @@ macro_rules! car_following {
                 &mut self,
                 percept: &$crate::ego::Percept,
             ) -> Result<$crate::ego::Command, $crate::ego::Fault> {
-                let leader = percept.leader();
-                let leader = leader.map(|lead| (lead.clearance_m(), lead.speed_mps));
+                let leader = percept
+                    .leader()
+                    .map(|lead| (lead.clearance_m(), lead.speed_mps));
                 let accel_mps2 = self.accel_mps2(percept.own.speed_mps, leader);
                 Ok($crate::ego::Command::accelerate(accel_mps2))
             }

@@ -27,8 +27,8 @@ parameters! {
 impl Idm {
     /// Returns the model's acceleration for a leader's clearance and speed.
     pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
-        let free = speed_mps / self.desired_speed_mps;
-        let free = 1.0 - free * free * free * free;
+        let speed_ratio = speed_mps / self.desired_speed_mps;
+        let free = 1.0 - speed_ratio * speed_ratio * speed_ratio * speed_ratio;
         let closeness = leader.map_or(0.0, |(clearance_m, leader_mps)| {
             let root = (self.max_accel_mps2 * self.comfort_brake_mps2).sqrt();
             let dynamic_m =

@@ -138,13 +138,13 @@ impl Actuated<ControllerSpec> {
     ///
     /// `None` if the kind is unknown or the parameters do not match.
     pub fn of_kind(kind: &str, values: &[(&str, f64)]) -> Option<Actuated<ControllerSpec>> {
-        let values = values
+        let named = values
             .iter()
             .map(|&(name, value)| (name.to_owned(), value.into()));
         // Parsed through serde, so a kind accepts here what it accepts in a
         // file.
-        let values = serde_json::Value::Object(values.collect());
-        let file: serde_json::Map<_, _> = [(kind.to_owned(), values)].into_iter().collect();
+        let fields = serde_json::Value::Object(named.collect());
+        let file: serde_json::Map<_, _> = [(kind.to_owned(), fields)].into_iter().collect();
         serde_json::from_value(file.into()).ok()
     }
 }

@@ -133,7 +133,7 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     };
     let mut all = Vec::new();
     let mut play = |talk: &mut Talk, seed: u64, samples: usize, around: Around| {
-        let played = episode(talk, (seed, &briefing), samples, timeout, around)?;
+        let played = episode(talk, seed, &briefing, samples, timeout, around)?;
         let number = all.len() as u64;
         let transcript = Transcript {
             number,
@@ -162,15 +162,15 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     done.find("brakes hard, and goes on after a contact", true, "");
     commands_are_plausible(done, &all);
 
-    let note = format!(
+    let pace = format!(
         "slowest answer {:.1} ms, {:.0} steps/s",
         1e3 * slowest.as_secs_f64(),
         done.steps_per_s.unwrap_or(0.0)
     );
     let note = if slowest < SLOW {
-        note
+        pace
     } else {
-        format!("{note}: campaigns will be slow")
+        format!("{pace}: campaigns will be slow")
     };
     done.find("answers in time", true, note);
     let silent = talk.is_silent(SILENCE);
@@ -206,7 +206,8 @@ struct Played {
 /// Runs an episode in which the ego moves as it commands.
 fn episode(
     talk: &mut Talk,
-    (seed, briefing): (u64, &Briefing),
+    seed: u64,
+    briefing: &Briefing,
     samples: usize,
     timeout: Duration,
     around: Around,
@@ -388,11 +389,11 @@ fn is_repeatable(
         slow.join().ok().flatten()
     });
     let compared = comparison.compared;
-    let check = comparison.explained((&make, PAUSES));
+    let check = comparison.explained(&make, PAUSES);
     if let Some(fault) = check.failed {
         return Err(fault);
     }
-    let slowly = || by_pace(all.first()?, slow.as_ref()?, (&make, PAUSES));
+    let slowly = || by_pace(all.first()?, slow.as_ref()?, &make, PAUSES);
     let found = check.found.or_else(slowly);
     let cause = found.as_ref().map(|found| found.cause);
     let fault = found.map(|found| found.fault(&process.command.join(" "), None));

@@ -19,12 +19,12 @@ const LONGEST_SEARCH: Duration = Duration::from_secs(2);
 /// Returns a value with which no other program has been marked.
 pub(super) fn new_mark() -> String {
     static STARTED: AtomicU64 = AtomicU64::new(0);
-    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-    let now = now.map_or(0, |now| now.as_nanos());
+    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let now_ns = since_epoch.map_or(0, |time| time.as_nanos());
     let nth = STARTED.fetch_add(1, Ordering::Relaxed);
     // The process number and the counter separate runs and programs. The time
     // separates processes that reuse a number.
-    format!("{}-{now}-{nth}", std::process::id())
+    format!("{}-{now_ns}-{nth}", std::process::id())
 }
 
 /// Kills the processes whose environment holds `mark`, and waits for their end.

@@ -140,16 +140,18 @@ fn diameter(runs: &[Vec<Command>]) -> f64 {
 pub(super) fn diagnosis(
     transcript: &Transcript,
     first: Vec<Command>,
-    (make, pauses): (Fresh<'_>, Pauses),
+    make: Fresh<'_>,
+    pauses: Pauses,
 ) -> Option<Unrepeatable> {
     let kept = transcript.unrepeatable(Cause::KeptState, [&transcript.commands(), &first]);
-    explained(transcript, first, (make, pauses)).or(kept)
+    explained(transcript, first, make, pauses).or(kept)
 }
 
 fn explained(
     transcript: &Transcript,
     first: Vec<Command>,
-    (make, pauses): (Fresh<'_>, Pauses),
+    make: Fresh<'_>,
+    pauses: Pauses,
 ) -> Option<Unrepeatable> {
     let used = transcript.commands();
     let again = &|pace| transcript.replay(&mut *make(), pace).ok();
@@ -195,12 +197,13 @@ fn explained(
 pub(super) fn by_pace(
     transcript: &Transcript,
     slow: &[Command],
-    by: (Fresh<'_>, Pauses),
+    make: Fresh<'_>,
+    pauses: Pauses,
 ) -> Option<Unrepeatable> {
     let commands = transcript.commands();
     first_difference(&commands, slow)?;
     let chance = || transcript.unrepeatable(Cause::Random, [&commands, slow]);
-    diagnosis(transcript, commands.clone(), by).or_else(chance)
+    diagnosis(transcript, commands.clone(), make, pauses).or_else(chance)
 }
 
 /// Result of a check.
@@ -247,7 +250,7 @@ impl TranscriptComparison {
     }
 
     /// Returns the reason of a difference.
-    pub(super) fn explained(mut self, by: (Fresh<'_>, Pauses)) -> RepeatabilityCheck {
+    pub(super) fn explained(mut self, make: Fresh<'_>, pauses: Pauses) -> RepeatabilityCheck {
         // The earliest episode decides whether the state is within the ego.
         self.differing
             .sort_by_key(|(transcript, _)| transcript.number);
@@ -255,7 +258,7 @@ impl TranscriptComparison {
         let mut found = self
             .differing
             .into_iter()
-            .find_map(|(transcript, commands)| diagnosis(&transcript, commands, by));
+            .find_map(|(transcript, commands)| diagnosis(&transcript, commands, make, pauses));
         if let Some(found) = &mut found {
             found.differing = differing;
         }
@@ -272,10 +275,10 @@ impl Transcripts {
     /// The first check plays a few episodes whatever they cost. Apart from these, all
     /// checks together take a small share of the time since the first episode.
     pub fn check(&self, make: Fresh<'_>) -> RepeatabilityCheck {
-        self.check_by((make, PAUSES))
+        self.check_by(make, PAUSES)
     }
 
-    fn check_by(&self, (make, pauses): (Fresh<'_>, Pauses)) -> RepeatabilityCheck {
+    fn check_by(&self, make: Fresh<'_>, pauses: Pauses) -> RepeatabilityCheck {
         let began = Instant::now();
         let (sample, allowed, is_first, is_paced) = {
             let mut log = self.lock();
@@ -325,9 +328,9 @@ impl Transcripts {
             slow.and_then(|slow| slow.join().ok()?.ok())
         });
         let compared = all.compared;
-        let RepeatabilityCheck { mut found, failed } = all.explained((make, pauses));
+        let RepeatabilityCheck { mut found, failed } = all.explained(make, pauses);
         if let (None, None, Some(transcript), Some(slow)) = (&found, &failed, longest, &slow) {
-            found = by_pace(transcript, slow, (make, pauses));
+            found = by_pace(transcript, slow, make, pauses);
         }
         let mut log = self.lock();
         log.spent += began.elapsed();

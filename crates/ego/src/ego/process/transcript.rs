@@ -123,7 +123,7 @@ impl TranscriptLog {
     pub(super) fn put_back(&mut self, left: &[Arc<Transcript>]) {
         for transcript in left {
             let random = scattered(transcript.number);
-            rank(&mut self.sample.scattered, (random, SCATTERED), transcript);
+            rank(&mut self.sample.scattered, random, SCATTERED, transcript);
         }
     }
 }
@@ -149,14 +149,10 @@ impl Sample {
         }
         self.latest.push_back(Arc::clone(transcript));
         let random = scattered(transcript.number);
-        rank(&mut self.scattered, (random, SCATTERED), transcript);
-        rank(&mut self.near, (hardness.gap_m, HARD), transcript);
-        rank(
-            &mut self.braking,
-            (-hardness.braking_mps2, HARD),
-            transcript,
-        );
-        rank(&mut self.after_near, (before.gap_m, HARD), transcript);
+        rank(&mut self.scattered, random, SCATTERED, transcript);
+        rank(&mut self.near, hardness.gap_m, HARD, transcript);
+        rank(&mut self.braking, -hardness.braking_mps2, HARD, transcript);
+        rank(&mut self.after_near, before.gap_m, HARD, transcript);
     }
 
     /// Returns every episode once, the most telling first.
@@ -186,7 +182,8 @@ impl Sample {
 /// Keeps the episodes with the smallest scores, at most `most`, in their order.
 fn rank(
     list: &mut Vec<(f64, Arc<Transcript>)>,
-    (score, most): (f64, usize),
+    score: f64,
+    most: usize,
     transcript: &Arc<Transcript>,
 ) {
     let at = list.partition_point(|(other, _)| *other <= score);

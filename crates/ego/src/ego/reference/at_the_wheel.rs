@@ -73,14 +73,15 @@ impl LaneBody {
     ///
     /// Velocity and heading are relative to the lane.
     pub fn behind_front(
-        (front_x_m, front_y_m): (f64, f64),
+        front_m: Vector2<f64>,
         velocity_mps: Vector2<f64>,
         heading: UnitComplex<f64>,
-        (length_m, width_m): (f64, f64),
+        length_m: f64,
+        width_m: f64,
     ) -> LaneBody {
         LaneBody {
-            x_m: front_x_m - 0.5 * length_m * heading.re,
-            y_m: front_y_m - 0.5 * length_m * heading.im,
+            x_m: front_m.x - 0.5 * length_m * heading.re,
+            y_m: front_m.y - 0.5 * length_m * heading.im,
             speed_mps: velocity_mps.x,
             lateral_mps: velocity_mps.y,
             accel_mps2: 0.0,
@@ -92,11 +93,11 @@ impl LaneBody {
     /// Returns the ego with its front at the origin.
     fn of_own(own: &Own) -> LaneBody {
         let heading = rotation_by(own.heading_rad);
-        let size = (own.length_m, own.width_m);
         // Turning moves the front sideways, and not the middle.
         let lateral_mps = own.lateral_mps - 0.5 * own.length_m * own.yaw_rate_rad_per_s;
         let velocity_mps = heading * Vector2::new(own.speed_mps, lateral_mps);
-        LaneBody::behind_front((0.0, 0.0), velocity_mps, heading, size)
+        let front_m = Vector2::zeros();
+        LaneBody::behind_front(front_m, velocity_mps, heading, own.length_m, own.width_m)
     }
 
     /// Returns an agent from the front in its percept.
@@ -109,11 +110,11 @@ impl LaneBody {
             seen.speed_mps + lever_mps * heading.im,
             seen.lateral_mps - lever_mps * heading.re,
         );
-        let front = (seen.headway_m, seen.lateral_m);
-        let size = (seen.length_m, seen.width_m);
+        let front_m = Vector2::new(seen.headway_m, seen.lateral_m);
+        let (length_m, width_m) = (seen.length_m, seen.width_m);
         LaneBody {
             accel_mps2: seen.ax_mps2,
-            ..LaneBody::behind_front(front, velocity_mps, heading, size)
+            ..LaneBody::behind_front(front_m, velocity_mps, heading, length_m, width_m)
         }
     }
 }

@@ -203,10 +203,10 @@ fn in_lane(state: &BodyState, at: &OnRoad, body: &Body) -> LaneBody {
     let lever_mps = state.yaw_rate_rad_per_s * body.half_length_m();
     // Turning moves the front sideways, and not the middle.
     let velocity_mps = heading * Vector2::new(state.speed_mps, state.lateral_mps - lever_mps);
-    let size = (body.length_m, body.width_m);
+    let front_m = Vector2::new(at.s_m, at.lateral_m);
     LaneBody {
         accel_mps2: state.accel_mps2 * heading.re,
-        ..LaneBody::behind_front((at.s_m, at.lateral_m), velocity_mps, heading, size)
+        ..LaneBody::behind_front(front_m, velocity_mps, heading, body.length_m, body.width_m)
     }
 }
 

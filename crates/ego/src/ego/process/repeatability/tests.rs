@@ -202,7 +202,7 @@ fn found(kind: Kind, episodes: u64) -> Option<Unrepeatable> {
     let log = Transcripts::default();
     let mut used = Recorder::new(make(), &log);
     play(&mut used, 0..episodes);
-    let check = log.check_by((&make, SHORT));
+    let check = log.check_by(&make, SHORT);
     assert_eq!(check.failed, None, "{kind:?}");
     check.found
 }
@@ -254,7 +254,7 @@ fn an_ego_that_notices_a_silence_is_found_once_it_is_asked_slowly() {
     let sample = log.lock().take_sample();
     let quick = sample[0].replay(&mut *make(), Pace::Quick).expect("it");
     assert_eq!(first_difference(&sample[0].commands(), &quick), None);
-    let found = diagnosis(&sample[0], quick, (&make, SHORT)).expect("found");
+    let found = diagnosis(&sample[0], quick, &make, SHORT).expect("found");
     assert_eq!(found.cause, Cause::Clock);
 }
 
@@ -282,16 +282,16 @@ fn later_checks_keep_to_their_share_and_keep_what_they_found() {
     let log = Transcripts::default();
     let mut used = Recorder::new(make(), &log);
     play(&mut used, 0..50);
-    assert_eq!(log.check_by((&make, SHORT)).found, None);
+    assert_eq!(log.check_by(&make, SHORT).found, None);
     let first = log.compared();
     assert!(first >= LEAST as u64);
     // Nothing was played since, so there is nothing to compare.
     log.lock().began = Instant::now().checked_sub(Duration::from_secs(3600));
     play(&mut used, 50..80);
-    let found = log.check_by((&make, SHORT)).found.expect("it tires");
+    let found = log.check_by(&make, SHORT).found.expect("it tires");
     assert!(log.compared() > first);
     play(&mut used, 80..81);
-    assert_eq!(log.check_by((&make, SHORT)).found, Some(found));
+    assert_eq!(log.check_by(&make, SHORT).found, Some(found));
 }
 
 #[test]
@@ -332,5 +332,5 @@ fn every_episode_of_a_fresh_ego_has_an_ego_of_its_own() {
         Arc::new(|| Box::new(Double::of(Kind::TiresAfter(1))) as Box<dyn Controller>);
     let mut used = Recorder::new(make(), &log).anew(Arc::clone(&make));
     play(&mut used, 0..10);
-    assert_eq!(log.check_by((&*make, SHORT)).found, None);
+    assert_eq!(log.check_by(&*make, SHORT).found, None);
 }
