@@ -282,7 +282,7 @@ impl Impact {
             kind,
             ego_side,
             other_side,
-            overlap: lengthwise.then(|| overlap((&ego, ego_side), (&other, other_side))),
+            overlap: lengthwise.then(|| overlap(&ego, ego_side, &other, other_side)),
             ego_speed_mps: ego.speed_mps(),
             other_speed_mps: other.speed_mps(),
             turned_rad,
@@ -364,7 +364,7 @@ fn kind_of(ego: Side, other: Side, turned_rad: f64) -> CrashKind {
 /// Returns the share of the narrower width that two faces have in common.
 ///
 /// The faces are seen along the ego's heading.
-fn overlap((ego, ego_side): (&Party<'_>, Side), (other, other_side): (&Party<'_>, Side)) -> f64 {
+fn overlap(ego: &Party<'_>, ego_side: Side, other: &Party<'_>, other_side: Side) -> f64 {
     let (own_m, own_half_m) = ego.face(ego_side, ego);
     let (its_m, its_half_m) = other.face(other_side, ego);
     let common_m =

@@ -142,8 +142,8 @@ impl LaneRuns {
         let drawn = spec.drawn(start);
         for (i, (agent, at)) in spec.agents.iter().zip(&drawn).enumerate() {
             let pose = layout.start_pose(agent, (at.front_m, at.lateral_m));
-            let body = (i, &agent.body, self.world.ground);
-            self.plant.spawn(body, pose, at.speed_mps);
+            let (body, ground) = (&agent.body, self.world.ground);
+            self.plant.spawn(i, body, ground, pose, at.speed_mps);
             let vehicle = &mut self.vehicles[i];
             (vehicle.actuators[run], vehicle.keepers[run]) =
                 layout.drivetrain_of(agent, at.lateral_m);

@@ -139,17 +139,17 @@ impl BodyPart {
                 left_m,
                 up_m,
             } => {
-                thick("shape.ahead_m", *ahead_m)?;
-                thick("shape.left_m", *left_m)?;
-                thick("shape.up_m", *up_m)?;
+                thick("shape.ahead_m", ahead_m.0, ahead_m.1)?;
+                thick("shape.left_m", left_m.0, left_m.1)?;
+                thick("shape.up_m", up_m.0, up_m.1)?;
                 Ok([*ahead_m, *left_m, *up_m])
             }
             BodyPart::Prism { outline_m, up_m } => {
-                thick("shape.up_m", *up_m)?;
+                thick("shape.up_m", up_m.0, up_m.1)?;
                 within("shape.outline_m", outline_m.len() as f64, 3.0, MOST as f64)?;
                 let (ahead, left) = outline_bounds(outline_m);
-                thick("shape.outline_m, ahead", ahead)?;
-                thick("shape.outline_m, left", left)?;
+                thick("shape.outline_m, ahead", ahead.0, ahead.1)?;
+                thick("shape.outline_m, left", left.0, left.1)?;
                 // Points on a slanted line have wide bounds and no area.
                 within("shape.outline_m, area", area_m2(outline_m), 1e-4, 1e3)?;
                 Ok([ahead, left, *up_m])
@@ -166,9 +166,9 @@ impl BodyPart {
                     span(from_m.1, to_m.1),
                     span(from_m.2, to_m.2),
                 ];
-                thick("shape.from_m", bounds[0])?;
-                thick("shape.to_m", bounds[1])?;
-                thick("shape.to_m", bounds[2])?;
+                thick("shape.from_m", bounds[0].0, bounds[0].1)?;
+                thick("shape.to_m", bounds[1].0, bounds[1].1)?;
+                thick("shape.to_m", bounds[2].0, bounds[2].1)?;
                 Ok(bounds)
             }
         }
@@ -176,7 +176,7 @@ impl BodyPart {
 }
 
 /// Checks that a range is finite and at least 1 mm wide.
-fn thick(field: &'static str, (from, to): (f64, f64)) -> Result<(), InvalidBody> {
+fn thick(field: &'static str, from: f64, to: f64) -> Result<(), InvalidBody> {
     within(field, from, -30.0, 30.0)?;
     within(field, to, -30.0, 30.0)?;
     if to - from >= 0.001 {

@@ -94,7 +94,7 @@ impl ContactGeometry {
     ) -> ContactGeometry {
         let [x_m, y_m, _] = point_m;
         let [nx, ny] = normal;
-        let (ours, theirs) = (a.velocity_at((x_m, y_m)), b.velocity_at((x_m, y_m)));
+        let (ours, theirs) = (a.velocity_at(x_m, y_m), b.velocity_at(x_m, y_m));
         let closing = (ours.0 - theirs.0) * nx + (ours.1 - theirs.1) * ny;
         ContactGeometry {
             point_m,
@@ -205,7 +205,7 @@ impl SizedRect<'_> {
         let squared = |corners: [(f64, f64); 4], shape: &SizedRect| {
             corners
                 .into_iter()
-                .map(|corner| shape.distance_squared(corner))
+                .map(|(x_m, y_m)| shape.distance_squared(x_m, y_m))
                 .fold(f64::INFINITY, f64::min)
         };
         squared(self.corners(), other)
@@ -213,7 +213,7 @@ impl SizedRect<'_> {
             .sqrt()
     }
 
-    fn distance_squared(&self, (x_m, y_m): (f64, f64)) -> f64 {
+    fn distance_squared(&self, x_m: f64, y_m: f64) -> f64 {
         let Rect { cos, sin, .. } = *self.rect;
         let (dx, dy) = (x_m - self.rect.x_m, y_m - self.rect.y_m);
         let ahead = ((dx * cos + dy * sin).abs() - self.extent.half_length_m).max(0.0);
@@ -222,7 +222,7 @@ impl SizedRect<'_> {
     }
 
     /// Returns the velocity of a point fixed to the body.
-    fn velocity_at(&self, (x_m, y_m): (f64, f64)) -> (f64, f64) {
+    fn velocity_at(&self, x_m: f64, y_m: f64) -> (f64, f64) {
         let Rect {
             vx_mps,
             vy_mps,
@@ -240,8 +240,8 @@ impl SizedRect<'_> {
     /// The point is the middle of the common part of both faces.
     pub(super) fn contact_geometry(&self, other: &SizedRect) -> ContactGeometry {
         let Separation { nx, ny, .. } = self.separation(other);
-        let mine = Face::foremost(self.corners(), (nx, ny));
-        let theirs = Face::foremost(other.corners(), (-nx, -ny));
+        let mine = Face::foremost(self.corners(), nx, ny);
+        let theirs = Face::foremost(other.corners(), -nx, -ny);
         // Both faces along the same tangent: that of `theirs` points the other way.
         let (low, high) = (mine.low.max(-theirs.high), mine.high.min(-theirs.low));
         let (normal, tangent) = (0.5 * (mine.reach - theirs.reach), 0.5 * (low + high));
@@ -261,7 +261,7 @@ struct Face {
 }
 
 impl Face {
-    fn foremost(corners: [(f64, f64); 4], (nx, ny): (f64, f64)) -> Face {
+    fn foremost(corners: [(f64, f64); 4], nx: f64, ny: f64) -> Face {
         let reach = corners
             .iter()
             .map(|(x, y)| x * nx + y * ny)

@@ -81,7 +81,8 @@ impl CyclistLimits {
     /// Returns the motion under a command for the next `dt_s`.
     pub(super) fn step(
         &self,
-        (accel_mps2, curvature_per_m): (f64, f64),
+        accel_mps2: f64,
+        curvature_per_m: f64,
         speed_mps: f64,
         dt_s: f64,
     ) -> RideStep {
@@ -164,7 +165,7 @@ impl RideStep {
         while from_s < after_s {
             steps += 1.0;
             let to_s = (steps * self.step_s).min(after_s);
-            ride = self.integrate(start.speed_mps, &ride, (from_s, to_s));
+            ride = self.integrate(start.speed_mps, &ride, from_s, to_s);
             from_s = to_s;
         }
         ride
@@ -199,7 +200,7 @@ impl RideStep {
     }
 
     /// Integrates one step between two times of the `advance`.
-    fn integrate(&self, start_mps: f64, ride: &Ride, (from_s, to_s): (f64, f64)) -> Ride {
+    fn integrate(&self, start_mps: f64, ride: &Ride, from_s: f64, to_s: f64) -> Ride {
         let speed_mps = self.drive.speed_mps(start_mps, to_s);
         let moving_s = to_s.min(self.drive.rest_after_s) - from_s.min(self.drive.rest_after_s);
         let length_m = 0.5 * (ride.speed_mps + speed_mps) * moving_s;
@@ -214,19 +215,17 @@ impl RideStep {
         };
         // Without a turn the heading keeps its exact bits.
         if turn_rad == 0.0 {
+            let (cos, sin) = ride.direction;
             return Ride {
-                at_m: along(ride.at_m, ride.direction, length_m),
+                at_m: ride.ahead_m(cos, sin, length_m),
                 ..moved
             };
         }
+        // The chord of an arc points halfway between both headings.
+        let (cos, sin) = direction(ride.heading_rad + 0.5 * turn_rad);
         let heading_rad = ride.heading_rad + turn_rad;
         Ride {
-            // The chord of an arc points halfway between both headings.
-            at_m: along(
-                ride.at_m,
-                direction(ride.heading_rad + 0.5 * turn_rad),
-                length_m,
-            ),
+            at_m: ride.ahead_m(cos, sin, length_m),
             heading_rad,
             direction: direction(heading_rad),
             ..moved
@@ -267,8 +266,12 @@ impl RideStep {
     }
 }
 
-fn along((x_m, y_m): (f64, f64), (cos, sin): (f64, f64), length_m: f64) -> (f64, f64) {
-    (x_m + length_m * cos, y_m + length_m * sin)
+impl Ride {
+    /// Returns the point at a distance in the direction of a cosine and a sine.
+    fn ahead_m(&self, cos: f64, sin: f64, length_m: f64) -> (f64, f64) {
+        let (x_m, y_m) = self.at_m;
+        (x_m + length_m * cos, y_m + length_m * sin)
+    }
 }
 
 fn direction(heading_rad: f64) -> (f64, f64) {

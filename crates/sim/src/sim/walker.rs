@@ -72,8 +72,8 @@ impl Stride {
 
 impl Walker {
     /// Limits a velocity to the walker's top speed, keeping its direction.
-    pub(super) fn within_limit(&self, (x_mps, y_mps): (f64, f64)) -> (f64, f64) {
-        let speed_mps = length((x_mps, y_mps));
+    pub(super) fn within_limit(&self, x_mps: f64, y_mps: f64) -> (f64, f64) {
+        let speed_mps = length(x_mps, y_mps);
         if speed_mps <= self.max_speed_mps {
             return (x_mps, y_mps);
         }
@@ -85,7 +85,7 @@ impl Walker {
     /// Returns the ramp from one velocity to another.
     pub(super) fn ramp(&self, from_mps: (f64, f64), to_mps: (f64, f64)) -> Ramp {
         let (dx, dy) = (to_mps.0 - from_mps.0, to_mps.1 - from_mps.1);
-        let change_mps = length((dx, dy));
+        let change_mps = length(dx, dy);
         // No direction to accelerate in, and no division by a length of 0.
         if change_mps == 0.0 {
             return Ramp {
@@ -102,6 +102,6 @@ impl Walker {
 }
 
 /// Returns the Euclidean length of a vector.
-pub(super) fn length((x, y): (f64, f64)) -> f64 {
+pub(super) fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }

@@ -19,8 +19,10 @@ const MAX_EVALUATIONS: u32 = 1000;
 /// without possible contact. The first gap of 0 that is seen is therefore the
 /// first that exists. Sampling or root finding alone would not guarantee that.
 pub(super) fn meet(
-    (a, b): (&Mover, &Mover),
-    (path_a, path_b): (&BodyPath, &BodyPath),
+    a: &Mover,
+    path_a: &BodyPath,
+    b: &Mover,
+    path_b: &BodyPath,
     horizon_s: f64,
 ) -> Option<(f64, ContactGeometry)> {
     let (mut rect_a, mut rect_b) = (a.rect(&path_a.start), b.rect(&path_b.start));

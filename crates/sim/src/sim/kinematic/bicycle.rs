@@ -42,7 +42,10 @@ impl Bicycle {
     }
 
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
-        let step = self.limits.step(self.command, start.speed_mps, dt_s);
+        let (accel_mps2, curvature_per_m) = self.command;
+        let step = self
+            .limits
+            .step(accel_mps2, curvature_per_m, start.speed_mps, dt_s);
         let ride = step.begin(ride_of(&start));
         let RideBounds {
             speed_mps,

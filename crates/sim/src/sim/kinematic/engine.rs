@@ -3,7 +3,7 @@
 use super::bicycle::Bicycle;
 use super::kinematic_playback::PlaybackPose;
 use super::legs::Legs;
-use super::path::{Anchor, BodyPath, PathKind};
+use super::path::{Anchor, AnchorMotion, BodyPath, PathKind};
 use super::wheels::Wheels;
 use crate::sim::{Body, BodyCommand, BodyKind, Ground, Push};
 
@@ -90,9 +90,9 @@ impl Engine {
         }
     }
 
-    /// Returns the speed along the heading, the speed to the left, the yaw rate.
+    /// Returns the motion of the fixed point.
     #[inline]
-    pub(super) fn motion(&self, at: &Anchor) -> (f64, f64, f64) {
+    pub(super) fn motion(&self, at: &Anchor) -> AnchorMotion {
         match self {
             Engine::Wheels(_) | Engine::Bicycle(_) => Wheels::motion(at),
             Engine::Legs(_) => Legs::motion(at),

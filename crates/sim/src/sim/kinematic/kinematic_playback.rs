@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use super::path::{Anchor, BodyPath, PathKind};
+use super::path::{Anchor, AnchorMotion, BodyPath, PathKind};
 use crate::sim::walker::length;
 
 /// Bodies that a carried body passes through.
@@ -25,32 +25,32 @@ pub(super) struct PlaybackPose {
 impl PlaybackPose {
     /// Returns the path there, at constant velocity and yaw rate.
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
-        let velocity_mps = ((self.x_m - start.x_m) / dt_s, (self.y_m - start.y_m) / dt_s);
+        let (vx_mps, vy_mps) = ((self.x_m - start.x_m) / dt_s, (self.y_m - start.y_m) / dt_s);
         // The shorter way around, whatever turns the recorded headings contain.
         let turn_rad = libm::remainder(self.heading_rad - start.heading_rad, TAU);
         let yaw_rate_rad_per_s = turn_rad / dt_s;
         let turning_mps = yaw_rate_rad_per_s.abs() * arm_m;
         BodyPath {
             start: Anchor {
-                walk_mps: velocity_mps,
+                walk_mps: (vx_mps, vy_mps),
                 yaw_rate_rad_per_s,
                 ..start
             },
             kind: PathKind::Even,
-            speed_bound_mps: length(velocity_mps) + turning_mps,
+            speed_bound_mps: length(vx_mps, vy_mps) + turning_mps,
             // The fixed point itself is not accelerated, so only the turn contributes.
             accel_bound_mps2: turning_mps * yaw_rate_rad_per_s.abs(),
         }
     }
 
-    /// Returns the speed along the heading, the speed to the left, the yaw rate.
-    pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
+    /// Returns the motion of the fixed point.
+    pub(super) fn motion(at: &Anchor) -> AnchorMotion {
         let (vx, vy) = at.walk_mps;
-        (
-            vx * at.cos + vy * at.sin,
-            vy * at.cos - vx * at.sin,
-            at.yaw_rate_rad_per_s,
-        )
+        AnchorMotion {
+            speed_mps: vx * at.cos + vy * at.sin,
+            lateral_mps: vy * at.cos - vx * at.sin,
+            yaw_rate_rad_per_s: at.yaw_rate_rad_per_s,
+        }
     }
 
     /// Returns the state of the fixed point after a time.

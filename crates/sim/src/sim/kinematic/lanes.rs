@@ -45,7 +45,7 @@ impl LaneVehicle {
         };
         let (at, arm_m) = (mover.at, mover.arm_m());
         Some(LaneVehicle {
-            path: wheels.arc_under((0.0, 0.0), at, arm_m, 0.0),
+            path: wheels.arc_under(0.0, 0.0, at, arm_m, 0.0),
             front_ahead_m: mover.front_ahead_m(),
             accel_mps2: 0.0,
             command: (0.0, 0.0),
@@ -122,7 +122,9 @@ impl KinematicLanes {
     /// Spawns a vehicle of the loaded run anew, with its front bumper at `pose`.
     pub fn spawn(
         &mut self,
-        (vehicle, body, ground): (usize, &Body, Ground),
+        vehicle: usize,
+        body: &Body,
+        ground: Ground,
         pose: Pose,
         speed_mps: f64,
     ) {
@@ -160,7 +162,10 @@ impl KinematicLanes {
             return None;
         }
         for it in &mut self.vehicles {
-            it.path = it.wheels.arc_under(it.command, it.at, it.arm_m, dt_s);
+            let (accel_mps2, curvature_per_m) = it.command;
+            it.path = it
+                .wheels
+                .arc_under(accel_mps2, curvature_per_m, it.at, it.arm_m, dt_s);
         }
         let contact = self.first_contact(dt_s);
         let elapsed_s = contact.map_or(dt_s, |contact| contact.after_s);
@@ -180,10 +185,10 @@ impl KinematicLanes {
                 if are_far_apart(vehicle_a, vehicle_b, horizon_s) {
                     continue;
                 }
-                let movers = (&vehicle_a.mover, &vehicle_b.mover);
-                let paths = (&vehicle_a.path.path(), &vehicle_b.path.path());
+                let (a_on, b_on) = (vehicle_a.path.path(), vehicle_b.path.path());
+                let met = meet(&vehicle_a.mover, &a_on, &vehicle_b.mover, &b_on, horizon_s);
                 // Later pairs need to be searched only up to the best contact so far.
-                if let Some((after_s, geometry)) = meet(movers, paths, horizon_s) {
+                if let Some((after_s, geometry)) = met {
                     horizon_s = after_s;
                     first = Some(geometry.contact((BodyId(a), BodyId(b)), after_s));
                 }

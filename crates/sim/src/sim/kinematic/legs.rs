@@ -1,6 +1,6 @@
 //! Walkers of the kinematic plant: the velocity of the centre changes evenly.
 
-use super::path::{Anchor, BodyPath, PathKind};
+use super::path::{Anchor, AnchorMotion, BodyPath, PathKind};
 use crate::sim::walker::{Ramp, Stride, length};
 use crate::sim::{BodyCommand, Walker};
 
@@ -16,7 +16,7 @@ impl Legs {
     pub(super) fn new(walker: &Walker, velocity_mps: (f64, f64)) -> Legs {
         Legs {
             walker: walker.clone(),
-            target_mps: walker.within_limit(velocity_mps),
+            target_mps: walker.within_limit(velocity_mps.0, velocity_mps.1),
         }
     }
 
@@ -30,25 +30,30 @@ impl Legs {
         let BodyCommand::Walk { x_mps, y_mps } = command else {
             return false;
         };
-        self.target_mps = self.walker.within_limit((x_mps, y_mps));
+        self.target_mps = self.walker.within_limit(x_mps, y_mps);
         true
     }
 
     pub(super) fn path(&self, start: Anchor) -> BodyPath {
-        let ramp = self.walker.ramp(start.walk_mps, self.target_mps);
+        let (from_mps, to_mps) = (start.walk_mps, self.target_mps);
+        let ramp = self.walker.ramp(from_mps, to_mps);
         BodyPath {
             start,
             kind: PathKind::Ramp(ramp),
             // Along a straight ramp the speed is convex in time, so an end has the largest.
-            speed_bound_mps: length(start.walk_mps).max(length(self.target_mps)),
-            accel_bound_mps2: length(ramp.accel_mps2),
+            speed_bound_mps: length(from_mps.0, from_mps.1).max(length(to_mps.0, to_mps.1)),
+            accel_bound_mps2: length(ramp.accel_mps2.0, ramp.accel_mps2.1),
         }
     }
 
-    /// Returns the speed along the heading, the speed to the left, the yaw rate.
-    pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
+    /// Returns the motion of the centre.
+    pub(super) fn motion(at: &Anchor) -> AnchorMotion {
         let (vx, vy) = at.walk_mps;
-        (vx * at.cos + vy * at.sin, vy * at.cos - vx * at.sin, 0.0)
+        AnchorMotion {
+            speed_mps: vx * at.cos + vy * at.sin,
+            lateral_mps: vy * at.cos - vx * at.sin,
+            yaw_rate_rad_per_s: 0.0,
+        }
     }
 
     /// Returns the state of the centre after a time.

@@ -63,8 +63,9 @@ impl Kinematic {
                 if mover_a.passes_others() && mover_b.passes_others() {
                     continue;
                 }
-                let paths = (&self.paths[a], &self.paths[b]);
-                let Some((after_s, contact_geometry)) = meet((mover_a, mover_b), paths, horizon_s)
+                let (path_a, path_b) = (&self.paths[a], &self.paths[b]);
+                let Some((after_s, contact_geometry)) =
+                    meet(mover_a, path_a, mover_b, path_b, horizon_s)
                 else {
                     continue;
                 };

@@ -2,7 +2,7 @@
 
 use super::engine::Engine;
 use super::kinematic_playback::{Passing, PlaybackPose};
-use super::path::{Anchor, BodyPath};
+use super::path::{Anchor, AnchorMotion, BodyPath};
 use crate::sim::planar::{Extent, Rect, SizedRect};
 use crate::sim::{Body, BodyState, Ground, Pose};
 
@@ -57,7 +57,11 @@ impl Mover {
 
     #[inline]
     pub(super) fn rect(&self, at: &Anchor) -> Rect {
-        let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = self.engine.motion(at);
+        let AnchorMotion {
+            speed_mps,
+            lateral_mps,
+            yaw_rate_rad_per_s,
+        } = self.engine.motion(at);
         let back_m = -self.anchor_ahead_m;
         let left_mps = lateral_mps + yaw_rate_rad_per_s * back_m;
         Rect {
@@ -125,20 +129,18 @@ impl Mover {
 
     #[inline]
     pub(super) fn follow(&mut self, path: &BodyPath, elapsed_s: f64) {
-        let (before_mps, ..) = self.engine.motion(&self.at);
+        let before_mps = self.engine.motion(&self.at).speed_mps;
         self.at = path.at(elapsed_s).unwound();
-        let (after_mps, ..) = self.engine.motion(&self.at);
+        let after_mps = self.engine.motion(&self.at).speed_mps;
         self.accel_mps2 = (after_mps - before_mps) / elapsed_s;
     }
 }
 
 /// Returns the state of the front bumper, `ahead_m` ahead of the fixed point.
-///
-/// `motion` is the speed along the heading, the speed to the left and the yaw rate.
 #[inline(always)]
 pub(super) fn state_of(
     at: &Anchor,
-    (speed_mps, lateral_mps, yaw_rate_rad_per_s): (f64, f64, f64),
+    motion: AnchorMotion,
     ahead_m: f64,
     accel_mps2: f64,
 ) -> BodyState {
@@ -148,10 +150,10 @@ pub(super) fn state_of(
             y_m: at.y_m + ahead_m * at.sin,
             heading_rad: at.heading_rad,
         },
-        speed_mps,
+        speed_mps: motion.speed_mps,
         // The bumper swings sideways in a turn, the fixed point does not.
-        lateral_mps: lateral_mps + yaw_rate_rad_per_s * ahead_m,
-        yaw_rate_rad_per_s,
+        lateral_mps: motion.lateral_mps + motion.yaw_rate_rad_per_s * ahead_m,
+        yaw_rate_rad_per_s: motion.yaw_rate_rad_per_s,
         accel_mps2,
     }
 }

@@ -53,6 +53,16 @@ impl Anchor {
     }
 }
 
+/// Motion of the fixed point of a body at one instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AnchorMotion {
+    /// Speed along the heading.
+    pub speed_mps: f64,
+    /// Speed to the left.
+    pub lateral_mps: f64,
+    pub yaw_rate_rad_per_s: f64,
+}
+
 /// Motion of a body during one `advance`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BodyPath {

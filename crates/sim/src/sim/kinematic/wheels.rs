@@ -1,6 +1,6 @@
 //! Vehicles of the kinematic plant: the rear axle runs along an arc.
 
-use super::path::{Anchor, BodyPath, PathKind};
+use super::path::{Anchor, AnchorMotion, BodyPath, PathKind};
 use crate::sim::limits::{DriveStep, VehicleLimits};
 use crate::sim::{Body, BodyCommand, Ground, Push, Vehicle};
 
@@ -69,15 +69,17 @@ impl Wheels {
 
     #[inline]
     pub(super) fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> BodyPath {
-        let command = (self.accel_mps2, self.curvature_per_m);
-        self.arc_under(command, start, arm_m, dt_s).path()
+        let (accel_mps2, curvature_per_m) = (self.accel_mps2, self.curvature_per_m);
+        self.arc_under(accel_mps2, curvature_per_m, start, arm_m, dt_s)
+            .path()
     }
 
     /// Returns the arc under a commanded acceleration and curvature.
     #[inline(always)]
     pub(super) fn arc_under(
         &self,
-        (accel_mps2, curvature_per_m): (f64, f64),
+        accel_mps2: f64,
+        wanted_per_m: f64,
         start: Anchor,
         arm_m: f64,
         dt_s: f64,
@@ -86,9 +88,9 @@ impl Wheels {
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);
         // The cornering limit must hold at the faster end of the step.
         let top_mps = start.speed_mps.abs().max(end_mps.abs());
-        let curvature_per_m =
-            self.limits
-                .curvature_per_m(curvature_per_m, drive.tyre_mps2, top_mps);
+        let curvature_per_m = self
+            .limits
+            .curvature_per_m(wanted_per_m, drive.tyre_mps2, top_mps);
         // Turning adds to the motion of the point farthest from the rear axle.
         let turn = curvature_per_m.abs() * arm_m;
         let centripetal_mps2 = top_mps * top_mps * curvature_per_m.abs() * (1.0 + turn);
@@ -103,10 +105,14 @@ impl Wheels {
         }
     }
 
-    /// Returns the speed along the heading, the speed to the left, the yaw rate.
+    /// Returns the motion of the rear axle.
     #[inline]
-    pub(super) fn motion(at: &Anchor) -> (f64, f64, f64) {
-        (at.speed_mps, 0.0, at.speed_mps * at.curvature_per_m)
+    pub(super) fn motion(at: &Anchor) -> AnchorMotion {
+        AnchorMotion {
+            speed_mps: at.speed_mps,
+            lateral_mps: 0.0,
+            yaw_rate_rad_per_s: at.speed_mps * at.curvature_per_m,
+        }
     }
 
     /// Returns the state of the rear axle after a time on its arc.

@@ -77,7 +77,10 @@ impl Motor for Bicycle {
 
     fn act(&mut self, _: &mut RapierWorld, _: &Rect, dt_s: f64) {
         self.before = self.ride;
-        let step = self.limits.step(self.command, self.ride.speed_mps, dt_s);
+        let (accel_mps2, curvature_per_m) = self.command;
+        let step = self
+            .limits
+            .step(accel_mps2, curvature_per_m, self.ride.speed_mps, dt_s);
         self.ride = step.after(&step.begin(self.ride), dt_s);
     }
 

@@ -4,7 +4,7 @@ use parry3d_f64::math::Pose;
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::math::Vector;
 
-use super::chassis_motion::{ChassisMotion, ComOffset, vector};
+use super::chassis_motion::{ChassisMotion, ComOffset, Impulse, vector};
 use super::lag::{BrakeLag, SteeringLag};
 use super::motor::Motor;
 use super::shape::CollisionShape;
@@ -63,7 +63,8 @@ impl Car {
     /// Puts a car into the world, with its springs in equilibrium.
     pub(super) fn new(
         world: &mut RapierWorld,
-        (body, shape): (&Body, &CollisionShape),
+        body: &Body,
+        shape: &CollisionShape,
         vehicle: &Vehicle,
         ground: Ground,
         rect: &Rect,
@@ -222,7 +223,8 @@ impl Car {
         &mut self,
         world: &mut RapierWorld,
         rect: &Rect,
-        (force_n, steering_rad): (f64, [f64; 4]),
+        force_n: f64,
+        steering_rad: [f64; 4],
         dt_s: f64,
     ) -> bool {
         let loads_n = self.loads_n();
@@ -235,9 +237,12 @@ impl Car {
             loads_n,
         };
         let sum = tyres.forces(rect, &demand, dt_s);
-        let impulse = (sum.along_n * dt_s, sum.across_n * dt_s);
-        let turn = sum.moments_n_m.map(|moment_n_m| moment_n_m * dt_s);
-        world.push(self.id, (rect.cos, rect.sin), self.up, (impulse, turn));
+        let impulse = Impulse {
+            along_n_s: sum.along_n * dt_s,
+            across_n_s: sum.across_n * dt_s,
+            angular_n_m_s: sum.moments_n_m.map(|moment_n_m| moment_n_m * dt_s),
+        };
+        world.push(self.id, rect, self.up, &impulse);
         if sum.is_limited {
             // The target waits for the car.
             let along_mps2 = sum.along_n / self.mass_kg + self.limits.push().along_mps2;
@@ -263,16 +268,14 @@ impl Car {
         };
         let along_n = self.mass_kg * (along_mps2 - grade_along_mps2);
         let left_n = self.mass_kg * (left_mps2 - grade_left_mps2);
-        let force_n = (
-            along_n * rect.cos - left_n * rect.sin,
-            along_n * rect.sin + left_n * rect.cos,
-        );
-        world.set_force(self.id, force_n);
+        let x_n = along_n * rect.cos - left_n * rect.sin;
+        let y_n = along_n * rect.sin + left_n * rect.cos;
+        world.set_force(self.id, x_n, y_n);
     }
 
     /// Rolls freely, with the grip of the wheels to the side.
     fn coast(&mut self, world: &mut RapierWorld, rect: &Rect, dt_s: f64) {
-        if self.slip(world, rect, (0.0, [0.0; 4]), dt_s) {
+        if self.slip(world, rect, 0.0, [0.0; 4], dt_s) {
             return;
         }
         for wheel in self.carrier.wheels_mut() {
@@ -315,7 +318,7 @@ impl Car {
     /// turn.
     fn steer(&mut self, drive: &DriveStep, speed_mps: f64, dt_s: f64) -> [f64; 4] {
         let top_mps = speed_mps.abs().max(self.target_mps.abs());
-        let curvature_per_m = if self.tyres.is_some() {
+        let limited_per_m = if self.tyres.is_some() {
             // These tyres limit the turn themselves.
             self.limits.locked_per_m(self.curvature_per_m)
         } else {
@@ -323,8 +326,8 @@ impl Car {
                 .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps)
         };
         let curvature_per_m = match &mut self.steering {
-            Some(steering) => steering.step(curvature_per_m, dt_s),
-            None => curvature_per_m,
+            Some(steering) => steering.step(limited_per_m, dt_s),
+            None => limited_per_m,
         };
         if curvature_per_m == 0.0 {
             return [0.0; 4];
@@ -394,7 +397,7 @@ impl Motor for Car {
         let drive = self.limits.drive(command_mps2, self.target_mps, dt_s);
         let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
         let steering_rad = self.steer(&drive, speed_mps, dt_s);
-        if self.slip(world, rect, (force_n, steering_rad), dt_s) {
+        if self.slip(world, rect, force_n, steering_rad, dt_s) {
             return;
         }
 
@@ -443,8 +446,8 @@ impl Motor for Car {
         }
         let (gain_x_mps, gain_y_mps) = world.motion(self.id).gain_mps(&self.before);
         if self.on_surface {
-            let shift_m = (-0.5 * dt_s * gain_x_mps, -0.5 * dt_s * gain_y_mps);
-            return world.shift(self.id, shift_m);
+            let (x_m, y_m) = (-0.5 * dt_s * gain_x_mps, -0.5 * dt_s * gain_y_mps);
+            return world.shift(self.id, x_m, y_m);
         }
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
         self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;

@@ -22,12 +22,7 @@ impl ChassisMotion {
     ///
     /// It is placed by the centre of mass, about which the chassis pitches and rolls on
     /// its springs. `up` is the direction in which the ground carries the body.
-    pub(super) fn rect(
-        &self,
-        (origin_x_m, origin_y_m): (f64, f64),
-        body: &ComOffset,
-        up: Vector,
-    ) -> Rect {
+    pub(super) fn rect(&self, origin_m: (f64, f64), body: &ComOffset, up: Vector) -> Rect {
         let ahead = self.pose.rotation * Vector::X;
         let (mut ahead_x, mut ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
         // A body that a collision stood on its nose has the heading of its sides.
@@ -42,8 +37,8 @@ impl ChassisMotion {
         let com = self.pose * body.local - Vector::new(up.x, up.y, 0.0) * body.local.z;
         let yaw_rate_rad_per_s = f64::from(self.angular.z);
         Rect {
-            x_m: origin_x_m + f64::from(com.x) - body.ahead_m * cos,
-            y_m: origin_y_m + f64::from(com.y) - body.ahead_m * sin,
+            x_m: origin_m.0 + f64::from(com.x) - body.ahead_m * cos,
+            y_m: origin_m.1 + f64::from(com.y) - body.ahead_m * sin,
             cos,
             sin,
             // From the centre of mass to the centre of the box, which swings in a turn.
@@ -65,11 +60,11 @@ impl ChassisMotion {
     }
 
     /// Returns the pose of the frame of the chassis in the world.
-    pub(super) fn pose_in_world(&self, (x_m, y_m): (f64, f64)) -> f64_math::Pose {
+    pub(super) fn pose_in_world(&self, origin_m: (f64, f64)) -> f64_math::Pose {
         let [x, y, z] = self.pose.translation.to_array().map(f64::from);
         let [qx, qy, qz, qw] = self.pose.rotation.to_array().map(f64::from);
         f64_math::Pose::from_parts(
-            f64_math::Vector::new(x_m + x, y_m + y, z),
+            f64_math::Vector::new(origin_m.0 + x, origin_m.1 + y, z),
             f64_math::Rotation::from_xyzw(qx, qy, qz, qw).normalize(),
         )
     }
@@ -92,6 +87,17 @@ impl ChassisMotion {
             angular: self.angular.lerp(end.angular, share),
         }
     }
+}
+
+/// Impulse at the centre of mass of a body, and an angular impulse about it.
+///
+/// Both are in the frame of the body's heading and of the ground's normal.
+pub(super) struct Impulse {
+    pub along_n_s: f64,
+    /// To the left.
+    pub across_n_s: f64,
+    /// About the axes ahead, to the left and up.
+    pub angular_n_m_s: [f64; 3],
 }
 
 /// Position of the centre of mass in the frame of the chassis.

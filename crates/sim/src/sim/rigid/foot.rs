@@ -25,7 +25,7 @@ pub(super) struct Foot {
 impl Foot {
     /// Creates a walker that keeps its spawn velocity, within its limit.
     pub(super) fn new(walker: &Walker, rect: &Rect) -> Foot {
-        let velocity_mps = walker.within_limit((rect.vx_mps, rect.vy_mps));
+        let velocity_mps = walker.within_limit(rect.vx_mps, rect.vy_mps);
         let stride = Stride {
             at_m: (rect.x_m, rect.y_m),
             velocity_mps,
@@ -46,7 +46,7 @@ impl Motor for Foot {
         let BodyCommand::Walk { x_mps, y_mps } = command else {
             return false;
         };
-        self.target_mps = self.walker.within_limit((x_mps, y_mps));
+        self.target_mps = self.walker.within_limit(x_mps, y_mps);
         true
     }
 
@@ -58,11 +58,13 @@ impl Motor for Foot {
 
     fn rewind(&mut self, _: &mut RapierWorld, share: f64) {
         // Linear within the step, like the sweep in which the contact was found.
-        let mix = |(ax, ay): (f64, f64), (bx, by): (f64, f64)| {
-            (ax + share * (bx - ax), ay + share * (by - ay))
+        let mix = |from: f64, to: f64| from + share * (to - from);
+        let (a, b) = (self.before, self.stride);
+        let (from_mps, to_mps) = (a.velocity_mps, b.velocity_mps);
+        self.stride = Stride {
+            at_m: (mix(a.at_m.0, b.at_m.0), mix(a.at_m.1, b.at_m.1)),
+            velocity_mps: (mix(from_mps.0, to_mps.0), mix(from_mps.1, to_mps.1)),
         };
-        self.stride.at_m = mix(self.before.at_m, self.stride.at_m);
-        self.stride.velocity_mps = mix(self.before.velocity_mps, self.stride.velocity_mps);
     }
 
     fn rect(&self, _: &RapierWorld) -> Rect {

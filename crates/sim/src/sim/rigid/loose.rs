@@ -27,7 +27,8 @@ impl LooseBody {
     /// Puts a body into the world with its motion.
     pub(super) fn new(
         world: &mut RapierWorld,
-        (body, shape): (&Body, &CollisionShape),
+        body: &Body,
+        shape: &CollisionShape,
         rect: &Rect,
         origin_m: (f64, f64),
     ) -> LooseBody {

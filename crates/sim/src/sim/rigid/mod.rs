@@ -29,8 +29,6 @@ mod world;
 
 use std::sync::Arc;
 
-use parry3d_f64::math::Pose as Pose3;
-
 pub use self::surface::GroundSurface;
 
 use self::bicycle::Bicycle;
@@ -39,7 +37,7 @@ use self::collisions::Collisions;
 use self::foot::Foot;
 use self::kinematic_playback::PlaybackBody;
 use self::loose::LooseBody;
-use self::motor::Motor;
+use self::motor::{Motor, Stance};
 use self::shape::CollisionShape;
 use self::touch::{SweptBody, touch};
 use self::world::RapierWorld;
@@ -89,10 +87,11 @@ struct FirstTouch {
 
 impl RigidMover {
     /// Returns the footprint, and on a surface the pose in space.
-    fn stance(&self, world: &RapierWorld) -> (Rect, Option<Pose3>) {
+    fn stance(&self, world: &RapierWorld) -> Stance {
         let rect = self.motor.rect(world);
         let has_surface = world.has_surface();
-        (rect, has_surface.then(|| self.motor.pose(world, &rect)))
+        let pose = has_surface.then(|| self.motor.pose(world, &rect));
+        Stance { rect, pose }
     }
 }
 
@@ -135,7 +134,7 @@ impl Rigid {
     fn add(&mut self, body: &Body, rect: &Rect) -> BodyId {
         let shape = CollisionShape::of(body);
         let mover = RigidMover {
-            motor: motor(&mut self.world, (body, &shape), self.ground, rect),
+            motor: motor(&mut self.world, body, &shape, self.ground, rect),
             body: Arc::new(body.clone()),
             accel_mps2: 0.0,
             before_mps: rect.along_mps(),
@@ -253,14 +252,14 @@ impl Plant for Rigid {
         }
         self.world.solid();
         let at = &self.sweeps[touching.0.0].after;
-        let origin_m = self.world.origin_near((at.x_m, at.y_m));
+        let origin_m = self.world.origin_near(at.x_m, at.y_m);
         let mut ids = Vec::with_capacity(self.movers.len());
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
             ids.push(match mover.motor.join(&mut self.world, origin_m) {
                 Some(id) => id,
                 None => {
-                    let shaped = (&*mover.body, &sweep.shape);
-                    let loose = LooseBody::new(&mut self.world, shaped, &sweep.after, origin_m);
+                    let (shape, rect) = (&sweep.shape, &sweep.after);
+                    let loose = LooseBody::new(&mut self.world, &mover.body, shape, rect, origin_m);
                     let id = loose.id();
                     mover.motor = Box::new(loose);
                     id
@@ -422,14 +421,13 @@ fn rect_at(body: &Body, pose: Pose, speed_mps: f64) -> Rect {
 /// Puts a body into the world with its motion model.
 fn motor(
     world: &mut RapierWorld,
-    (body, shape): (&Body, &CollisionShape),
+    body: &Body,
+    shape: &CollisionShape,
     ground: Ground,
     rect: &Rect,
 ) -> Box<dyn Motor> {
     match &body.kind {
-        BodyKind::Vehicle(vehicle) => {
-            Box::new(Car::new(world, (body, shape), vehicle, ground, rect))
-        }
+        BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, shape, vehicle, ground, rect)),
         BodyKind::Cyclist(cyclist) => Box::new(Bicycle::new(body, cyclist, ground, rect)),
         BodyKind::Walker(walker) => Box::new(Foot::new(walker, rect)),
     }

@@ -6,6 +6,14 @@ use parry3d_f64::math::Pose;
 use crate::sim::planar::Rect;
 use crate::sim::{BodyCommand, Ground, Placement, Push};
 
+/// Footprint of a body with its motion.
+#[derive(Clone, Copy)]
+pub(super) struct Stance {
+    pub rect: Rect,
+    /// Pose of the body's frame, on a surface only.
+    pub pose: Option<Pose>,
+}
+
 /// Motion model of a body, with its current command.
 pub(super) trait Motor: Send {
     /// Sets the command, or returns false if this kind of body refuses it.

@@ -172,8 +172,11 @@ impl CollisionShape {
     /// ground.
     pub(super) fn contact_at(
         &self,
-        (me, pose): (&SizedRect, &Pose),
-        (other_shape, other, other_pose): (&Self, &SizedRect, &Pose),
+        me: &SizedRect,
+        pose: &Pose,
+        other_shape: &Self,
+        other: &SizedRect,
+        other_pose: &Pose,
     ) -> ContactGeometry {
         let nearest = self.gap_at(pose, other_shape, other_pose);
         let relative = pose.inverse() * *other_pose;
@@ -207,9 +210,9 @@ impl CollisionShape {
     pub(super) fn contact_geometry(
         &self,
         me: &SizedRect,
-        other: (&Self, &SizedRect),
+        other_shape: &Self,
+        other: &SizedRect,
     ) -> ContactGeometry {
-        let (other_shape, other) = other;
         let ShapeGap {
             gap_m: nearest_m,
             normal,

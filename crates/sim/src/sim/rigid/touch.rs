@@ -9,6 +9,7 @@ use parry3d_f64::math::Pose;
 
 use crate::sim::planar::{ContactGeometry, Extent, Rect, SizedRect, TOUCH_M, far_apart};
 
+use super::motor::Stance;
 use super::shape::{CollisionShape, ShapeGap};
 
 /// Distance of two bodies that counts as a contact.
@@ -38,36 +39,35 @@ pub(super) struct SweptBody {
 
 impl SweptBody {
     /// Creates a body at rest.
-    pub(super) fn resting(
-        (rect, pose): (Rect, Option<Pose>),
-        extent: Extent,
-        shape: CollisionShape,
-    ) -> SweptBody {
+    pub(super) fn resting(stance: Stance, extent: Extent, shape: CollisionShape) -> SweptBody {
         SweptBody {
-            before: rect,
-            after: rect,
+            before: stance.rect,
+            after: stance.rect,
             extent,
             shape,
-            in_space: pose.map(|pose| [pose; 2]),
+            in_space: stance.pose.map(|pose| [pose; 2]),
             reach_m: 0.0,
         }
     }
 
     /// Rests at a footprint, without a motion.
-    pub(super) fn rest(&mut self, (rect, pose): (Rect, Option<Pose>)) {
-        (self.before, self.after, self.reach_m) = (rect, rect, 0.0);
-        self.in_space = pose.map(|pose| [pose; 2]);
+    pub(super) fn rest(&mut self, stance: Stance) {
+        (self.before, self.after, self.reach_m) = (stance.rect, stance.rect, 0.0);
+        self.in_space = stance.pose.map(|pose| [pose; 2]);
     }
 
     /// Moves on to the next step.
-    pub(super) fn move_on(&mut self, (after, pose): (Rect, Option<Pose>)) {
+    pub(super) fn move_on(&mut self, stance: Stance) {
         self.before = self.after;
-        self.after = after;
-        self.in_space = pose.map(|pose| match self.in_space {
+        self.after = stance.rect;
+        self.in_space = stance.pose.map(|pose| match self.in_space {
             Some([_, before]) => [before, pose],
             None => [pose; 2],
         });
-        let (dx, dy) = (after.x_m - self.before.x_m, after.y_m - self.before.y_m);
+        let (dx, dy) = (
+            self.after.x_m - self.before.x_m,
+            self.after.y_m - self.before.y_m,
+        );
         self.reach_m = (dx * dx + dy * dy).sqrt() + self.swing_m();
         if self.in_space.is_some() {
             // A tilted body reaches beyond its upright footprint.
@@ -225,30 +225,28 @@ pub(super) fn touch(a: &SweptBody, b: &SweptBody) -> Option<(f64, ContactGeometr
     let motion = RelativeMotion::of(a, b);
     let start = motion.clearance(a, b, 0.0);
     if start.gap_m <= TOUCHING_M {
-        let contact = contact_at(a, b, 0.0, (&start_a, &start_b));
+        let contact = contact_at(a, &a.before, b, &b.before, 0.0);
         // Bodies that touch may move apart. Bodies that overlap may not.
         let parting = -TOUCH_M <= start.gap_m && contact.closing_speed_mps <= 0.0;
         return (!parting).then_some((0.0, contact));
     }
     let share = advance(a, b, &motion, start)?;
-    let (rect_a, rect_b) = (a.at(share), b.at(share));
-    let (at_a, at_b) = (a.sized(&rect_a), b.sized(&rect_b));
-    Some((share, contact_at(a, b, share, (&at_a, &at_b))))
+    let contact = contact_at(a, &a.at(share), b, &b.at(share), share);
+    Some((share, contact))
 }
 
 /// Returns the contact of two bodies with footprints at a share of the step.
 fn contact_at(
     a: &SweptBody,
+    rect_a: &Rect,
     b: &SweptBody,
+    rect_b: &Rect,
     share: f64,
-    (at_a, at_b): (&SizedRect, &SizedRect),
 ) -> ContactGeometry {
+    let (me, it) = (a.sized(rect_a), b.sized(rect_b));
     match (a.pose_at(share), b.pose_at(share)) {
-        (Some(pose_a), Some(pose_b)) => {
-            let other = (&b.shape, at_b, &pose_b);
-            a.shape.contact_at((at_a, &pose_a), other)
-        }
-        _ => a.shape.contact_geometry(at_a, (&b.shape, at_b)),
+        (Some(pose), Some(its_pose)) => a.shape.contact_at(&me, &pose, &b.shape, &it, &its_pose),
+        _ => a.shape.contact_geometry(&me, &b.shape, &it),
     }
 }
 
@@ -284,23 +282,24 @@ mod tests {
 
     type Motion = (f64, f64, f64);
 
-    fn rect(x_m: f64, y_m: f64, heading_rad: f64) -> Rect {
+    fn stance(x_m: f64, y_m: f64, heading_rad: f64) -> Stance {
         let (sin, cos) = libm::sincos(heading_rad);
-        Rect {
+        let rect = Rect {
             x_m,
             y_m,
             cos,
             sin,
             ..Rect::default()
-        }
+        };
+        Stance { rect, pose: None }
     }
 
     fn swept(body: &Body, from: Motion, by: Motion) -> SweptBody {
         let shape = CollisionShape::of(body);
-        let start = (rect(from.0, from.1, from.2), None);
+        let start = stance(from.0, from.1, from.2);
         let mut swept = SweptBody::resting(start, Extent::of(body), shape);
-        let end = rect(from.0 + by.0, from.1 + by.1, from.2 + by.2);
-        swept.move_on((end, None));
+        let end = stance(from.0 + by.0, from.1 + by.1, from.2 + by.2);
+        swept.move_on(end);
         swept
     }
 

@@ -18,7 +18,7 @@ use rapier3d::prelude::{
     RigidBodySet, SharedShape, SoftBodySet,
 };
 
-use super::chassis_motion::{ChassisMotion, vector};
+use super::chassis_motion::{ChassisMotion, Impulse, vector};
 use super::shape::CollisionShape;
 use super::surface::{GroundSurface, SurfacePoint};
 use crate::sim::planar::Rect;
@@ -193,7 +193,7 @@ impl RapierWorld {
         shape: &CollisionShape,
         rect: &Rect,
     ) -> (ChassisId, (f64, f64)) {
-        let origin_m = self.origin_near((rect.x_m, rect.y_m));
+        let origin_m = self.origin_near(rect.x_m, rect.y_m);
         (self.insert_at(body, shape, rect, origin_m), origin_m)
     }
 
@@ -333,7 +333,7 @@ impl RapierWorld {
     }
 
     /// Sets the external force at a body's centre of mass, along world x and y.
-    pub(super) fn set_force(&mut self, id: ChassisId, (x_n, y_n): (f64, f64)) {
+    pub(super) fn set_force(&mut self, id: ChassisId, x_n: f64, y_n: f64) {
         let force_n = vector(x_n, y_n, 0.0);
         if self.body(id).user_force() != force_n {
             let body = self.body_mut(id);
@@ -361,22 +361,17 @@ impl RapierWorld {
         vehicle
     }
 
-    /// Pushes a body on the ground with an impulse at its centre of mass and an angular
-    /// impulse about it, both in the frame of its heading and of the ground's normal.
-    pub(super) fn push(
-        &mut self,
-        id: ChassisId,
-        (cos, sin): (f64, f64),
-        normal: Vector,
-        ((along, across), [roll, pitch, yaw]): ((f64, f64), [f64; 3]),
-    ) {
+    /// Pushes a body on the ground.
+    pub(super) fn push(&mut self, id: ChassisId, rect: &Rect, normal: Vector, impulse: &Impulse) {
         let tilt = (normal != Vector::Z).then(|| Rotation::from_rotation_arc(Vector::Z, normal));
+        let Rect { cos, sin, .. } = *rect;
         let turned = |x: f64, y: f64, z: f64| {
             let level = vector(x * cos - y * sin, x * sin + y * cos, z);
             tilt.map_or(level, |tilt| tilt * level)
         };
+        let [roll, pitch, yaw] = impulse.angular_n_m_s;
         let body = self.body_mut(id);
-        body.apply_impulse(turned(along, across, 0.0), true);
+        body.apply_impulse(turned(impulse.along_n_s, impulse.across_n_s, 0.0), true);
         body.apply_torque_impulse(turned(roll, pitch, yaw), true);
     }
 
@@ -427,7 +422,7 @@ impl RapierWorld {
     }
 
     /// Moves a body in the plane.
-    pub(super) fn shift(&mut self, id: ChassisId, (x_m, y_m): (f64, f64)) {
+    pub(super) fn shift(&mut self, id: ChassisId, x_m: f64, y_m: f64) {
         let body = self.body_mut(id);
         let mut pose = *body.position();
         pose.translation += vector(x_m, y_m, 0.0);
@@ -437,7 +432,7 @@ impl RapierWorld {
     /// Returns the origin for a body at a position.
     ///
     /// A surface has one place, so all bodies on it have the origin of the world.
-    pub(super) fn origin_near(&self, (x_m, y_m): (f64, f64)) -> (f64, f64) {
+    pub(super) fn origin_near(&self, x_m: f64, y_m: f64) -> (f64, f64) {
         if self.has_surface() {
             return (0.0, 0.0);
         }
