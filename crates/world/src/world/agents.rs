@@ -111,7 +111,7 @@ impl Agents<'_> {
             }
             match entry {
                 AgentFile::Light { .. } => {
-                    if let Some(light) = read.light(problems, &path, (file, entry)) {
+                    if let Some(light) = read.light(problems, &path, file, entry) {
                         read.light_entries.push(i);
                         read.lights.push(light);
                     }
@@ -184,7 +184,7 @@ impl Agents<'_> {
     ) -> Option<Agent> {
         let number = roads::number(problems, path, file, entry)?;
         if let AgentFile::Obstacle { .. } = entry {
-            return obstacles::read(problems, path, file, (entry, number));
+            return obstacles::read(problems, path, file, entry, number);
         }
         // Number 0 is the world's own road, and named roads follow from 1.
         let (own, named) = self.roads;
@@ -270,7 +270,7 @@ impl Agents<'_> {
             let help = "vehicles are `Vehicle(…)`, those on foot `Pedestrian(…)`".to_owned();
             problems.add(&path.to("body"), what, "here", Some(help));
         }
-        bodies::check_cyclist(problems, path, &body, (drive, place.as_ref()));
+        bodies::check_cyclist(problems, path, &body, drive, place.as_ref());
         let drive = self.drive(problems, &path.to("drive"), name, drive, acts_as)?;
         Some(Agent {
             name: name.clone(),
@@ -320,7 +320,7 @@ impl Agents<'_> {
                 Drive::Scripted(script.clone())
             }
             DriveFile::Trained(file) => {
-                Drive::Trained(self.trained(problems, (path, name), file, acts_as)?)
+                Drive::Trained(self.trained(problems, path, name, file, acts_as)?)
             }
             DriveFile::Script(steps) => {
                 let plan = MotionPlan::Script(steps.clone());
@@ -356,11 +356,12 @@ impl Agents<'_> {
     pub(super) fn trained(
         &mut self,
         problems: &mut Problems,
-        (path, name): (&ValuePath, &str),
+        path: &ValuePath,
+        name: &str,
         file: &TrainedFile,
         acts_as: ActsAs,
     ) -> Option<TrainedAdo> {
-        let opened = trained::open(problems, (path, self.origin), file, acts_as)?;
+        let opened = trained::open(problems, path, self.origin, file, acts_as)?;
         self.written_out.extend(opened.written_out);
         self.judged.extend(opened.home.map(|home| JudgedAdo {
             name: name.to_owned(),
@@ -396,7 +397,7 @@ impl Agents<'_> {
             let place = path.to("rulebook").at(j).to("stl");
             let rank = self.rules.len();
             self.rules
-                .extend(rule_of(problems, place, rule, (name, rank)));
+                .extend(rule_of(problems, place, rule, name, rank));
         }
     }
 

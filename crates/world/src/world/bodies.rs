@@ -65,7 +65,8 @@ pub(super) fn check_cyclist(
     problems: &mut Problems,
     path: &ValuePath,
     body: &Body,
-    (drive, place): (&DriveFile, Option<&StartPlace>),
+    drive: &DriveFile,
+    place: Option<&StartPlace>,
 ) {
     let Some(cyclist) = body.cyclist() else {
         return;

@@ -9,6 +9,7 @@ use super::file::ScenarioFile;
 use super::language::{Judging, Language, constants, rulebook};
 use super::runs::{Assembled, InnerWorld, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
+use super::starts::EntryPositions;
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, environment, family_check, includes, kind_of_world, limits,
@@ -111,7 +112,8 @@ fn assemble(
     let constants = constants(
         &mut problems,
         &top.to("constants"),
-        (file.clock.horizon_s, "clock"),
+        file.clock.horizon_s,
+        "clock",
         &file.constants,
     );
     let agents = Agents::read(&mut problems, origin, &file, (&road, &roads));
@@ -181,14 +183,17 @@ fn assemble(
     per_ado::names(&mut problems, &learner, &spec);
     let list = top.to("agents");
     starts::check(&mut problems, &list, &spec, &entries);
-    starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
+    let in_list = EntryPositions {
+        agents: &entries,
+        lights: &light_entries,
+    };
+    starts::on_the_road(&mut problems, &list, &spec, in_list);
     roads::beside_themselves(&mut problems, &top, &spec);
     environment::check_geometry(&mut problems, &spec, &entries);
     if let Some((_, place)) = &road_ado {
-        let places = (place, &list);
-        road_ado::check(&mut problems, places, &spec, (&entries, &light_entries));
+        road_ado::check(&mut problems, place, &list, &spec, in_list);
     }
-    trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
+    trained::check(&mut problems, &list, &spec, in_list);
     if let Some((turns, place)) = &turns {
         turns::check(&mut problems, place, turns, &spec);
     }
@@ -213,16 +218,16 @@ fn assemble(
     let (mut names, ego_spec) =
         language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     for ado in &judged {
-        let words = (&mut language, &mut names);
-        ado.judge(&mut problems, words, &mut spec, &mut rules);
+        ado.judge(
+            &mut problems,
+            &mut language,
+            &mut names,
+            &mut spec,
+            &mut rules,
+        );
     }
     problems.done()?;
-    plans::bind(
-        &mut problems,
-        &mut language,
-        &names,
-        (&list, &spec, &entries),
-    );
+    plans::bind(&mut problems, &mut language, &names, &list, &spec, &entries);
     for rule in &rules {
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }

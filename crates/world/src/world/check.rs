@@ -31,23 +31,25 @@ pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: 
     }
 }
 
-/// Reports a range that is reversed or leaves `lo ..= hi`, as one mistake at most.
+/// Reports a range that is reversed or leaves the bounds, as one mistake at most.
 ///
 /// Returns whether there was none.
 pub(super) fn range_within(
     problems: &mut Problems,
     path: &ValuePath,
     numbers: Range,
-    (lo, hi): (f64, f64),
+    bounds: Range,
 ) -> bool {
     if numbers.hi < numbers.lo {
         range(problems, path, numbers);
         return false;
     }
     let ends = [numbers.lo, numbers.hi];
-    let outside = ends.into_iter().find(|end| !(lo..=hi).contains(end));
+    let outside = ends
+        .into_iter()
+        .find(|end| !(bounds.lo..=bounds.hi).contains(end));
     if let Some(end) = outside {
-        within(problems, path, end, lo, hi);
+        within(problems, path, end, bounds.lo, bounds.hi);
     }
     outside.is_none()
 }
@@ -102,8 +104,8 @@ pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
             "a physics step of {} s is longer than 0.02 s",
             clock.sample_s / f64::from(clock.substeps.max(1))
         );
-        let help = (clock.sample_s / 0.02).ceil();
-        let help = Some(format!("give at least {help} substeps"));
+        let least = (clock.sample_s / 0.02).ceil();
+        let help = Some(format!("give at least {least} substeps"));
         problems.add(&path.to("substeps"), what, "too coarse", help);
     }
 }
@@ -113,7 +115,6 @@ fn tidy(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }
 
-/// Checks the lanes of a road.
 /// Checks number and width of the lanes. Lanes are at least `least_m` wide.
 pub(super) fn lanes(problems: &mut Problems, path: &ValuePath, road: &Road, least_m: f64) {
     if !(1..=MAX_LANES).contains(&road.lanes()) {

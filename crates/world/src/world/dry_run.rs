@@ -87,12 +87,12 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
     let mut row = vec![0.0; bench.schema().len()];
     for start in tried_starts(&tried) {
         if let Some(spec) = spec
-            && let Err((i, why)) = spec.admits(&start)
+            && let Err((i, (why, cure))) = spec.admits(&start)
         {
             let agent = &spec.agents[i];
             let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);
             let words = in_words(&tried, &start);
-            super::plans::refuse_encounter(problems, &entry, agent, why, &words);
+            super::plans::refuse_encounter(problems, &entry, agent, why, cure, &words);
             return;
         }
         bench.begin(&start, 0, Aftermath::Skip);
@@ -264,8 +264,8 @@ pub(super) fn can_be_kept(
         return Some((Oddity::BarelyTried, problem));
     }
     let mut pairs = numbered().flat_map(|j| (0..j).map(move |i| (i, j)));
-    let pair = pairs.find(|&(i, j)| !ever(i, j))?;
-    Some(excluding(scenario, pair, tries))
+    let (i, j) = pairs.find(|&(i, j)| !ever(i, j))?;
+    Some(excluding(scenario, i, j, tries))
 }
 
 /// Warning for rules that no run to the horizon keeps, alone or together.
@@ -294,11 +294,11 @@ pub(super) fn kept_to_the_end(scenario: &Scenario) -> Option<(Oddity, Problem)> 
     }
     let mut pairs = numbered().flat_map(|j| (0..j).map(move |i| (i, j)));
     let (i, j) = pairs.find(|&(i, j)| !together(i, j))?;
-    Some(excluding(scenario, (i, j), tries))
+    Some(excluding(scenario, i, j, tries))
 }
 
 /// Warning for two rules that no run kept together.
-fn excluding(scenario: &Scenario, (i, j): (usize, usize), tries: usize) -> (Oddity, Problem) {
+fn excluding(scenario: &Scenario, i: usize, j: usize, tries: usize) -> (Oddity, Problem) {
     let rules = &scenario.rulebook().rules;
     let (first, second) = (&rules[i].name, &rules[j].name);
     let problem = Problem {
@@ -409,8 +409,8 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
     let mut scratch = crate::stl::Scratch::default();
     let affordable = affordable_samples(&bench) / bench.clock().samples();
     // An ego that is a program is not started for a warning.
-    let affordable = bench.fork().map_or(0, |_| affordable.max(1));
-    for start in tried_starts(&tried).into_iter().take(affordable) {
+    let runs = bench.fork().map_or(0, |_| affordable.max(1));
+    for start in tried_starts(&tried).into_iter().take(runs) {
         let mut actor = Constant(neutral);
         let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
         let rules = &tried.rulebook().rules;

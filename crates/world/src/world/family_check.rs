@@ -43,7 +43,7 @@ pub(super) fn family(
         .iter()
         .filter_map(|(name, ranges)| {
             let place = path.to("structures").to(name);
-            structure(problems, &place, (name, ranges), reuse)
+            structure(problems, &place, name, ranges, reuse)
         })
         .collect();
     let sample_s = spec.clock.sample_s;
@@ -117,7 +117,8 @@ pub(super) fn family(
 fn structure(
     problems: &mut Problems,
     place: &ValuePath,
-    (name, ranges): (&str, &Ordered<(f64, f64)>),
+    name: &str,
+    ranges: &Ordered<(f64, f64)>,
     reuse: &IndexMap<String, Change>,
 ) -> Option<Structure> {
     let Some(change) = reuse.get(name) else {
@@ -152,14 +153,14 @@ fn of_controller(
 ) -> Vec<Quantity> {
     let parameters = controller.parameters();
     let mut quantities = Vec::new();
-    for (name, range) in &ranges.0 {
+    for (name, &(lo, hi)) in &ranges.0 {
         let place = path.to(name);
         let Some(parameter) = parameters.iter().find(|p| p.name == name) else {
             let known: Vec<&str> = parameters.iter().map(|p| p.name).collect();
             unknown(problems, &place, name, controller.controller.kind(), &known);
             continue;
         };
-        quantities.extend(of_ego(problems, &place, *range, parameter));
+        quantities.extend(of_ego(problems, &place, lo, hi, parameter));
     }
     quantities
 }
@@ -177,7 +178,8 @@ fn unknown(problems: &mut Problems, place: &ValuePath, name: &str, kind: &str, k
 fn of_ego(
     problems: &mut Problems,
     place: &ValuePath,
-    (lo, hi): (f64, f64),
+    lo: f64,
+    hi: f64,
     parameter: &Parameter,
 ) -> Option<Quantity> {
     if lo < parameter.at_least {

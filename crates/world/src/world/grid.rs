@@ -164,7 +164,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     spec.constants = constants(
         &mut problems,
         &top.to("constants"),
-        (f64::from(spec.steps()), "horizon"),
+        f64::from(spec.steps()),
+        "horizon",
         &file.constants,
     );
     let catalogue = spec.catalogue().into_iter();
@@ -270,7 +271,7 @@ fn rules(problems: &mut Problems, path: &ValuePath, file: &[RuleFile]) -> Vec<Ru
     let mut rules: Vec<RuleSpec> = Vec::new();
     for (i, rule) in file.iter().enumerate() {
         let place = path.at(i).to("stl");
-        rules.extend(rule_of(problems, place, rule, ("ado", rules.len())));
+        rules.extend(rule_of(problems, place, rule, "ado", rules.len()));
     }
     rules
 }

@@ -18,8 +18,20 @@ use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 
-/// Name of the world file, and the source of the files that it includes.
-type IncludingFile<'a> = (&'a str, &'a dyn RunSource);
+/// World file that includes others.
+#[derive(Clone, Copy)]
+pub(super) struct IncludingFile<'a> {
+    pub(super) name: &'a str,
+    /// Source of the files that it includes.
+    pub(super) source: &'a dyn RunSource,
+}
+
+impl IncludingFile<'_> {
+    /// Returns the text of an included file.
+    pub(super) fn text(&self, name: &str) -> Result<String, RunRefused> {
+        self.source.text(name, self.name)
+    }
+}
 
 /// Returns the text with the content of all included files, `None` without any.
 ///
@@ -95,7 +107,7 @@ fn rules_of(
     name: &str,
     file: &ScenarioFile,
 ) -> Result<String, RunRefused> {
-    let text = origin.1.text(name, origin.0)?;
+    let text = origin.text(name)?;
     let rules = TrafficRuleFile::parse(&text)
         .map_err(|error| refused(format!("`{name}`: {error}"), &error.help()))?;
     for (constant, value) in &rules.constants {
@@ -125,7 +137,7 @@ fn rules_of(
 
 /// Returns a traffic model as the value that replaces its name.
 fn model_of(origin: IncludingFile<'_>, name: &str) -> Result<String, RunRefused> {
-    let text = origin.1.text(name, origin.0)?;
+    let text = origin.text(name)?;
     let (from, text) = (raw_text(name), raw_text(&model(name, &text)?.to_line()));
     Ok(format!("Kept(from: {from}, model: {text})"))
 }

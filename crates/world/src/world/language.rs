@@ -100,9 +100,9 @@ impl Language {
         };
         let so_far = self.schema()?;
         if let Err(error) = expr.bind(&so_far, &self.constants) {
-            let refused = signal.expr.get(error.span()).unwrap_or_default();
+            let quoted = signal.expr.get(error.span()).unwrap_or_default();
             // The error may quote the name, which the list below does not.
-            let refused = refused.trim_matches(['"', '`', '\'']);
+            let refused = quoted.trim_matches(['"', '`', '\'']);
             if later.contains(&refused) || refused == name {
                 problems.too_early(&place, &error, refused, name)
             } else {
@@ -324,7 +324,8 @@ pub(super) fn rulebook(
 pub(super) fn constants(
     problems: &mut Problems,
     path: &ValuePath,
-    (horizon_s, given_by): (f64, &str),
+    horizon_s: f64,
+    given_by: &str,
     file: &Ordered<f64>,
 ) -> Constants {
     let mut constants = Constants::new();
@@ -375,7 +376,8 @@ pub(super) fn rule_of(
     problems: &mut Problems,
     place: ValuePath,
     rule: &RuleFile,
-    (ado, rank): (&str, usize),
+    ado: &str,
+    rank: usize,
 ) -> Option<RuleSpec> {
     Some(RuleSpec {
         name: rule.name.clone(),

@@ -14,7 +14,8 @@ impl Agents<'_> {
         &mut self,
         problems: &mut Problems,
         path: &ValuePath,
-        (file, entry): (&ScenarioFile, &AgentFile),
+        file: &ScenarioFile,
+        entry: &AgentFile,
     ) -> Option<Light> {
         let AgentFile::Light {
             name,
@@ -53,7 +54,7 @@ impl Agents<'_> {
         let path = path.to("drive");
         Some(match drive {
             LightFile::Trained(file) => {
-                LightDrive::Trained(self.trained(problems, (&path, name), file, ActsAs::Light)?)
+                LightDrive::Trained(self.trained(problems, &path, name, file, ActsAs::Light)?)
             }
             LightFile::Schedule(schedule) => {
                 // Equal times would leave the order of phases open.

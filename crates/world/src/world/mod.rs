@@ -133,7 +133,11 @@ impl Scenario {
         match kind_of_world::kind(text).map_err(one)? {
             kind_of_world::WorldKind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                match includes::expanded((file, runs), text, &parsed).map_err(fail)? {
+                let origin = includes::IncludingFile {
+                    name: file,
+                    source: runs,
+                };
+                match includes::expanded(origin, text, &parsed).map_err(fail)? {
                     // The places of mistakes are then those of the whole text.
                     Some(whole) => Scenario::parse_with(file, &whole, runs),
                     None => build::build(file, runs, text, parsed).map_err(fail),

@@ -15,7 +15,8 @@ pub(super) fn read(
     problems: &mut Problems,
     path: &ValuePath,
     file: &ScenarioFile,
-    (entry, number): (&AgentFile, usize),
+    entry: &AgentFile,
+    number: usize,
 ) -> Option<Agent> {
     let AgentFile::Obstacle {
         name,

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::environment_file::{LanesFile, OwnRoad};
 use super::file::{AgentFile, RoadFile, ScenarioFile};
-use super::runs::RunSource;
+use super::includes::IncludingFile;
 use crate::opendrive::{LaneRoad, LaneStart, bank_list, grade_list, lane_road};
 use crate::road::{Piece, Priority};
 use crate::ron_file::Problems;
@@ -19,7 +19,7 @@ const VERTICAL_CURVE_M: f64 = 4.0;
 /// the text: roads along lanes, and lights at signals.
 pub(super) fn values(
     problems: &mut Problems,
-    (world, files): (&str, &dyn RunSource),
+    origin: IncludingFile<'_>,
     file: &ScenarioFile,
 ) -> Vec<(ValuePath, String)> {
     let top = ValuePath::top();
@@ -41,7 +41,7 @@ pub(super) fn values(
         return Vec::new();
     };
     let place = top.to("road");
-    let text = match files.text(name, world) {
+    let text = match origin.text(name) {
         Ok(text) => text,
         Err(wrong) => {
             problems.add(&place.to("file"), wrong.what, "this file", Some(wrong.help));
@@ -89,7 +89,7 @@ pub(super) fn values(
             named.insert(name.as_str(), road);
         }
     }
-    values.extend(lines(problems, file, (&own, &named)));
+    values.extend(lines(problems, file, &own, &named));
     values
 }
 
@@ -97,7 +97,8 @@ pub(super) fn values(
 fn lines(
     problems: &mut Problems,
     file: &ScenarioFile,
-    (own, named): (&LaneRoad, &BTreeMap<&str, LaneRoad>),
+    own: &LaneRoad,
+    named: &BTreeMap<&str, LaneRoad>,
 ) -> Vec<(ValuePath, String)> {
     let mut values = Vec::new();
     for (i, light) in file.agents.iter().enumerate() {
@@ -153,13 +154,13 @@ fn raw(road: &OwnRoad) -> String {
 }
 
 fn lanes(road: &LaneRoad) -> String {
-    let pieces = road.pieces.iter().map(|piece| match piece {
+    let texts = road.pieces.iter().map(|piece| match piece {
         Piece::Line { length_m } => format!("Line(length_m: {length_m:?})"),
         Piece::Arc { length_m, radius_m } => {
             format!("Arc(length_m: {length_m:?}, radius_m: {radius_m:?})")
         }
     });
-    let pieces: Vec<String> = pieces.collect();
+    let pieces: Vec<String> = texts.collect();
     format!(
         "lanes: {}, lane_width_m: {:?}, pieces: [{}]",
         road.lanes,

@@ -196,7 +196,9 @@ pub(super) fn bind(
     problems: &mut Problems,
     language: &mut Language,
     names: &Names,
-    (list, spec, entries): (&ValuePath, &DriveSpec, &[usize]),
+    list: &ValuePath,
+    spec: &DriveSpec,
+    entries: &[usize],
 ) {
     let known: Vec<&str> = spec.agents.iter().map(|it| it.name.as_str()).collect();
     for (agent, entry) in spec.agents.iter().zip(entries) {
@@ -241,7 +243,8 @@ pub(super) fn refuse_encounter(
     problems: &mut Problems,
     entry: &ValuePath,
     agent: &Agent,
-    (why, cure): (String, &str),
+    why: String,
+    cure: &str,
     words: &str,
 ) {
     let what = format!("`{}` cannot meet the ego: {why}", agent.name);

@@ -93,8 +93,8 @@ pub(super) fn read(
         let values: Vec<f64> = columns.iter().map(|&column| row[column]).collect();
         // The ranges of the world describe X_init, so every point must be
         // within them.
-        let mut outside = axes.iter().zip(&values).zip(&columns);
-        let outside = outside.find(|((axis, value), _)| !(axis.lo..=axis.hi).contains(*value));
+        let mut cells = axes.iter().zip(&values).zip(&columns);
+        let outside = cells.find(|((axis, value), _)| !(axis.lo..=axis.hi).contains(*value));
         if let Some(((axis, value), &column)) = outside {
             let what = format!(
                 "{value} is outside of {} ..= {}, the range of `{}`",

@@ -3,7 +3,7 @@
 use super::check::within;
 use super::environment_file::{OwnRoad, RangePoint};
 use super::file::{RoadAgentFile, ScenarioFile};
-use super::starts;
+use super::starts::{self, EntryPositions};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, DriveSpec, MAX_HEADING_RAD, RoadAdo};
@@ -61,7 +61,8 @@ pub(super) fn read(
                 problems,
                 &place.at(i),
                 curvature_per_m,
-                (reach_m, entry.piece_m),
+                reach_m,
+                entry.piece_m,
             );
         }
     }
@@ -80,7 +81,8 @@ fn curvature(
     problems: &mut Problems,
     place: &ValuePath,
     curvature_per_m: f64,
-    (reach_m, piece_m): (f64, f64),
+    reach_m: f64,
+    piece_m: f64,
 ) {
     let most_per_m = (0.99 / reach_m).min(core::f64::consts::PI / piece_m);
     if !(0.0..=most_per_m).contains(&curvature_per_m.abs()) {
@@ -98,9 +100,10 @@ fn curvature(
 /// `place` is the place of the road among the agents.
 pub(super) fn check(
     problems: &mut Problems,
-    (place, list): (&ValuePath, &ValuePath),
+    place: &ValuePath,
+    list: &ValuePath,
     spec: &DriveSpec,
-    (entries, light_entries): (&[usize], &[usize]),
+    entries: EntryPositions<'_>,
 ) {
     let Some(ado) = &spec.road_ado else {
         return;
@@ -124,7 +127,7 @@ pub(super) fn check(
         problems.add(place, what, "not laid yet", Some(help));
     };
     for (i, agent) in spec.agents.iter().enumerate() {
-        let place = list.at(entries[i]);
+        let place = list.at(entries.agents[i]);
         // The furthest start counts, since every start of the range may be drawn.
         let front_m = starts::front(spec, i).hi;
         if end_m < front_m {
@@ -139,7 +142,7 @@ pub(super) fn check(
             problems.add(&place.to("drive"), what, "a plan", Some(help.to_owned()));
         }
     }
-    for (light, entry) in spec.lights.iter().zip(light_entries) {
+    for (light, entry) in spec.lights.iter().zip(entries.lights) {
         if end_m < light.line_m {
             beyond(
                 problems,

@@ -5,7 +5,7 @@ use super::file::{NumberOrRange, RoadFile, ScenarioFile};
 use crate::road::{Bank, Grade, MAX_RISE};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::scene::drive::EnvironmentQuantity;
+use crate::scene::drive::{EnvironmentQuantity, Range};
 
 /// Greatest speed of wind, in m/s.
 const MAX_WIND_MPS: f64 = 60.0;
@@ -47,12 +47,12 @@ pub(super) fn ranges(file: &ScenarioFile) -> Vec<PlacedRange> {
 /// Checks grades and wind.
 pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     for (quantity, place, NumberOrRange(numbers)) in ranges(file) {
-        let (least, most) = match quantity {
+        let (lo, hi) = match quantity {
             EnvironmentQuantity::Rise { .. } => (-MAX_RISE, MAX_RISE),
             EnvironmentQuantity::GustBegin => (0.0, file.clock.horizon_s),
             _ => (-MAX_WIND_MPS, MAX_WIND_MPS),
         };
-        range_within(problems, &place, numbers, (least, most));
+        range_within(problems, &place, numbers, Range { lo, hi });
     }
     let top = ValuePath::top();
     let stations_m: Vec<f64> = file.grades.iter().map(|(from_s_m, _)| *from_s_m).collect();

@@ -13,6 +13,13 @@ const MAX_DISTANCE_M: f64 = 5_000.0;
 /// Greatest distance of a start from the road, in metres.
 const MAX_ASIDE_M: f64 = 20.0;
 
+/// Positions of the agents and the lights in the file's list.
+#[derive(Clone, Copy)]
+pub(super) struct EntryPositions<'a> {
+    pub(super) agents: &'a [usize],
+    pub(super) lights: &'a [usize],
+}
+
 /// Checks starts for speed, distance and overlap.
 ///
 /// `entries` are the agents' positions in the file's list.
@@ -68,15 +75,13 @@ pub(super) fn check(
 }
 
 /// Checks that pedestrians start near the road, and stop lines are on it.
-///
-/// `entries` are the positions of agents and lights in the file's list.
 pub(super) fn on_the_road(
     problems: &mut Problems,
     path: &ValuePath,
     spec: &DriveSpec,
-    entries: (&[usize], &[usize]),
+    entries: EntryPositions<'_>,
 ) {
-    for ((number, agent), entry) in spec.agents.iter().enumerate().zip(entries.0) {
+    for ((number, agent), entry) in spec.agents.iter().enumerate().zip(entries.agents) {
         let borders: Vec<f64> = spec.road_of(number).borders_m().collect();
         let (Some(right_m), Some(left_m)) = (borders.first(), borders.last()) else {
             continue;
@@ -95,7 +100,7 @@ pub(super) fn on_the_road(
             problems.add(&place, what, "off the road", Some(help));
         }
     }
-    for (light, entry) in spec.lights.iter().zip(entries.1) {
+    for (light, entry) in spec.lights.iter().zip(entries.lights) {
         if light.line_m.abs() > MAX_DISTANCE_M {
             let what = format!("stop lines lie within {MAX_DISTANCE_M} m of the origin");
             problems.add(&path.at(*entry).to("line_m"), what, "too far", None);

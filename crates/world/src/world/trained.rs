@@ -20,6 +20,7 @@ use self::run::{LoadedRun, RulesFile, RunFile, TrainedFile, opened};
 use super::ado_actions::{self, ActsAs};
 use super::check;
 use super::runs::{InnerWorld, RunRefused, WorldOrigin, refused};
+use super::starts::EntryPositions;
 use crate::rl::{Policy, TensorFile, load_policy_for, policy_of_part};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -40,7 +41,8 @@ pub(super) struct OpenedAdo {
 /// `None` after a mistake, which is reported.
 pub(super) fn open(
     problems: &mut Problems,
-    (path, origin): (&ValuePath, WorldOrigin<'_>),
+    path: &ValuePath,
+    origin: WorldOrigin<'_>,
     trained: &TrainedFile,
     acts_as: ActsAs,
 ) -> Option<OpenedAdo> {
@@ -229,18 +231,16 @@ pub(super) fn with_values(text: &str, values: &[(ValuePath, String)]) -> String 
 }
 
 /// Checks that all trained ados can act in a world.
-///
-/// `entries` contains the positions of agents and lights in the file's list.
 pub(super) fn check(
     problems: &mut Problems,
     list: &ValuePath,
     spec: &DriveSpec,
-    entries: (&[usize], &[usize]),
+    entries: EntryPositions<'_>,
 ) {
     let agents = spec
         .agents
         .iter()
-        .zip(entries.0)
+        .zip(entries.agents)
         .filter_map(|(agent, entry)| match &agent.drive {
             Drive::Trained(trained) => Some((&agent.name, trained, *entry)),
             _ => None,
@@ -248,7 +248,7 @@ pub(super) fn check(
     let lights = spec
         .lights
         .iter()
-        .zip(entries.1)
+        .zip(entries.lights)
         .filter_map(|(light, entry)| match &light.drive {
             LightDrive::Trained(trained) => Some((&light.name, trained, *entry)),
             _ => None,

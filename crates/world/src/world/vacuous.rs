@@ -77,7 +77,7 @@ fn place_of(scenario: &Scenario, rule: &str) -> ValuePath {
 /// Bounds of the signals that explain a formula's range.
 fn reasons(scenario: &Scenario, monitor: &Monitor, bounds: &[Bounds]) -> Option<String> {
     let signals = scenario.world().schema().signals();
-    let known = monitor.signals().into_iter().filter_map(|signal| {
+    let reasons = monitor.signals().into_iter().filter_map(|signal| {
         let name = &signals[signal].name;
         match bounds[signal].range {
             range if range == Interval::ANY => None,
@@ -87,7 +87,7 @@ fn reasons(scenario: &Scenario, monitor: &Monitor, bounds: &[Bounds]) -> Option<
             Interval { lo, hi } => Some(format!("`{name}` lies in {lo} ..= {hi}")),
         }
     });
-    let known: Vec<String> = known.collect();
+    let known: Vec<String> = reasons.collect();
     (!known.is_empty()).then(|| known.join(", "))
 }
 

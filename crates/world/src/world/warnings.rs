@@ -426,8 +426,8 @@ impl Warnings {
 /// Specification and rules: name, place and monitor of each.
 fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
     let rulebook = scenario.rulebook();
-    let spec = ValuePath::top().to("ego_spec");
-    let spec = ("the ego's specification".to_owned(), spec, &rulebook.spec);
+    let place = ValuePath::top().to("ego_spec");
+    let spec = ("the ego's specification".to_owned(), place, &rulebook.spec);
     let rules = rulebook.rules.iter().map(|rule| {
         let mut specs = scenario.rules.iter();
         let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);

@@ -67,10 +67,9 @@ pub(super) fn read(
     // The start is compared with sound bounds only.
     let sound = quantities.each_ref().map(|quantity| {
         let place = place.to(quantity.field);
-        let Range { lo, hi } = quantity.limits;
         quantity
             .bounds
-            .filter(|bounds| range_within(problems, &place, *bounds, (lo, hi)))
+            .filter(|bounds| range_within(problems, &place, *bounds, quantity.limits))
     });
     if quantities.iter().all(|quantity| quantity.bounds.is_none()) {
         let help = "write bounds: (friction: (0.3, 0.9))".to_owned();
@@ -78,7 +77,7 @@ pub(super) fn read(
         problems.add(&place, what, "no bounds", Some(help));
     }
     let [friction, visibility, noise] = quantities.each_ref().map(|quantity| quantity.bounds);
-    begins_within(problems, &place, file, (sound[0], sound[2]));
+    begins_within(problems, &place, file, sound[0], sound[2]);
     rates(
         problems,
         &path.to("drive").to("actions"),
@@ -105,7 +104,8 @@ fn begins_within(
     problems: &mut Problems,
     place: &ValuePath,
     file: &ScenarioFile,
-    (friction, noise): (Option<Range>, Option<Range>),
+    friction: Option<Range>,
+    noise: Option<Range>,
 ) {
     let NumberOrRange(road) = file.road.friction();
     if let Some(bounds) = friction
@@ -152,7 +152,7 @@ fn first_visibility_m(
     match (weather.start.visibility_m, bounds) {
         (Some(NumberOrRange(start)), Some(bounds)) => {
             let place = place.to("visibility_m");
-            range_within(problems, &place, start, (bounds.lo, bounds.hi));
+            range_within(problems, &place, start, bounds);
             if start.is_fixed() {
                 start.lo
             } else {

@@ -43,7 +43,8 @@ impl JudgedAdo {
     pub(in crate::world) fn judge(
         &self,
         problems: &mut Problems,
-        (language, names): (&mut Language, &mut Names),
+        language: &mut Language,
+        names: &mut Names,
         spec: &mut DriveSpec,
         rules: &mut Vec<RuleSpec>,
     ) {
