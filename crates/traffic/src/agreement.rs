@@ -13,6 +13,8 @@ const OWN_SPEED_SHARE: f64 = 0.25;
 const SAME_WAY_RAD: f64 = PI / 9.0;
 /// Speed below which positions are too noisy to be compared, in m/s.
 const MOVING_MPS: f64 = 2.0;
+/// Time on either side of a place below which noise of the positions matters, in seconds.
+const LEAST_REACH_S: f64 = 0.2;
 /// Speed that no road user has, in m/s.
 pub(crate) const FAST_MPS: f64 = 130.0;
 /// Compared places of a road user.
@@ -49,9 +51,11 @@ impl Agreement {
     /// Compares the samples of a road user, which are `dt_s` apart.
     pub(crate) fn add(&mut self, samples: &[RawRow], dt_s: f64) {
         // Half a second on either side, so that noise of positions does not matter.
-        let reach = ((0.5 / dt_s).round() as usize).max(1);
+        // Of a track of less than a second, half of it.
+        let half = samples.len().saturating_sub(1) / 2;
+        let reach = ((0.5 / dt_s).round() as usize).clamp(1, half.max(1));
         let places = samples.len().saturating_sub(2 * reach);
-        if places == 0 {
+        if places == 0 || (reach as f64 * dt_s) < LEAST_REACH_S {
             return;
         }
         let first = (self.ratios.len(), self.headings.len());

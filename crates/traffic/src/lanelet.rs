@@ -167,34 +167,37 @@ impl Osm {
 
 /// Returns the points halfway between two lines.
 fn centre(left_m: &[[f64; 2]], right_m: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let length = |line: &[[f64; 2]]| -> f64 {
-        let steps = line.windows(2);
-        steps
-            .map(|it| libm::hypot(it[1][0] - it[0][0], it[1][1] - it[0][1]))
-            .sum()
-    };
-    let longest_m = length(left_m).max(length(right_m));
+    let (left_s, right_s) = (stations(left_m), stations(right_m));
+    let longest_m = left_s[left_s.len() - 1].max(right_s[right_s.len() - 1]);
     let count = ((longest_m / STEP_M).ceil().max(1.0) as usize).min(MOST_POINTS);
-    let at = |line: &[[f64; 2]], share: f64| {
-        let mut left_m = share * length(line);
-        for pair in line.windows(2) {
-            let step_m = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
-            if left_m <= step_m && step_m > 0.0 {
-                let part = left_m / step_m;
-                let mix = |axis: usize| pair[0][axis] + part * (pair[1][axis] - pair[0][axis]);
-                return [mix(0), mix(1)];
-            }
-            left_m -= step_m;
+    let at = |line: &[[f64; 2]], s_m: &[f64], share: f64| {
+        let want_m = share * s_m[s_m.len() - 1];
+        // A search, since a line of a map may have any number of points.
+        let after = s_m.partition_point(|it| *it < want_m).min(line.len() - 1);
+        if after == 0 {
+            return line[0];
         }
-        line[line.len() - 1]
+        let part = (want_m - s_m[after - 1]) / (s_m[after] - s_m[after - 1]);
+        [0, 1]
+            .map(|axis| line[after - 1][axis] + part * (line[after][axis] - line[after - 1][axis]))
     };
     (0..=count)
         .map(|i| {
             let share = i as f64 / count as f64;
-            let (a, b) = (at(left_m, share), at(right_m, share));
+            let (a, b) = (at(left_m, &left_s, share), at(right_m, &right_s, share));
             [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
         })
         .collect()
+}
+
+/// Returns the distances of the points along a line.
+fn stations(line: &[[f64; 2]]) -> Vec<f64> {
+    let mut s_m = vec![0.0];
+    for pair in line.windows(2) {
+        let step_m = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
+        s_m.push(s_m[s_m.len() - 1] + step_m);
+    }
+    s_m
 }
 
 /// Returns the carriageways: right lanes with their successors, and the lanes beside them.
@@ -206,7 +209,7 @@ fn carriageways(lanelets: &[Lanelet]) -> Vec<MappedCarriageway> {
     let mut rights: Vec<usize> = rights.collect();
     // Chains begin where nothing leads to.
     let has_before = |i: usize| lanelets.iter().any(|it| it.to == lanelets[i].from);
-    rights.sort_by_key(|i| has_before(*i));
+    rights.sort_by_cached_key(|i| has_before(*i));
     for first in rights {
         if used.contains(&first) {
             continue;

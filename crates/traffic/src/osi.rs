@@ -22,7 +22,7 @@ const MOST_BYTES: u64 = 1 << 28;
 const OBJECTS: u64 = 200_000;
 const OBJECTS_PER_BYTE: u64 = 4;
 /// Objects of known road users that take the memory of a new one.
-const NEW_ROAD_USER: u64 = 8;
+const NEW_ROAD_USER: u64 = 32;
 
 /// Reads a trace of the Open Simulation Interface: `.osi`. Errors call it by `name`.
 ///

@@ -188,7 +188,7 @@ pub enum FileProblem {
         speed_mps: f64,
     },
     /// Most road users are wider than long.
-    #[error("road users are {width_m} m wide and {length_m} m long")]
+    #[error("road users are {width_m:.2} m wide and {length_m:.2} m long")]
     Wide {
         /// Length of the first of them in metres.
         length_m: f64,

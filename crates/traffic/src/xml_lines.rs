@@ -247,7 +247,7 @@ pub(crate) fn read_elements_and_text<S>(
         None => Ok(()),
         Some(name) => Err(ReadError::Content {
             file: file.to_owned(),
-            place: FilePlace::Whole,
+            place: FilePlace::Line(reader.get_ref().line),
             problem: FileProblem::Unclosed(name),
         }),
     }

@@ -4,15 +4,13 @@ use std::collections::BTreeSet;
 use std::io::Read;
 
 use indexmap::IndexMap;
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
 
 use crate::error::ReadError;
 use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{FARTHEST_M, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
-use crate::xml_lines::LineCounter;
+use crate::xml_lines::{PlacedElement, PlacedText, read_elements_and_text};
 use crate::xosc_entity::{XoscEntity, class_of_catalog, class_of_vehicle};
 
 /// Greatest number of entities that follow one trajectory, each with rows of its own.
@@ -30,41 +28,16 @@ const MOST_ACTORS: usize = 100;
 /// # Errors
 /// The text is not XML, or a trajectory lacks times or coordinates.
 pub fn read_xosc(text: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
-    let mut reader = Reader::from_reader(LineCounter::new(text));
     let mut file = XoscFile::new(name);
-    let mut buffer = Vec::new();
-    loop {
-        buffer.clear();
-        let event = reader.read_event_into(&mut buffer);
-        // The reader is behind the event, so the line is that of the end of a tag.
-        file.line = reader.get_ref().line;
-        match event {
-            Ok(Event::Start(tag)) => {
-                file.start(&tag)?;
-                file.open.push(tag.local_name().into_inner().to_owned());
-            }
-            Ok(Event::Empty(tag)) => {
-                file.start(&tag)?;
-                file.end(tag.local_name().into_inner())?;
-            }
-            Ok(Event::End(tag)) => {
-                file.open.pop();
-                file.end(tag.local_name().into_inner())?;
-            }
-            Ok(Event::Eof) => break,
-            Ok(_) => {}
-            Err(quick_xml::Error::Io(error)) => {
-                return Err(ReadError::File {
-                    file: name.to_owned(),
-                    source: std::io::Error::new(error.kind(), error.to_string()),
-                });
-            }
-            Err(error) => return Err(file.error(FileProblem::Xml(error.to_string()))),
-        }
-    }
-    if let Some(open) = file.open.last() {
-        return Err(file.error(FileProblem::Unclosed(open.clone())));
-    }
+    let inside = |_: &mut XoscFile<'_>, _: &PlacedText<'_>| Ok(());
+    read_elements_and_text(
+        text,
+        name,
+        &mut file,
+        XoscFile::start,
+        inside,
+        XoscFile::end,
+    )?;
     file.finish()
 }
 
@@ -81,7 +54,6 @@ struct TimedLine {
 /// State of the reading.
 struct XoscFile<'a> {
     name: &'a str,
-    line: u64,
     /// Names of the open elements.
     open: Vec<String>,
     entities: IndexMap<String, XoscEntity>,
@@ -105,7 +77,6 @@ impl<'a> XoscFile<'a> {
     fn new(name: &'a str) -> XoscFile<'a> {
         XoscFile {
             name,
-            line: 1,
             open: Vec::new(),
             entities: IndexMap::new(),
             entity: None,
@@ -120,10 +91,10 @@ impl<'a> XoscFile<'a> {
         }
     }
 
-    fn error(&self, problem: FileProblem) -> ReadError {
+    fn error(&self, place: FilePlace, problem: FileProblem) -> ReadError {
         ReadError::Content {
             file: self.name.to_owned(),
-            place: FilePlace::Line(self.line),
+            place,
             problem,
         }
     }
@@ -132,17 +103,17 @@ impl<'a> XoscFile<'a> {
         self.open.iter().any(|it| it == element)
     }
 
-    fn start(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadError> {
-        match tag.local_name().into_inner() {
+    fn start(&mut self, tag: &PlacedElement<'_>) -> Result<(), ReadError> {
+        match tag.name() {
             "ScenarioObject" => {
-                self.entity = Some((self.text(tag, "name")?, XoscEntity::default()));
+                self.entity = Some((tag.text("name")?, XoscEntity::default()));
             }
-            "Private" => self.actors = vec![self.text(tag, "entityRef")?],
+            "Private" => self.actors = vec![tag.text("entityRef")?],
             "ManeuverGroup" => self.actors.clear(),
             "EntityRef" if self.open.last().is_some_and(|it| it == "Actors") => {
-                let entity = self.text(tag, "entityRef")?;
+                let entity = tag.text("entityRef")?;
                 if self.actors.len() == MOST_ACTORS {
-                    return Err(self.error(FileProblem::ManyEntities(MOST_ACTORS)));
+                    return Err(tag.error(FileProblem::ManyEntities(MOST_ACTORS)));
                 }
                 // An entity that is named twice does not follow a line twice.
                 if !self.actors.contains(&entity) {
@@ -151,10 +122,10 @@ impl<'a> XoscFile<'a> {
             }
             "Event" => self.start_s = None,
             "SimulationTimeCondition" if self.is_inside("Event") && self.start_s.is_none() => {
-                self.start_s = Some(self.number(tag, "value")?);
+                self.start_s = Some(tag.number("value")?);
             }
             "AbsoluteTargetSpeed" if self.is_inside("Private") => {
-                let speed_mps = self.number(tag, "value")?;
+                let speed_mps = tag.number("value")?;
                 for id in &self.actors {
                     self.speeds_mps.insert(id.clone(), speed_mps);
                 }
@@ -168,21 +139,22 @@ impl<'a> XoscFile<'a> {
             _ if !self.lines.is_empty() => self.trace(tag)?,
             _ => {}
         }
+        self.open.push(tag.name().to_owned());
         Ok(())
     }
 
     /// Reads an element of an entity's definition.
-    fn define(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadError> {
+    fn define(&mut self, tag: &PlacedElement<'_>) -> Result<(), ReadError> {
         let Some((_, mut entity)) = self.entity else {
             return Ok(());
         };
-        match tag.local_name().into_inner() {
+        match tag.name() {
             "Vehicle" => {
-                let category = self.optional(tag, "vehicleCategory")?;
+                let category = tag.optional("vehicleCategory")?;
                 entity.class = category.and_then(|it| class_of_vehicle(&it));
             }
             "Pedestrian" => {
-                let category = self.optional(tag, "pedestrianCategory")?;
+                let category = tag.optional("pedestrianCategory")?;
                 let is_animal = category.is_some_and(|it| it == "animal");
                 let class = if is_animal {
                     Class::Other
@@ -193,12 +165,12 @@ impl<'a> XoscFile<'a> {
             }
             "MiscObject" => entity.class = Some(Class::Other),
             "CatalogReference" => {
-                let catalog = self.text(tag, "catalogName")?;
-                entity.class = class_of_catalog(&catalog, &self.text(tag, "entryName")?);
+                let catalog = tag.text("catalogName")?;
+                entity.class = class_of_catalog(&catalog, &tag.text("entryName")?);
             }
-            "Center" => entity.centre_m = [self.number(tag, "x")?, self.number(tag, "y")?],
+            "Center" => entity.centre_m = [tag.number("x")?, tag.number("y")?],
             "Dimensions" => {
-                entity.size_m = Some([self.size(tag, "length")?, self.size(tag, "width")?]);
+                entity.size_m = Some([size(tag, "length")?, size(tag, "width")?]);
             }
             _ => {}
         }
@@ -209,9 +181,9 @@ impl<'a> XoscFile<'a> {
     }
 
     /// Reads an element of a trajectory.
-    fn trace(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadError> {
-        match tag.local_name().into_inner() {
-            "Vertex" => self.vertex_s = Some(self.number(tag, "time")?),
+    fn trace(&mut self, tag: &PlacedElement<'_>) -> Result<(), ReadError> {
+        match tag.name() {
+            "Vertex" => self.vertex_s = Some(tag.number("time")?),
             "WorldPosition" => {
                 let Some(time_s) = self.vertex_s.take() else {
                     return Ok(());
@@ -222,27 +194,24 @@ impl<'a> XoscFile<'a> {
                 }
             }
             "Timing" => {
-                let (scale, offset_s) = (self.number(tag, "scale")?, self.number(tag, "offset")?);
-                let domain = self.text(tag, "domainAbsoluteRelative")?;
+                let (scale, offset_s) = (tag.number("scale")?, tag.number("offset")?);
+                let domain = tag.text("domainAbsoluteRelative")?;
                 if let Some(line) = self.lines.last_mut() {
                     line.timing = Some((scale, offset_s));
                     line.is_relative = domain == "relative";
                 }
             }
             shape @ ("Clothoid" | "ClothoidSpline" | "Nurbs") => {
-                return Err(self.error(FileProblem::Shape(shape.to_owned())));
+                return Err(tag.error(FileProblem::Shape(shape.to_owned())));
             }
             _ => {}
         }
         Ok(())
     }
 
-    fn row(&mut self, tag: &BytesStart<'_>, time_s: f64) -> Result<RawRow, ReadError> {
-        let (x_m, y_m) = (self.place(tag, "x")?, self.place(tag, "y")?);
-        let heading = self.optional(tag, "h")?;
-        let heading_rad = heading
-            .map(|text| self.parsed(tag, "h", &text))
-            .transpose()?;
+    fn row(&mut self, tag: &PlacedElement<'_>, time_s: f64) -> Result<RawRow, ReadError> {
+        let (x_m, y_m) = (coordinate(tag, "x")?, coordinate(tag, "y")?);
+        let heading_rad = tag.optional_number("h")?;
         let origin_m = *self.origin_m.get_or_insert([x_m, y_m]);
         Ok(RawRow {
             time_s,
@@ -257,18 +226,19 @@ impl<'a> XoscFile<'a> {
         })
     }
 
-    fn end(&mut self, element: &str) -> Result<(), ReadError> {
+    fn end(&mut self, element: &str, place: FilePlace) -> Result<(), ReadError> {
+        self.open.pop();
         match element {
             "ScenarioObject" => self.entities.extend(self.entity.take()),
             "Vertex" if self.vertex_s.take().is_some() => {
-                return Err(self.error(FileProblem::NoWorldPosition));
+                return Err(self.error(place, FileProblem::NoWorldPosition));
             }
             "Event" | "Private" => {
                 if element == "Private" {
                     self.start_s = Some(0.0);
                 }
                 for line in std::mem::take(&mut self.lines) {
-                    self.add(line)?;
+                    self.add(line, place)?;
                 }
             }
             _ => {}
@@ -277,19 +247,22 @@ impl<'a> XoscFile<'a> {
     }
 
     /// Adds a polyline to the tracks of its entities.
-    fn add(&mut self, line: TimedLine) -> Result<(), ReadError> {
+    fn add(&mut self, line: TimedLine, place: FilePlace) -> Result<(), ReadError> {
         let start_s = match (line.is_relative, self.start_s) {
             (false, _) => 0.0,
             (true, Some(start_s)) => start_s,
-            (true, None) => return Err(self.error(FileProblem::RelativeTime)),
+            (true, None) => return Err(self.error(place, FileProblem::RelativeTime)),
         };
         let (scale, offset_s) = line.timing.unwrap_or((1.0, 0.0));
         if scale <= 0.0 {
-            return Err(self.error(FileProblem::NotPositive {
-                owner: "Timing".to_owned(),
-                name: "scale".to_owned(),
-                value: scale,
-            }));
+            return Err(self.error(
+                place,
+                FileProblem::NotPositive {
+                    owner: "Timing".to_owned(),
+                    name: "scale".to_owned(),
+                    value: scale,
+                },
+            ));
         }
         for id in &line.entities {
             let entity = self.entities.get(id).copied().unwrap_or_default();
@@ -310,7 +283,7 @@ impl<'a> XoscFile<'a> {
                 None => {
                     let Some(speed_mps) = speed_mps.filter(|it| *it > 0.0) else {
                         let problem = FileProblem::NoTiming(id.clone());
-                        return Err(self.error(problem));
+                        return Err(self.error(place, problem));
                     };
                     track.rows.extend(driven(&line.rows, start_s, speed_mps));
                 }
@@ -339,67 +312,30 @@ impl<'a> XoscFile<'a> {
         };
         grid::recording(raw, self.name)
     }
+}
 
-    fn optional(&self, tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, ReadError> {
-        let wrong = |error: String| self.error(FileProblem::Xml(error));
-        let found = tag.try_get_attribute(name);
-        let Some(found) = found.map_err(|error| wrong(error.to_string()))? else {
-            return Ok(None);
-        };
-        let value = quick_xml::escape::unescape(&found.value);
-        let value = value.map_err(|error| wrong(error.to_string()))?;
-        Ok(Some(value.into_owned()))
+fn coordinate(tag: &PlacedElement<'_>, name: &str) -> Result<f64, ReadError> {
+    let value = tag.number(name)?;
+    if value.abs() <= FARTHEST_M {
+        return Ok(value);
     }
+    Err(tag.error(FileProblem::Far {
+        owner: tag.name().to_owned(),
+        name: name.to_owned(),
+        value,
+    }))
+}
 
-    fn text(&self, tag: &BytesStart<'_>, name: &str) -> Result<String, ReadError> {
-        let missing = || {
-            self.error(FileProblem::MissingAttribute {
-                element: tag.local_name().into_inner().to_owned(),
-                attribute: name.to_owned(),
-            })
-        };
-        self.optional(tag, name)?.ok_or_else(missing)
+fn size(tag: &PlacedElement<'_>, name: &str) -> Result<f64, ReadError> {
+    let value = tag.number(name)?;
+    if value > 0.0 {
+        return Ok(value);
     }
-
-    fn number(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
-        let text = self.text(tag, name)?;
-        self.parsed(tag, name, &text)
-    }
-
-    fn parsed(&self, tag: &BytesStart<'_>, name: &str, text: &str) -> Result<f64, ReadError> {
-        let value = text.trim().parse().ok().filter(|it: &f64| it.is_finite());
-        value.ok_or_else(|| {
-            self.error(FileProblem::NotFinite {
-                owner: tag.local_name().into_inner().to_owned(),
-                name: name.to_owned(),
-                text: crate::csv_rows::shown(text.as_bytes()),
-            })
-        })
-    }
-
-    fn place(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
-        let value = self.number(tag, name)?;
-        if value.abs() <= FARTHEST_M {
-            return Ok(value);
-        }
-        Err(self.error(FileProblem::Far {
-            owner: tag.local_name().into_inner().to_owned(),
-            name: name.to_owned(),
-            value,
-        }))
-    }
-
-    fn size(&self, tag: &BytesStart<'_>, name: &str) -> Result<f64, ReadError> {
-        let value = self.number(tag, name)?;
-        if 0.0 < value {
-            return Ok(value);
-        }
-        Err(self.error(FileProblem::NotPositive {
-            owner: tag.local_name().into_inner().to_owned(),
-            name: name.to_owned(),
-            value,
-        }))
-    }
+    Err(tag.error(FileProblem::NotPositive {
+        owner: tag.name().to_owned(),
+        name: name.to_owned(),
+        value,
+    }))
 }
 
 /// Returns the rows of a line that an entity drives along with a speed of its own.

@@ -33,7 +33,7 @@ fn boxes_and_reversing_are_read_as_they_can_be() {
     assert_eq!(with_box("4.5", "1.8"), "");
     assert_eq!(
         with_box("1.8", "4.5"),
-        "`log.csv`: road users are 4.5 m wide and 1.8 m long"
+        "`log.csv`: road users are 4.50 m wide and 1.80 m long"
     );
     // Centimetres: no road user is as wide.
     let said = with_box("450", "180");
