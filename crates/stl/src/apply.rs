@@ -106,6 +106,20 @@ impl<'a> OperandBounds<'a> {
     }
 }
 
+/// Both operands of an operator, equal for a unary operator.
+#[derive(Clone, Copy)]
+pub(crate) struct Operands<'a> {
+    pub(crate) a: OperandBounds<'a>,
+    pub(crate) b: OperandBounds<'a>,
+}
+
+/// A bound of both sides of an until.
+#[derive(Clone, Copy)]
+struct UntilSides<'a> {
+    left: View<'a>,
+    right: View<'a>,
+}
+
 /// Buffers for intermediate results of kernels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KernelBuffers {
@@ -116,17 +130,17 @@ pub(crate) struct KernelBuffers {
 
 /// Computes a bound of `op` at the samples `from .. from + out.len()`.
 ///
-/// `a` and `b` are its operands, equal for a unary operator. They cover the
-/// samples that the operator reads, as far as these are known.
+/// Its operands cover the samples that the operator reads, as far as these are known.
 pub(crate) fn apply(
     op: &Op,
     reading: &EvalWindow,
-    (a, b): (OperandBounds<'_>, OperandBounds<'_>),
+    operands: Operands<'_>,
     bound: Bound,
     from: usize,
     out: &mut [f64],
     work: &mut KernelBuffers,
 ) {
+    let Operands { a, b } = operands;
     let (a_here, a_there) = (a.bound(bound), a.bound(bound.opposite()));
     let (b_here, b_there) = (b.bound(bound), b.bound(bound.opposite()));
     match *op {
@@ -151,27 +165,24 @@ pub(crate) fn apply(
         }
         Op::Behind(MinMax::Min, window, _) => kernel::behind::<Min>(a_here, window, from, out),
         Op::Behind(MinMax::Max, window, _) => kernel::behind::<Max>(a_here, window, from, out),
-        Op::Until(MinMax::Max, strength, window, ..) => {
-            until::<Max>(
-                (a_here, b_here),
-                (strength, window),
-                reading,
-                bound,
-                from,
-                out,
-                work,
-            );
-        }
-        Op::Until(MinMax::Min, strength, window, ..) => {
-            until::<Min>(
-                (a_here, b_here),
-                (strength, window),
-                reading,
-                bound,
-                from,
-                out,
-                work,
-            );
+        Op::Until(side, strength, window, ..) => {
+            let sides = UntilSides {
+                left: a_here,
+                right: b_here,
+            };
+            match side {
+                MinMax::Max => until::<Max>(sides, window, reading, bound, from, out, work),
+                MinMax::Min => until::<Min>(sides, window, reading, bound, from, out, work),
+            }
+            match (strength, side) {
+                (Strength::Strong, _) => {}
+                (Strength::Weak, MinMax::Max) => {
+                    hold::<Max>(a_here, window, reading, bound, from, out, work)
+                }
+                (Strength::Weak, MinMax::Min) => {
+                    hold::<Min>(a_here, window, reading, bound, from, out, work)
+                }
+            }
         }
         Op::Since(window, ..) => {
             let goal = goal::<Max>(a_here, b_here, reading.until, &mut work.goal);
@@ -186,9 +197,9 @@ pub(crate) fn apply(
             };
             let flip = |value: f64, at: Edge| if edge == at { opposite(value) } else { value };
             for (t, out) in (from..).zip(out) {
-                let earlier = t.checked_sub(1).and_then(|t| before.at(t));
+                let previous = t.checked_sub(1).and_then(|t| before.at(t));
                 // `prev` is weak, so before the first sample it holds.
-                let earlier = earlier.map_or(f64::INFINITY, |v| flip(v, Edge::Rise));
+                let earlier = previous.map_or(f64::INFINITY, |v| flip(v, Edge::Rise));
                 let current = now.at(t).map_or(f64::NEG_INFINITY, |v| flip(v, Edge::Fall));
                 *out = Min::pick(earlier, current);
             }
@@ -244,14 +255,15 @@ fn ahead<E: Extremum>(
 }
 
 fn until<E: Extremum>(
-    (left, right): (View<'_>, View<'_>),
-    (strength, window): (Strength, SampleWindow),
+    sides: UntilSides<'_>,
+    window: SampleWindow,
     reading: &EvalWindow,
     bound: Bound,
     from: usize,
     out: &mut [f64],
     work: &mut KernelBuffers,
 ) {
+    let UntilSides { left, right } = sides;
     let goal = goal::<E>(left, right, reading.until, &mut work.goal);
     kernel::until::<E>(
         left,
@@ -271,16 +283,26 @@ fn until<E: Extremum>(
             merge::<E>(open, &work.weak);
         }
     }
-    if strength == Strength::Weak {
-        // From the present on: the left side must hold before the window too.
-        let throughout = SampleWindow {
-            from: 0,
-            to: window.to,
-        };
-        work.weak.resize(out.len(), 0.0);
-        ahead::<E::Dual>(left, throughout, reading, bound, from, &mut work.weak);
-        merge::<E>(out, &work.weak);
-    }
+}
+
+/// Joins an until with its left side throughout, which makes it weak.
+fn hold<E: Extremum>(
+    left: View<'_>,
+    window: SampleWindow,
+    reading: &EvalWindow,
+    bound: Bound,
+    from: usize,
+    out: &mut [f64],
+    work: &mut KernelBuffers,
+) {
+    // From the present on: the left side must hold before the window too.
+    let throughout = SampleWindow {
+        from: 0,
+        to: window.to,
+    };
+    work.weak.resize(out.len(), 0.0);
+    ahead::<E::Dual>(left, throughout, reading, bound, from, &mut work.weak);
+    merge::<E>(out, &work.weak);
 }
 
 /// Returns the goal: the right side, joined by the left side in the closed reading.

@@ -333,7 +333,7 @@ impl<C: Columns> ExplanationSearch<'_, C> {
                     goals.extend(goals.last().copied());
                 }
                 let sign = if side == MinMax::Max { 1.0 } else { -1.0 };
-                match self.until(sign, value, (&guards, &goals), from) {
+                match self.until(sign, value, &guards, &goals, from) {
                     Some(DecidingOperand::Guard(i)) => SearchMove::Down(at(a, (now + i).min(to))),
                     Some(DecidingOperand::Goal(i)) => SearchMove::Down(at(b, (now + i).min(to))),
                     None => self.nothing(window, now),
@@ -346,7 +346,7 @@ impl<C: Columns> ExplanationSearch<'_, C> {
                 let mut goals = self.values(at(b, now), from, now);
                 guards.reverse();
                 goals.reverse();
-                match self.until(1.0, value, (&guards, &goals), window.from) {
+                match self.until(1.0, value, &guards, &goals, window.from) {
                     Some(DecidingOperand::Guard(i)) => SearchMove::Down(at(a, now - i)),
                     Some(DecidingOperand::Goal(i)) => SearchMove::Down(at(b, now - i)),
                     None => SearchMove::Stop(Reason::EmptyWindow),
@@ -358,12 +358,10 @@ impl<C: Columns> ExplanationSearch<'_, C> {
     /// Returns the samples of a window, empty when the first exceeds the second.
     fn ahead(&self, window: SampleWindow, now: usize) -> (usize, usize) {
         let last = self.evaluation.reading.known - 1;
-        let from = now.saturating_add(window.from);
-        let from = if self.evaluation.reading.tail == WindowTail::Held {
-            from.min(last)
-        } else {
-            from
-        };
+        let mut from = now.saturating_add(window.from);
+        if self.evaluation.reading.tail == WindowTail::Held {
+            from = from.min(last);
+        }
         (
             from,
             window
@@ -421,7 +419,8 @@ impl<C: Columns> ExplanationSearch<'_, C> {
         &self,
         sign: f64,
         value: f64,
-        (guards, goals): (&[f64], &[f64]),
+        guards: &[f64],
+        goals: &[f64],
         from: usize,
     ) -> Option<DecidingOperand> {
         let mut held = f64::INFINITY;

@@ -89,8 +89,8 @@ pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
     while start < input.len() && start - width < len {
         let block = &input[start..input.len().min(start + width)];
         let (done, rest) = out.split_at_mut(start.min(len));
-        let own = rest.len().min(block.len());
-        let own = &mut rest[..own];
+        let own_len = rest.len().min(block.len());
+        let own = &mut rest[..own_len];
         // Windows i = start − width + 1 .. start end inside this block.
         let open = &mut done[start - width + 1..];
         forwards_and_backwards::<E>(block, open, own);

@@ -1,6 +1,6 @@
 //! Robustness of a whole trace, from each sample that matters, once.
 
-use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply, combine};
+use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, Operands, apply, combine};
 use crate::kernel::{Extremum, Max, Min, SampleWindow, View, WindowTail, fold, opposite};
 use crate::leaf::{CHUNK, Columns, Semantics};
 use crate::program::{BoundProgram, Id, MinMax, Op};
@@ -105,7 +105,7 @@ impl<C: Columns> TraceEvaluation<'_, C> {
                 let mut operands = program.get(id).op.operands();
                 let mut operand = || operands.next().and_then(|id| done[id].as_ref());
                 match (operand(), operand()) {
-                    (Some(a), b) => self.operator(id, from, to + 1, (a, b.unwrap_or(a))),
+                    (Some(a), b) => self.operator(id, from, to + 1, a, b.unwrap_or(a)),
                     _ => self.pointwise(id, from, to + 1),
                 }
             });
@@ -150,7 +150,7 @@ impl<C: Columns> TraceEvaluation<'_, C> {
         let Some(a) = a else {
             return self.pointwise(id, from, to);
         };
-        let stretch = self.operator(id, from, to, (&a, b.as_ref().unwrap_or(&a)));
+        let stretch = self.operator(id, from, to, &a, b.as_ref().unwrap_or(&a));
         self.give_back(a);
         if let Some(b) = b {
             self.give_back(b);
@@ -164,11 +164,15 @@ impl<C: Columns> TraceEvaluation<'_, C> {
         id: Id,
         from: usize,
         to: usize,
-        (a, b): (&BoundsSeries, &BoundsSeries),
+        a: &BoundsSeries,
+        b: &BoundsSeries,
     ) -> BoundsSeries {
         let program = self.program;
         let instruction = program.get(id);
-        let pair = (a.operand(), b.operand());
+        let operands = Operands {
+            a: a.operand(),
+            b: b.operand(),
+        };
         let mut lower = self.scratch.take(to - from);
         let mut upper = None;
         // Operators of the past are exact as soon as their samples are known.
@@ -177,7 +181,7 @@ impl<C: Columns> TraceEvaluation<'_, C> {
             apply(
                 &instruction.op,
                 &self.reading,
-                pair,
+                operands,
                 Bound::Upper,
                 from,
                 &mut out,
@@ -188,7 +192,7 @@ impl<C: Columns> TraceEvaluation<'_, C> {
         apply(
             &instruction.op,
             &self.reading,
-            pair,
+            operands,
             Bound::Lower,
             from,
             &mut lower,

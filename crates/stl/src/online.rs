@@ -180,7 +180,7 @@ impl OnlineMonitor {
             let nothing = self.monitor.clamp(f64::NEG_INFINITY);
             self.interval = Interval::exactly(nothing);
         } else if !self.interval.is_final() {
-            let value = match self.held.take() {
+            let robustness = match self.held.take() {
                 // The last sample is held for ever, so every window that is still open changes
                 // at once: the offline monitor recomputes it all.
                 Some(held) => {
@@ -199,8 +199,7 @@ impl OnlineMonitor {
                         .lo
                 }
             };
-            let value = self.monitor.clamp(value);
-            self.interval = Interval::exactly(value);
+            self.interval = Interval::exactly(self.monitor.clamp(robustness));
         }
         self.interval.lo
     }

@@ -15,6 +15,7 @@ use crate::leaf::Leaf;
 use crate::monitor::Monitor;
 use crate::program::{BooleanOp, Edge, MinMax, Strength};
 use crate::settings::Until;
+use crate::sliding::UntilPart;
 
 mod block;
 mod compile;
@@ -117,14 +118,16 @@ fn since_at(until: Until, guard: f64, goal: f64, before: f64) -> f64 {
     Max::pick(goal, Min::pick(guard, before))
 }
 
-/// Advances an until by a sample: its best value and the extremum of its left side.
+/// Advances an until by a sample.
 #[inline(always)]
 fn until_at(
-    (side, until): (MinMax, Until),
+    side: MinMax,
+    until: Until,
     is_in_window: bool,
-    (guard, goal): (f64, f64),
-    (best, held): (f64, f64),
-) -> (f64, f64) {
+    guard: f64,
+    goal: f64,
+    so_far: UntilPart,
+) -> UntilPart {
     let dual = dual(side);
     let goal = if until == Until::Closed {
         pick(dual, guard, goal)
@@ -132,11 +135,14 @@ fn until_at(
         goal
     };
     let best = if is_in_window {
-        pick(side, best, pick(dual, goal, held))
+        pick(side, so_far.best, pick(dual, goal, so_far.guard))
     } else {
-        best
+        so_far.best
     };
-    (best, pick(dual, held, guard))
+    UntilPart {
+        best,
+        guard: pick(dual, so_far.guard, guard),
+    }
 }
 
 /// Returns whether samples of a window are still to come, after `known` of `len`.
@@ -234,12 +240,14 @@ impl RunningMonitor {
                 } => {
                     // Samples before the window count, too: the guard must hold there.
                     if window.to.is_none_or(|to| sample <= to) {
-                        (numbers[best], numbers[best + 1]) = until_at(
-                            (side, until),
-                            window.from <= sample,
-                            (numbers[guard], numbers[goal]),
-                            (numbers[best], numbers[best + 1]),
-                        );
+                        let so_far = UntilPart {
+                            best: numbers[best],
+                            guard: numbers[best + 1],
+                        };
+                        let is_in_window = window.from <= sample;
+                        let (guard, goal) = (numbers[guard], numbers[goal]);
+                        let now = until_at(side, until, is_in_window, guard, goal, so_far);
+                        (numbers[best], numbers[best + 1]) = (now.best, now.guard);
                     }
                 }
             }
@@ -316,12 +324,13 @@ impl RunningMonitor {
                 window,
                 best,
                 ..
-            } => until_bounds(
-                (side, strength, window),
-                (number(best), number(best + 1)),
-                known,
-                len,
-            ),
+            } => {
+                let so_far = UntilPart {
+                    best: number(best),
+                    guard: number(best + 1),
+                };
+                until_bounds(side, strength, window, so_far, known, len)
+            }
             RunningPoint::Not(a) => self.bounds(a, number, known, len).negated(),
             RunningPoint::Gate(gate, a, b) => {
                 let a = self.bounds(a, number, known, len);
@@ -336,11 +345,14 @@ impl RunningMonitor {
 }
 
 fn until_bounds(
-    (side, strength, window): (MinMax, Strength, SampleWindow),
-    (best, held): (f64, f64),
+    side: MinMax,
+    strength: Strength,
+    window: SampleWindow,
+    so_far: UntilPart,
     known: usize,
     len: usize,
 ) -> Interval {
+    let UntilPart { best, guard: held } = so_far;
     let mut interval = Interval::exactly(best);
     if is_open(window, known, len) {
         // The goal may still occur, as long as the left side has held so far.

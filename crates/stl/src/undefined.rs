@@ -160,9 +160,8 @@ impl DefinedProgram<'_> {
                 let (a_fails, b_fails) = (opposite(a), Op::Not(opposite(b)));
                 let one = Op::Gate(BooleanOp::Or, same(a), same(b));
                 let (one, b_fails) = (self.add(one, source), self.add(b_fails, source));
-                let not_both = Op::Gate(BooleanOp::Implies, a_fails, b_fails);
-                let not_both = self.add(not_both, source);
-                Op::Gate(BooleanOp::And, one, not_both)
+                let implied = Op::Gate(BooleanOp::Implies, a_fails, b_fails);
+                Op::Gate(BooleanOp::And, one, self.add(implied, source))
             }
             Op::Edge(edge, a) => {
                 let (holds, fails) = (same(a), Op::Not(opposite(a)));

@@ -234,7 +234,11 @@ impl Piecewise {
             let later = g.end.min(q.end.max(next));
             let start = g.start.min(q.start).max(g.start.min(later));
             if let Some(part) = parts.last_mut() {
-                part.2 = Some((g, q, later));
+                part.2 = Some(UntilLines {
+                    guard: g,
+                    goal: q,
+                    later,
+                });
             }
             let now = joined(guard.points[i], goal.points[i]);
             next = now.max(guard.points[i].min(start));
@@ -252,13 +256,8 @@ impl Piecewise {
     }
 
     /// Appends max(goal, min(guard, later)) on a piece.
-    fn until_piece(
-        &mut self,
-        (guard, goal, later): (LinearPiece, LinearPiece, f64),
-        ends: (f64, f64),
-        closed: bool,
-        point: f64,
-    ) {
+    fn until_piece(&mut self, lines: UntilLines, ends: (f64, f64), closed: bool, point: f64) {
+        let UntilLines { guard, goal, later } = lines;
         let mut held = Piecewise::begin(ends.0, 0.0);
         held.envelope::<Min>(&[guard, LinearPiece::constant(later)], ends, 0.0);
         let mut now = Piecewise::begin(ends.0, 0.0);
@@ -280,6 +279,14 @@ impl Piecewise {
             self.push(part.pieces[i], end, at);
         }
     }
+}
+
+/// Both sides of an until on a piece, and its value at a goal in or behind the piece.
+#[derive(Clone, Copy)]
+struct UntilLines {
+    guard: LinearPiece,
+    goal: LinearPiece,
+    later: f64,
 }
 
 /// Returns the times at which linear functions cross, ascending.

@@ -84,10 +84,10 @@ impl Point {
             Point::Nested(nested, MinMax::Min) => nested.update::<Min>(reading, tracks),
             Point::Nested(nested, MinMax::Max) => nested.update::<Max>(reading, tracks),
             Point::Until(watch, MinMax::Max, strength, a, b) => {
-                until::<Max>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
+                until::<Max>(watch, *strength, &tracks[*a], &tracks[*b], reading)
             }
             Point::Until(watch, MinMax::Min, strength, a, b) => {
-                until::<Min>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
+                until::<Min>(watch, *strength, &tracks[*a], &tracks[*b], reading)
             }
         }
     }
@@ -133,7 +133,8 @@ fn window<E: Extremum>(
 fn until<E: Extremum>(
     watch: &mut WindowProgress,
     strength: Strength,
-    (left, right): (&Track, &Track),
+    left: &Track,
+    right: &Track,
     reading: &EvalWindow,
 ) -> Interval {
     let (left, right) = (left.operand(), right.operand());

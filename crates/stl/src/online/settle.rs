@@ -3,7 +3,7 @@
 use super::plan::PlannedOperator;
 use super::step::{Decided, step_edge, step_since};
 use super::track::Track;
-use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, apply};
+use crate::apply::{Bound, EvalWindow, KernelBuffers, Operands, apply};
 use crate::kernel::{Max, opposite};
 use crate::program::{BoundProgram, Id, Op};
 
@@ -74,11 +74,14 @@ fn delayed(
 }
 
 /// Returns the operands of an operator, equal for a unary operator.
-fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(OperandBounds<'a>, OperandBounds<'a>)> {
+fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<Operands<'a>> {
     let mut ids = op.operands();
     let a = ids.next()?;
     let b = ids.next().unwrap_or(a);
-    Some((tracks[a].operand(), tracks[b].operand()))
+    Some(Operands {
+        a: tracks[a].operand(),
+        b: tracks[b].operand(),
+    })
 }
 
 /// Returns the latest value of an operator that needs no later sample.
@@ -127,14 +130,14 @@ fn redo(
         .map_or(0, |horizon| reading.known.saturating_sub(horizon + 1))
         .max(track.first);
     track.open(from, reading.known);
-    let Some(pair) = operands(&instruction.op, tracks) else {
+    let Some(operands) = operands(&instruction.op, tracks) else {
         return;
     };
     let skip = from - track.first;
     apply(
         &instruction.op,
         reading,
-        pair,
+        operands,
         Bound::Lower,
         from,
         &mut track.lower[skip..],
@@ -143,7 +146,7 @@ fn redo(
     apply(
         &instruction.op,
         reading,
-        pair,
+        operands,
         Bound::Upper,
         from,
         &mut track.upper[skip..],

@@ -70,12 +70,12 @@ impl Decided<'_> {
                 Some(self.behind(side, window, a, sample, track))
             }
             Op::Until(MinMax::Min, strength, window, a, b) => {
-                self.until::<Min>((strength, window), (a, b), track)
+                self.until::<Min>(strength, window, a, b, track)
             }
             Op::Until(MinMax::Max, strength, window, a, b) => {
-                self.until::<Max>((strength, window), (a, b), track)
+                self.until::<Max>(strength, window, a, b, track)
             }
-            Op::Since(window, a, b) => self.since(window, (a, b), track),
+            Op::Since(window, a, b) => self.since(window, a, b, track),
             Op::Edge(edge, a) => {
                 let value = self.at(a, self.last(&[a])?)?;
                 Some(step_edge(edge, value, track))
@@ -117,8 +117,10 @@ impl Decided<'_> {
     /// That is decided only by the end, so here the window itself slides.
     fn until<E: Extremum>(
         &self,
-        (strength, window): (Strength, SampleWindow),
-        (a, b): (Id, Id),
+        strength: Strength,
+        window: SampleWindow,
+        a: Id,
+        b: Id,
         track: &mut Track,
     ) -> Option<f64> {
         let last = self.last(&[a, b])?;
@@ -148,7 +150,7 @@ impl Decided<'_> {
     }
 
     /// Since at the last sample of both sides, by the identity of the kernel.
-    fn since(&self, window: SampleWindow, (a, b): (Id, Id), track: &mut Track) -> Option<f64> {
+    fn since(&self, window: SampleWindow, a: Id, b: Id, track: &mut Track) -> Option<f64> {
         let sample = self.last(&[a, b])?;
         // The left side between the window and the present.
         let mut after = f64::INFINITY;
