@@ -90,8 +90,8 @@ pub fn command_line(command: &[String]) -> String {
         if !word.is_empty() && word.chars().all(plain) {
             without_runs(word)
         } else {
-            let shown = without_runs(word);
-            let shown = escaped(&shown, |c| is_hidden(c) || is_blank(c));
+            let short = without_runs(word);
+            let shown = escaped(&short, |c| is_hidden(c) || is_blank(c));
             format!("'{}'", shown.replace('\'', "'\\''"))
         }
     });

@@ -110,14 +110,13 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
     };
     if let Some(found) = culprit(&error.code) {
         // The reader's span is around the name, but not always on it.
-        let from = start.saturating_sub(found.len() + 8);
+        let margin = found.len() + 8;
         // The margins may split a character, which is no valid place for a
         // slice.
-        let from = (from..=start)
+        let from = (start.saturating_sub(margin)..=start)
             .find(|&i| text.is_char_boundary(i))
             .unwrap_or(start);
-        let to = (end + 8 + found.len()).min(text.len());
-        let to = (to..=text.len())
+        let to = ((end + margin).min(text.len())..=text.len())
             .find(|&i| text.is_char_boundary(i))
             .unwrap_or(end);
         if let Some(at) = text[from..to].find(found) {
