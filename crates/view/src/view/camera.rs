@@ -128,9 +128,9 @@ impl ViewExtent {
     }
 }
 
-fn grown((least, greatest): (f32, f32), by: f64) -> (f32, f32) {
+fn grown(extent_m: (f32, f32), by_m: f64) -> (f32, f32) {
     // The only cast from places to cameras.
-    (least.min(by as f32), greatest.max(by as f32))
+    (extent_m.0.min(by_m as f32), extent_m.1.max(by_m as f32))
 }
 
 #[cfg(test)]

@@ -37,12 +37,8 @@ pub(super) fn log(
     };
     // The ego's name lies to its right and other names to their left. Seen from
     // above, the names of two touching agents then stay apart.
-    let aside_m = 0.5 * scale.width_m + 0.9;
-    let aside_m = if who == story.ego() {
-        -aside_m
-    } else {
-        aside_m
-    };
+    let side = if who == story.ego() { -1.0 } else { 1.0 };
+    let aside_m = side * (0.5 * scale.width_m + 0.9);
     let name = Points3D::new([[0.0, aside_m, 0.5 * scale.height_m + 0.2]])
         .with_radii([0.03])
         .with_colors([colour])

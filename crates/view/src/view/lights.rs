@@ -35,7 +35,7 @@ pub(super) fn log_posts(
     for (l, light) in story.stage.lights.iter().enumerate() {
         log_post(light, journal)?;
         for (sample, phase) in turns(story, l) {
-            log_lit(story, light, (sample, phase), journal)?;
+            log_lit(story, light, sample, phase, journal)?;
         }
     }
     Ok(())
@@ -109,7 +109,8 @@ fn lamp(phase: Phase, ahead_m: f32) -> [f32; 3] {
 fn log_lit(
     story: &ViewedEpisode<'_>,
     light: &LightPost,
-    (sample, phase): (usize, Phase),
+    sample: usize,
+    phase: Phase,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let [right, left] = light.stop_line_m;
@@ -124,8 +125,7 @@ fn log_lit(
         .with_colors([palette::of_phase(phase)])
         .with_labels([format!("{} {}", light.name, word(phase))]);
     let entity = agent_path(&light.name).join(&path(["lit"]));
-    let instant = (sample, story.time_s(sample));
-    journal.from(instant, entity, &[&line, &lamp])
+    journal.from(story.instant(sample), entity, &[&line, &lamp])
 }
 
 /// Logs the phases of one light as coloured lanes.

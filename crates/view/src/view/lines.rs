@@ -30,7 +30,7 @@ pub(super) fn log_marks(
     if journal.is_stream() {
         return Ok(());
     }
-    let mut upright = |what: &str, (sample, time_s): (usize, f64), name: &str, rgb: Rgb| {
+    let mut upright = |what: &str, sample: usize, time_s: f64, name: &str, rgb: Rgb| {
         // A curve has one value per instant, so the line takes two instants.
         let instants = clock([(sample, time_s), (sample, time_s + 1e-6)]);
         let entity = path(["marks", what]);
@@ -40,13 +40,13 @@ pub(super) fn log_marks(
     if let Some(sample) = story.decided {
         let time_s = story.time_s(sample);
         let name = format!("{} {time_s:.2} s", story.episode.verdict.word());
-        upright("verdict", (sample, time_s), &name, palette::DECIDED)?;
+        upright("verdict", sample, time_s, &name, palette::DECIDED)?;
     }
     if let Some(touch) = &story.episode.contact {
         // A contact lies between two samples, and the later sample shows it.
         let sample = story.sample_of(touch.time_s);
         let name = format!("contact {:.2} s", touch.time_s);
-        upright("contact", (sample, touch.time_s), &name, palette::CONTACT)?;
+        upright("contact", sample, touch.time_s, &name, palette::CONTACT)?;
     }
     Ok(())
 }
@@ -78,7 +78,8 @@ pub(super) fn every_sample(story: &ViewedEpisode<'_>) -> [TimeColumn; 2] {
 }
 
 /// Axis with some room above and, for labels, below.
-pub(super) fn roomy((least, greatest): (f64, f64)) -> (f64, f64) {
+pub(super) fn roomy(span: (f64, f64)) -> (f64, f64) {
+    let (least, greatest) = span;
     // A constant curve still gets an axis of height 1.
     let height = (greatest - least).max(1.0);
     (least - 0.12 * height, greatest + 0.05 * height)

@@ -29,6 +29,13 @@ pub(super) const EPISODE: &str = "episode";
 /// Timeline of a stream: the decisions of the training.
 pub(super) const DECISIONS: &str = "decisions";
 
+/// Instant of an episode: a sample and its time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SampleInstant {
+    pub sample: usize,
+    pub time_s: f64,
+}
+
 /// Place of an episode on the timelines of a stream.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StreamPlace {
@@ -178,30 +185,31 @@ impl LogWriter {
         self.row(entity.into(), TimePoint::default(), parts)
     }
 
-    /// Logs components that hold from an instant (a sample and its time) on.
+    /// Logs components that hold from an instant on.
     ///
     /// # Errors
     ///
     /// Returns an error if the viewer's library rejects the data.
     pub(super) fn from(
         &mut self,
-        (sample, time_s): (usize, f64),
+        instant: SampleInstant,
         entity: impl Into<EntityPath>,
         parts: &[&dyn AsComponents],
     ) -> Result<(), ViewError> {
+        let SampleInstant { sample, time_s } = instant;
         if let Some(place) = self.place {
             return self.row(entity.into(), place.at(sample, time_s), parts);
         }
-        let instant = TimePoint::default()
+        let clock = TimePoint::default()
             .with(Timeline::new_sequence("step"), sample as i64)
             .with(Timeline::new_duration("sim_time"), nanos(time_s));
-        let instant = match &self.opening {
+        let point = match &self.opening {
             Some(opening) if nanos(time_s) <= opening.end_ns() => {
-                instant.with(Timeline::new_duration(opening.name), nanos(time_s))
+                clock.with(Timeline::new_duration(opening.name), nanos(time_s))
             }
-            _ => instant,
+            _ => clock,
         };
-        self.row(entity.into(), instant, parts)
+        self.row(entity.into(), point, parts)
     }
 
     /// Logs a part of a blueprint.

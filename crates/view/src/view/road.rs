@@ -27,15 +27,16 @@ pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<
         // flicker. The world's own road is on top.
         let sunk_m = SUNK_M * (number + 1) as f64;
         let name = format!("world/road/side_{}", number + 1);
-        one_road(&near(side, &reach), (&name, sunk_m), journal)?;
+        one_road(&near(side, &reach), &name, sunk_m, journal)?;
     }
     let own = near(&story.stage.lane_borders_m, &reach);
-    one_road(&own, ("world/road", 0.0), journal)
+    one_road(&own, "world/road", 0.0, journal)
 }
 
 fn one_road(
     borders: &[Vec<GroundPoint>],
-    (name, sunk_m): (&str, f64),
+    name: &str,
+    sunk_m: f64,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {

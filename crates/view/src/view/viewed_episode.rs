@@ -1,6 +1,6 @@
 //! Episode as numbers to show, independent of the viewer.
 
-use super::log_writer::OpeningTimeline;
+use super::log_writer::{OpeningTimeline, SampleInstant};
 use super::palette;
 use super::palette::Rgb;
 use crate::rulebook::Verdict;
@@ -116,6 +116,14 @@ impl<'a> ViewedEpisode<'a> {
         // Time is i · dt. Rounding removes the digits that binary fractions
         // add.
         (sample as f64 * self.episode.trace.dt_s() * 1e9).round() / 1e9
+    }
+
+    /// Instant of a sample.
+    pub(super) fn instant(&self, sample: usize) -> SampleInstant {
+        SampleInstant {
+            sample,
+            time_s: self.time_s(sample),
+        }
     }
 
     /// First sample at or after an instant.

@@ -12,7 +12,7 @@ use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
-use crate::view::log_writer::LogWriter;
+use crate::view::log_writer::{LogWriter, SampleInstant};
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::viewed_episode::ViewedEpisode;
@@ -145,9 +145,9 @@ fn log_player(
         .collect();
     let beside = |[x, y]: [f32; 2]| [x + aside, y + aside];
     for (sample, centre) in centres.iter().enumerate() {
-        let at = (sample, story.time_s(sample));
-        let trail: Vec<[f32; 2]> = centres[..=sample].iter().copied().map(beside).collect();
-        let trail = LineStrips2D::new([trail])
+        let at = story.instant(sample);
+        let places: Vec<[f32; 2]> = centres[..=sample].iter().copied().map(beside).collect();
+        let trail = LineStrips2D::new([places])
             .with_radii([0.03])
             .with_colors([palette::dimmed(colour, 0.8)])
             .with_draw_order(10.0);
@@ -172,7 +172,7 @@ fn log_body(
     is_ego: bool,
     centre: [f32; 2],
     colour: Rgb,
-    at: (usize, f64),
+    at: SampleInstant,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = format!("map/{name}");
@@ -210,7 +210,6 @@ fn log_outcome(
         Verdict::Held { .. } => "held",
         Verdict::Invalid => "fault",
     };
-    let at = (sample, story.time_s(sample));
     let centre = story.frames[sample].placements[story.ego()].centre_m;
     let frame = Boxes2D::from_centers_and_half_sizes([shown(arena, centre)], [[0.48, 0.48]])
         .with_colors([palette::CONTACT])
@@ -218,5 +217,5 @@ fn log_outcome(
         .with_labels([format!("{what} at step {sample}")])
         .with_show_labels(true)
         .with_draw_order(40.0);
-    journal.from(at, "map/outcome", &[&frame])
+    journal.from(story.instant(sample), "map/outcome", &[&frame])
 }

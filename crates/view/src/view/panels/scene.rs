@@ -12,7 +12,7 @@ use crate::view::camera::{FOLLOW, SPACE, ViewExtent, look};
 use crate::view::entity::agent_path;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
-use crate::view::log_writer::{LogWriter, clock};
+use crate::view::log_writer::{LogWriter, SampleInstant, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::space::{distance, lifted, quaternion};
 use crate::view::viewed_episode::ViewedEpisode;
@@ -171,7 +171,11 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
         .with_radii([0.12])
         .with_colors([palette::CONTACT])
         .with_labels([format!("contact, closing at {closing:.1} m/s")]);
-    journal.from((sample, touch.time_s), "contact", &[&arrows, &point])
+    let instant = SampleInstant {
+        sample,
+        time_s: touch.time_s,
+    };
+    journal.from(instant, "contact", &[&arrows, &point])
 }
 
 /// Logs a pin at the place of the ego when the verdict became certain.
@@ -192,5 +196,5 @@ fn log_verdict_mark(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Resul
         .with_radii([0.12])
         .with_colors([palette::DECIDED])
         .with_labels([format!("{what} at {:.2} s", story.time_s(sample))]);
-    journal.from((sample, story.time_s(sample)), "verdict/mark", &[&mark])
+    journal.from(story.instant(sample), "verdict/mark", &[&mark])
 }

@@ -28,11 +28,11 @@ pub(super) static PANEL: Panel = Panel {
 
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let mut column = Vec::new();
-    let mut rest = vec!["+ /signals/**".to_owned()];
+    let mut filters = vec!["+ /signals/**".to_owned()];
     for plot in plots(story).iter().filter(|plot| plot.prominent) {
         let legend = plot.needs_legend().then_some(Corner2D::RightTop);
         let entity = plot.entity.to_string();
-        rest.push(format!("- {entity}/**"));
+        filters.push(format!("- {entity}/**"));
         let axis = roomy(plot.span);
         let curves = if plot.needs_legend() {
             plot.names.len()
@@ -46,8 +46,8 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
         ));
     }
     // Less informative signals are in a tab behind the last prominent plot.
-    let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
-    let rest = layout.view("TimeSeries", "other signals", "/signals", &rest)?;
+    let others: Vec<&str> = filters.iter().map(String::as_str).collect();
+    let rest = layout.view("TimeSeries", "other signals", "/signals", &others)?;
     let last = column.pop();
     let height = last.as_ref().map_or(1.0, |(_, height)| *height);
     let tabs: Vec<BlueprintNode> = last
@@ -101,7 +101,7 @@ struct Plot {
 }
 
 impl Plot {
-    fn empty((group, title): (&str, &str)) -> Plot {
+    fn empty(group: &str, title: &str) -> Plot {
         Plot {
             entity: path(["signals", group]),
             title: title.to_owned(),
@@ -187,7 +187,9 @@ impl LaneKeepingState {
 fn plots(story: &ViewedEpisode<'_>) -> Vec<Plot> {
     let schema = story.episode.trace.schema();
     let lanes = LaneKeepingState::of(story);
-    let mut plots: Vec<Plot> = GROUPS.map(Plot::empty).into();
+    let mut plots: Vec<Plot> = GROUPS
+        .map(|(group, title)| Plot::empty(group, title))
+        .into();
     let mut nobodys = 0;
     for (i, signal) in schema.signals().iter().enumerate() {
         let owner = owner_of(story, &signal.name);
