@@ -147,7 +147,8 @@ pub fn picture(
     Ok(looping_picture(
         scenario,
         &example,
-        (&ego, notes.as_deref()),
+        &ego,
+        notes.as_deref(),
         beside.as_ref(),
     ))
 }

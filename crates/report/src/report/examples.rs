@@ -6,6 +6,7 @@ use super::Example;
 use super::animation::{animation, colour_class};
 use super::plot::{Chart, Curve, Mark, chart};
 use super::verdict::VerdictWords;
+use crate::scene::AgentDescription;
 use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
 use crate::world::Scenario;
@@ -14,11 +15,7 @@ use crate::world::Scenario;
 ///
 /// It consists of the outcome, the animated picture, the known facts and the
 /// curves.
-pub(super) fn example(
-    scenario: &Scenario,
-    example: &Example,
-    (nth, all): (usize, usize),
-) -> Markup {
+pub(super) fn example(scenario: &Scenario, example: &Example, nth: usize, all: usize) -> Markup {
     let episode = &example.episode;
     let mut judged = episode.trace.clone();
     // The explanation must not read samples after the verdict.
@@ -43,7 +40,7 @@ pub(super) fn example(
                     }
                 }
             }
-            (animation(scenario, example, (nth, &verdict)))
+            (animation(scenario, example, nth, &verdict))
             (known(scenario, example))
             div class="cards" {
                 @for picture in [speeds(scenario, episode), watched(scenario, episode)].into_iter().flatten() {
@@ -127,7 +124,7 @@ fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
 /// Speeds of all agents.
 fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     let agents = scenario.bench().stage().agents;
-    let curves = agents.iter().enumerate().filter_map(|(nth, who)| {
+    let curve = |(nth, who): (usize, &AgentDescription)| {
         let column = episode.trace.signal(&format!("{}.speed", who.name))?;
         Some(Curve {
             name: who.name.clone(),
@@ -135,8 +132,8 @@ fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             points: over_time(&episode.trace, column),
             dots: Vec::new(),
         })
-    });
-    let curves: Vec<Curve> = curves.collect();
+    };
+    let curves: Vec<Curve> = agents.iter().enumerate().filter_map(curve).collect();
     (!curves.is_empty()).then(|| Chart {
         title: "Speeds".to_owned(),
         x_label: "time [s]".to_owned(),

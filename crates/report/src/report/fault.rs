@@ -51,7 +51,7 @@ fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<StyledFault
     match world.goes_before(ego, opponent) {
         Some(true) => Some((format!("{opponent} had to give way"), "b-not")),
         Some(false) => Some((format!("{ego} had to give way"), "b-ego")),
-        None => by_lane(world, example, (ego, opponent)),
+        None => by_lane(world, example, ego, opponent),
     }
 }
 
@@ -59,7 +59,8 @@ fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<StyledFault
 fn by_lane(
     world: &DriveWorld,
     example: &Example,
-    (ego, opponent): (&str, &str),
+    ego: &str,
+    opponent: &str,
 ) -> Option<StyledFault> {
     let agents = &world.spec().agents;
     let of = |name: &str| agents.iter().position(|agent| agent.name == name);
@@ -115,13 +116,12 @@ mod tests {
 
     /// Words for the first crash that a constant action causes.
     fn said(text: &str) -> Option<String> {
-        let lawless = put(text, ("rulebook: [", "\n                ]"), "rulebook: [");
+        let without_rules = put(text, ("rulebook: [", "\n                ]"), "rulebook: [");
         // The ego coasts, so the contact happens. Variants that change its
         // controller are removed too.
         let blind = "Ego(Coast(accel_mps2: 0.0, lag_s: 0.0)),\n        ),\n";
-        let lawless = put(&lawless, ("Ego(", "        Vehicle("), blind);
-        let lawless = put(&lawless, ("    reuse: {", "\n)\n"), "");
-        let scenario = world(&lawless);
+        let coasting = put(&without_rules, ("Ego(", "        Vehicle("), blind);
+        let scenario = world(&put(&coasting, ("    reuse: {", "\n)\n"), ""));
         by_right_of_way(&scenario, &crash(&scenario)).map(|(words, _)| words)
     }
 

@@ -94,7 +94,7 @@ fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
         } @else {
             p class="dim" { "Seen from above, at their true sizes, forward to the right. Each plays its last four seconds; press play, drag the slider or choose a still for the rest. Dashed outlines: where they were when the requirement was broken. Red lamps: braking." }
         }
-        @for (nth, chosen) in nominal.highlights.iter().enumerate() { (example(report.scenario, chosen, (nth, all))) }
+        @for (nth, chosen) in nominal.highlights.iter().enumerate() { (example(report.scenario, chosen, nth, all)) }
     }
 }
 

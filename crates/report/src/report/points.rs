@@ -65,7 +65,7 @@ impl PointsPage<'_> {
                     h2 { "Points" }
                     (self.table())
                     @if 0 < all { h2 { "Failures, the worst first" } }
-                    @for (nth, chosen) in self.examples.iter().enumerate() { (example(scenario, chosen, (nth, all))) }
+                    @for (nth, chosen) in self.examples.iter().enumerate() { (example(scenario, chosen, nth, all)) }
                     (world(scenario))
                     h2 { "How to make it again" }
                     pre { @for command in &self.commands { (command) "\n" } }

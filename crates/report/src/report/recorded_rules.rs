@@ -38,8 +38,8 @@ pub fn recorded_rules_junit<'a>(
 
 fn in_words(rule: &RuleResult) -> String {
     let worst = rule.worst.as_ref().map_or(String::new(), |it| {
-        let lead = it.lead.as_ref();
-        let lead = lead.map_or(String::new(), |lead| format!(" behind {lead}"));
+        let name = it.lead.as_ref();
+        let lead = name.map_or(String::new(), |name| format!(" behind {name}"));
         format!(
             "\nworst: ρ = {:.3} at {:.2} s, {}{lead}",
             it.robustness, it.time_s, it.id

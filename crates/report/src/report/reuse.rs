@@ -143,7 +143,7 @@ mod tests {
     fn tested(ego: &str, ado: &str, solved: &str) -> Tested {
         let successes = solved.matches('1').count();
         let trained = ado == "trained";
-        let row = serde_json::json!({
+        let json = serde_json::json!({
             "world": "acc", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego,
             "ado": ado, "method": "some", "train_seed": trained.then_some(0), "start_seed": 0,
             "starts": solved.len(), "trivial": 0, "successes": successes,
@@ -151,7 +151,7 @@ mod tests {
             "foul_rate": 0.0, "contact_rate": 0.0, "invalid": 0, "sims_per_start": 1.0,
             "physics_steps": 0, "cpu_s": 0.0, "solved": solved,
         });
-        let row = serde_json::from_value(row).expect("a row");
+        let row = serde_json::from_value(json).expect("a row");
         Tested { row, why: None }
     }
 

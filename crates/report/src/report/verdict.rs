@@ -109,7 +109,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
         name => format!("the ego ({name})"),
     };
     let words = match &example.about.severity {
-        Some(severity) => hit((&ego, opponent), severity, turned(scenario, example)),
+        Some(severity) => hit(&ego, opponent, severity, turned(scenario, example)),
         None => format!("{ego} and {opponent} met"),
     };
     format!("{} {speed}", capital(&words))
@@ -205,7 +205,7 @@ fn turned(scenario: &Scenario, example: &Example) -> Option<TurnedAcross> {
 }
 
 /// Contact in words, by its kind, the sides that touched, and who turned.
-fn hit((ego, opponent): (&str, &str), severity: &Severity, turned: Option<TurnedAcross>) -> String {
+fn hit(ego: &str, opponent: &str, severity: &Severity, turned: Option<TurnedAcross>) -> String {
     let impact = &severity.impact;
     let side = |side: Side| match side {
         Side::Front => "front",

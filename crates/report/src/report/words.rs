@@ -88,7 +88,7 @@ impl Words {
         };
         let costs = places
             .filter(on_canvas)
-            .map(|place| (self.in_the_way(place, width), place));
+            .map(|(x, y)| (self.in_the_way(x, y, width), (x, y)));
         // The strict comparison keeps the first of equal positions, so the
         // layout is stable.
         let best = costs.reduce(|a, b| if b.0 < a.0 { b } else { a });
@@ -103,7 +103,7 @@ impl Words {
     }
 
     /// Cost of a word at a position.
-    fn in_the_way(&self, (x, y): (f64, f64), w: f64) -> usize {
+    fn in_the_way(&self, x: f64, y: f64, w: f64) -> usize {
         let on = |&&(px, py): &&(f64, f64)| {
             x - 2.0 <= px && px <= x + w + 2.0 && y - 10.0 <= py && py <= y + 4.0
         };
@@ -149,7 +149,7 @@ mod tests {
                 points: words.points.clone(),
                 placed: Vec::new(),
             };
-            others.in_the_way((it.x, it.y), width(&it.word))
+            others.in_the_way(it.x, it.y, width(&it.word))
         };
         placed.map(alone).sum()
     }

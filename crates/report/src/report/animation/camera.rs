@@ -66,7 +66,7 @@ impl<'a> Camera<'a> {
         canvas: &'a Canvas,
     ) -> Camera<'a> {
         let scale = Camera::fitting(film, i, ego, canvas);
-        Camera::at_scale(film, i, (ego, scale), canvas)
+        Camera::at_scale(film, i, ego, scale, canvas)
     }
 
     /// Camera of one pixel per metre, for tests of the canvas alone.
@@ -111,7 +111,8 @@ impl<'a> Camera<'a> {
     pub(super) fn at_scale(
         film: &EpisodeFrames,
         i: usize,
-        (ego, scale): (Option<(usize, f64)>, f64),
+        ego: Option<(usize, f64)>,
+        scale: f64,
         canvas: &'a Canvas,
     ) -> Camera<'a> {
         let focus = film.focus[i];

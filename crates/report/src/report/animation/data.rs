@@ -32,15 +32,15 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
         .contact_m()
         .map_or("null".to_owned(), |at| list(&at, 3));
     // Only pictures that go on after the contact have the list.
-    let after: Vec<String> = picture
+    let captions: Vec<String> = picture
         .after
         .iter()
         .map(|(time_s, words)| format!("[{},{}]", n(*time_s, 3), quoted(&capital(words))))
         .collect();
-    let after = if after.is_empty() {
+    let after = if captions.is_empty() {
         String::new()
     } else {
-        format!(",\"after\":[{}]", after.join(","))
+        format!(",\"after\":[{}]", captions.join(","))
     };
     format!(
         "{{\"t\":{},\"ego\":{ego},\"turn\":{},\"cells\":{},\"bodies\":[{}],\"focus\":[{}],\"lights\":[{}],\"contact\":{contact},\"broken\":{},\"still\":{},\"leaf\":{}{after}}}",
@@ -58,8 +58,8 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
 
 fn body(picture: &Picture<'_>, who: usize) -> String {
     let (agent, track) = (&picture.stage.agents[who], &picture.film.tracks[who]);
-    let moves = picture.moves.iter().find(|(ado, _)| *ado == agent.name);
-    let moves = moves
+    let own = picture.moves.iter().find(|(ado, _)| *ado == agent.name);
+    let moves = own
         .map_or(&[][..], |(_, moves)| moves)
         .iter()
         .map(|it| format!("[{},{}]", n(it.from_s, 3), quoted(&it.words)));

@@ -134,8 +134,7 @@ impl EpisodeFrames {
         };
         let hit_s = |who: usize| course.after?.hit_s(&stage.agents[who].name);
         let track = |who| {
-            let shown = (&kept[..], &times_s[..]);
-            let mut track = BodyTrack::of(who, &whole, shown, (recorded, column(who)));
+            let mut track = BodyTrack::of(who, &whole, &kept, &times_s, recorded, column(who));
             // A body that rolls freely does not brake.
             let accels = track.accel_mps2.iter_mut().zip(&times_s).skip(recorded);
             for (accel_mps2, time_s) in accels {
@@ -292,8 +291,10 @@ impl BodyTrack {
     fn of(
         who: usize,
         frames: &[Frame],
-        (kept, times_s): (&[usize], &[f64]),
-        (recorded, speeds): (usize, Option<Vec<f64>>),
+        kept: &[usize],
+        times_s: &[f64],
+        recorded: usize,
+        speeds: Option<Vec<f64>>,
     ) -> BodyTrack {
         let places = kept.iter().map(|i| frames[*i].placements[who]);
         let (x_m, y_m): (Vec<f64>, Vec<f64>) = places

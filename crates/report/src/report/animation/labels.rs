@@ -82,7 +82,7 @@ pub(super) fn labels_over_time(
         let mut jumps = Vec::new();
         for (who, lines) in everybody.clone().zip(frame.lines) {
             let spots = spots(&frame.rooms[who], sizes[who], who == ego, camera);
-            let side = free_side(&spots, sizes[who], (sides[who], &taken));
+            let side = free_side(&spots, sizes[who], sides[who], &taken);
             jumps.push(side != sides[who]);
             sides[who] = side;
             let ([x, y], [w, h]) = (spots[side], sizes[who]);
@@ -107,7 +107,7 @@ struct LabelFrame {
 
 impl LabelFrame {
     fn of(content: LabelContent<'_>, i: usize, camera: &Camera<'_>) -> LabelFrame {
-        let LabelContent { stage, film, moves } = content;
+        let LabelContent { stage, film, .. } = content;
         let everybody = 0..stage.agents.len();
         let rooms: Vec<PixelRectangle> = everybody
             .clone()
@@ -121,7 +121,7 @@ impl LabelFrame {
             .collect();
         let lines = everybody.map(|who| {
             let inside = is_inside(&rooms[who], camera);
-            lines(stage, film, (who, i), moves, inside)
+            lines(content, who, i, inside)
         });
         LabelFrame {
             lines: lines.collect(),
@@ -131,13 +131,8 @@ impl LabelFrame {
 }
 
 /// Lines of a label: name and speed, then the chosen or the measured action.
-fn lines(
-    stage: &SceneGeometry,
-    film: &EpisodeFrames,
-    (who, i): (usize, usize),
-    moves: &[(String, Vec<Move>)],
-    inside: bool,
-) -> Vec<String> {
+fn lines(content: LabelContent<'_>, who: usize, i: usize, inside: bool) -> Vec<String> {
+    let LabelContent { stage, film, moves } = content;
     let name = &stage.agents[who].name;
     if stage.agents[who].body == "cell" {
         return vec![name.clone()];
@@ -239,7 +234,8 @@ fn spots(
 fn free_side(
     spots: &[[f64; 2]],
     [w, h]: [f64; 2],
-    (before, taken): (usize, &[PixelRectangle]),
+    before: usize,
+    taken: &[PixelRectangle],
 ) -> usize {
     let covered_px2 = |side: usize| -> f64 {
         let [x, y] = spots[side];
@@ -309,7 +305,7 @@ mod tests {
         let places = spots(&bodies[2], size, false, &camera());
         let mut taken = bodies.clone();
         for label in 0..4 {
-            let side = free_side(&places, size, (0, &taken));
+            let side = free_side(&places, size, 0, &taken);
             let [x, y] = places[side];
             let own = [x, y, x + size[0], y + size[1]];
             for it in &taken {
@@ -326,9 +322,9 @@ mod tests {
         let body = [500.0, 130.0, 566.0, 160.0];
         let size = [120.0, 36.0];
         let places = spots(&body, size, false, &camera());
-        assert_eq!(free_side(&places, size, (1, &[body])), 1);
+        assert_eq!(free_side(&places, size, 1, &[body]), 1);
         let below = [480.0, 165.0, 600.0, 190.0];
-        assert_eq!(free_side(&places, size, (1, &[body, below])), 0);
+        assert_eq!(free_side(&places, size, 1, &[body, below]), 0);
     }
 
     #[test]

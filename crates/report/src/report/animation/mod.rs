@@ -48,7 +48,8 @@ pub(super) const STYLE: &str = concat!(include_str!("shapes.css"), include_str!(
 pub(super) fn animation(
     scenario: &Scenario,
     example: &Example,
-    (nth, verdict): (usize, &VerdictWords),
+    nth: usize,
+    verdict: &VerdictWords,
 ) -> Markup {
     if example.frames.is_empty() {
         return html! {};

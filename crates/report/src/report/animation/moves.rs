@@ -157,7 +157,10 @@ fn described(set: &Actions, action: usize) -> (String, MoveKind) {
                 _ => (format!("{aside}, {words}"), kind),
             }
         }
-        Actions::Walks(list) => on_foot(list[action]),
+        Actions::Walks(list) => {
+            let (along_mps, left_mps) = list[action];
+            on_foot(along_mps, left_mps)
+        }
         Actions::Phases(_)
         | Actions::Deviate(_)
         | Actions::Rates(_)
@@ -175,7 +178,7 @@ fn along(accel_mps2: f64) -> (String, MoveKind) {
     }
 }
 
-fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, MoveKind) {
+fn on_foot(along_mps: f64, left_mps: f64) -> (String, MoveKind) {
     let speed_mps = libm::hypot(along_mps, left_mps);
     if speed_mps == 0.0 {
         // A pedestrian with a speed of 0 has no direction.

@@ -230,13 +230,13 @@ impl<'a> Picture<'a> {
 
 /// Star at a contact, of one size at any scale.
 pub(super) fn burst(x: f64, y: f64) -> Markup {
-    let points = (0..16).map(|nth| {
+    let point = |nth| {
         let turn_rad = f64::from(nth) * std::f64::consts::TAU / 16.0;
         let reach_px = if nth % 2 == 0 { 15.0 } else { 6.5 };
         let (sin, cos) = libm::sincos(turn_rad);
         format!("{},{}", n(reach_px * cos, 1), n(reach_px * sin, 1))
-    });
-    let points: Vec<String> = points.collect();
+    };
+    let points: Vec<String> = (0..16).map(point).collect();
     html! {
         polygon class="burst" transform=(format!("translate({} {})", n(x, 1), n(y, 1))) points=(points.join(" ")) {}
     }

@@ -261,7 +261,7 @@ fn the_contact_is_marked_when_and_where_it_is() {
     let at = numbers(&data["contact"]);
     assert!((at[0] - touch.point_m[0]).abs() < 0.01 && (at[1] - touch.point_m[1]).abs() < 0.01);
     let verdict = VerdictWords::of(&scenario, &example);
-    let page = animation(&scenario, &example, (0, &verdict)).into_string();
+    let page = animation(&scenario, &example, 0, &verdict).into_string();
     // The star appears in the large still and in that of the contact.
     assert_eq!(page.matches("class=\"burst\"").count(), 2);
     let camera = Camera::of(
@@ -374,7 +374,7 @@ fn a_looping_picture_moves_everybody_from_the_first_to_the_last_pose() {
     for scenario in [acc(), cut_in()] {
         let example = crash(&scenario);
         let picture = Picture::of(&scenario, &example, 0);
-        let svg = looping_picture(&scenario, &example, ("mine", None), None);
+        let svg = looping_picture(&scenario, &example, "mine", None, None);
         assert!(svg.contains("prefers-reduced-motion") && !svg.contains("<script"));
         // Programs without CSS variables draw it, too.
         assert!(!svg.contains("var(--"), "a variable is left");
@@ -478,7 +478,7 @@ fn a_looping_picture_goes_on_after_the_contact_and_names_the_collision() {
     let scenario = acc_with_aftermath();
     let example = crash(&scenario);
     let picture = Picture::of(&scenario, &example, 0);
-    let svg = looping_picture(&scenario, &example, ("mine", None), None);
+    let svg = looping_picture(&scenario, &example, "mine", None, None);
     let film = &picture.film;
     for track in &film.tracks {
         let last = film.times_s.len() - 1;

@@ -2,11 +2,11 @@
 
 /// Number with at most `places` decimals, without trailing zeros.
 pub(super) fn n(value: f64, places: usize) -> String {
-    let text = format!("{value:.places$}");
-    let text = if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
+    let fixed = format!("{value:.places$}");
+    let text = if fixed.contains('.') {
+        fixed.trim_end_matches('0').trim_end_matches('.')
     } else {
-        &text
+        &fixed
     };
     match text {
         "-0" => "0".to_owned(),

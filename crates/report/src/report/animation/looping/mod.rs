@@ -65,7 +65,8 @@ pub struct Beside {
 pub fn looping_picture(
     scenario: &Scenario,
     example: &Example,
-    (ego, note): (&str, Option<&str>),
+    ego: &str,
+    note: Option<&str>,
     beside: Option<&Beside>,
 ) -> String {
     let picture = Picture::of(scenario, example, 0);
@@ -91,7 +92,7 @@ pub fn looping_picture(
         // The motion after the contact is shown to its end.
         until_s: match &example.after {
             Some(_) => picture.film.end_s(),
-            None => ending.0,
+            None => ending.end_s,
         },
         captions: captions_of(&picture, &ending),
         ending,
@@ -104,13 +105,13 @@ pub fn looping_picture(
             .map(|(it, film)| beside_it(&picture, it, film)),
     );
     let ends = panels.iter().map(|panel| panel.until_s);
-    let from_s = (panels[0].ending.0 - BEFORE_S).max(0.0);
+    let from_s = (panels[0].ending.end_s - BEFORE_S).max(0.0);
     let period = Period {
         // The start is a sample that both films have.
         from_s: picture.film.times_s[picture.film.at(from_s)],
         until_s: ends.fold(0.0, f64::max),
     };
-    let said = facts(scenario, &picture, (note, beside));
+    let said = facts(scenario, &picture, note, beside);
     whole(&panels, period, &said)
 }
 
@@ -130,14 +131,14 @@ fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a EpisodeFrames)
         });
     }
     let contact = it.filmed.contact.as_ref();
-    let ending = outcome_of(picture, film, (&it.filmed, AFTER_S));
+    let ending = outcome_of(picture, film, &it.filmed, AFTER_S);
     LoopPanel {
         nth: 1,
         film,
         moves,
         contact_m: contact.map(|touch| film.turned(touch.point_m[0], touch.point_m[1])),
-        until_s: ending.0,
-        captions: vec![(ending.0, ending.1.clone())],
+        until_s: ending.end_s,
+        captions: vec![(ending.end_s, ending.words.clone())],
         ending,
         title: format!("In its place: {}", it.who),
         picture,
@@ -166,7 +167,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
             html! {
                 g transform=(format!("translate({} 0)", n(x, 1))) clip-path="url(#half)" {
                     rect class="ground" width=(n(width_px, 1)) height=(HEIGHT_PX) {}
-                    (panel.drawn(&mut keyframes, (&canvas, scale)))
+                    (panel.drawn(&mut keyframes, &canvas, scale))
                 }
             }
         })
@@ -227,9 +228,9 @@ fn strokes(scale: f64) -> String {
 fn clock(picture: &Picture<'_>, keyframes: &mut Keyframes) -> Markup {
     let Period { from_s, until_s } = keyframes.period;
     let x = |time_s: f64| WIDTH_PX * (time_s - from_s) / (until_s - from_s);
-    let moved = [(from_s, 0.0), (until_s, WIDTH_PX - 3.0)]
-        .map(|(at_s, x)| (at_s, format!("translate({}px,0px)", n(x, 1))));
-    let moved = keyframes.moving(&moved);
+    let ends = [(from_s, 0.0), (until_s, WIDTH_PX - 3.0)];
+    let moved =
+        keyframes.moving(&ends.map(|(at_s, x)| (at_s, format!("translate({}px,0px)", n(x, 1)))));
     let moments = picture
         .moments
         .iter()

@@ -35,14 +35,20 @@ pub(super) struct LoopPanel<'a> {
     pub until_s: f64,
     /// Captions by time in seconds, that of the outcome first.
     pub captions: Vec<(f64, String)>,
-    /// End in seconds, outcome in words, and true for a good outcome.
-    pub ending: (f64, String, bool),
+    pub ending: DriveEnding,
     /// Name of the driver.
     pub title: String,
 }
 
+/// End of a drive and its outcome in words.
+pub(super) struct DriveEnding {
+    pub end_s: f64,
+    pub words: String,
+    pub is_good: bool,
+}
+
 /// Shown samples of a film within a period.
-fn shown(film: &EpisodeFrames, (from_s, until_s): (f64, f64)) -> Vec<usize> {
+fn shown(film: &EpisodeFrames, from_s: f64, until_s: f64) -> Vec<usize> {
     let (first, last) = (film.at(from_s), film.at(until_s));
     let mut shown = vec![first];
     for i in first + 1..last {
@@ -59,7 +65,7 @@ fn shown(film: &EpisodeFrames, (from_s, until_s): (f64, f64)) -> Vec<usize> {
 impl LoopPanel<'_> {
     /// Pixels per metre at which all agents fit at all times.
     pub(super) fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
-        let shown = shown(self.film, (from_s, self.until_s));
+        let shown = shown(self.film, from_s, self.until_s);
         let scales = shown
             .iter()
             .map(|i| Camera::fitting(self.film, *i, self.ego(), canvas));
@@ -71,13 +77,9 @@ impl LoopPanel<'_> {
     }
 
     /// Picture at a given scale.
-    pub(super) fn drawn(
-        &self,
-        keyframes: &mut Keyframes,
-        (canvas, scale): (&Canvas, f64),
-    ) -> Markup {
-        let shown = shown(self.film, (keyframes.period.from_s, self.until_s));
-        let camera = |i: usize| Camera::at_scale(self.film, i, (self.ego(), scale), canvas);
+    pub(super) fn drawn(&self, keyframes: &mut Keyframes, canvas: &Canvas, scale: f64) -> Markup {
+        let shown = shown(self.film, keyframes.period.from_s, self.until_s);
+        let camera = |i: usize| Camera::at_scale(self.film, i, self.ego(), scale, canvas);
         let cameras: Vec<Camera<'_>> = shown.iter().map(|i| camera(*i)).collect();
         let times = || shown.iter().map(|i| self.film.times_s[*i]);
         let centres = cameras.iter().map(|camera| {
@@ -106,8 +108,8 @@ impl LoopPanel<'_> {
                     }
                 }
             }
-            (self.star(keyframes, (&shown, &cameras)))
-            @for who in everybody { (self.label(keyframes, who, (&shown, &labels))) }
+            (self.star(keyframes, &shown, &cameras))
+            @for who in everybody { (self.label(keyframes, who, &shown, &labels)) }
             (self.result(keyframes, canvas))
         }
     }
@@ -168,11 +170,7 @@ impl LoopPanel<'_> {
     }
 
     /// Star of a contact.
-    fn star(
-        &self,
-        keyframes: &mut Keyframes,
-        (shown, cameras): (&[usize], &[Camera<'_>]),
-    ) -> Markup {
+    fn star(&self, keyframes: &mut Keyframes, shown: &[usize], cameras: &[Camera<'_>]) -> Markup {
         let places: Vec<[f64; 2]> = self
             .contact_m
             .map(|at| cameras.iter().map(move |it| it.at(at)))
@@ -182,9 +180,9 @@ impl LoopPanel<'_> {
         let Some([x, y]) = places.last().copied() else {
             return html! {};
         };
-        let turns = [(keyframes.period.from_s, false), (self.ending.0, true)];
+        let turns = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
         let star = html! { g class=(keyframes.seen(&turns)) { (burst(x, y)) } };
-        if self.until_s <= self.ending.0 {
+        if self.until_s <= self.ending.end_s {
             return star;
         }
         // The camera moves on after the contact, and the place of the contact does not.
@@ -202,7 +200,8 @@ impl LoopPanel<'_> {
         &self,
         keyframes: &mut Keyframes,
         who: usize,
-        (shown, all): (&[usize], &[SampleLabels]),
+        shown: &[usize],
+        all: &[SampleLabels],
     ) -> Markup {
         let labels: Vec<&PlacedLabel> = all.iter().map(|(labels, _)| &labels[who]).collect();
         let time_s = |nth: usize| self.film.times_s[shown[nth]];
@@ -253,7 +252,6 @@ impl LoopPanel<'_> {
 
     /// Name of the driver, and the outcome at the end.
     fn result(&self, keyframes: &mut Keyframes, canvas: &Canvas) -> Markup {
-        let (_, _, good) = &self.ending;
         let [width_px, height_px] = canvas.size_px;
         html! {
             rect class="plate" width=(width_px) height="25" {}
@@ -263,7 +261,7 @@ impl LoopPanel<'_> {
                 @let turns: Vec<(f64, bool)> = [(keyframes.period.from_s, false), (*at_s, true)].into_iter().chain(next).collect();
                 // With reduced motion, only the last caption is seen.
                 g class=(keyframes.seen(&turns)) visibility=[next.map(|_| "hidden")] {
-                    rect class=(if *good { "fine" } else { "poor" }) y=(n(height_px - 28.0, 1)) width=(width_px) height="28" {}
+                    rect class=(if self.ending.is_good { "fine" } else { "poor" }) y=(n(height_px - 28.0, 1)) width=(width_px) height="28" {}
                     @let is_long = width_px - 20.0 < LETTER_PX * words.chars().count() as f64;
                     @let fitted = is_long.then(|| n(width_px - 20.0, 1));
                     @let by = is_long.then_some("spacingAndGlyphs");

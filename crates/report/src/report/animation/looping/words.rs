@@ -1,6 +1,7 @@
 //! Text of a looping picture: the outcome of each drive, and the facts.
 
 use super::Beside;
+use super::panel::DriveEnding;
 use crate::preventability::FilmedDriver;
 use crate::report::animation::episode_frames::EpisodeFrames;
 use crate::report::animation::moments::TOGETHER_S;
@@ -18,37 +19,38 @@ const BOLD_LETTERS: usize = 116;
 /// End and outcome of the recorded drive.
 ///
 /// It ends with a contact, or `after_s` after the violation.
-pub(super) fn ending_of(
-    scenario: &Scenario,
-    picture: &Picture<'_>,
-    after_s: f64,
-) -> (f64, String, bool) {
+pub(super) fn ending_of(scenario: &Scenario, picture: &Picture<'_>, after_s: f64) -> DriveEnding {
     match &picture.example.episode.contact {
-        Some(touch) if picture.on_cells => (touch.time_s, "Caught".to_owned(), false),
-        Some(touch) => {
-            let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
-            (touch.time_s, words, false)
-        }
+        Some(touch) => DriveEnding {
+            end_s: touch.time_s,
+            words: if picture.on_cells {
+                "Caught".to_owned()
+            } else {
+                format!("Contact at {:.1} m/s", touch.closing_speed_mps)
+            },
+            is_good: false,
+        },
         None if !ego_failed(&picture.example.episode) => {
-            let words = capital(&outcome_in_words(scenario, &picture.example.episode));
             // Without a failure, the closest approach is the most interesting
             // moment.
             let end_s = nearest_s(picture, &picture.film, 0.0) + after_s;
-            (end_s.min(picture.film.end_s()), words, true)
+            DriveEnding {
+                end_s: end_s.min(picture.film.end_s()),
+                words: capital(&outcome_in_words(scenario, &picture.example.episode)),
+                is_good: true,
+            }
         }
-        None => {
-            let end_s = (picture.violated_s + after_s).min(picture.film.end_s());
-            (end_s, format!("Broken: {}", picture.broken), false)
-        }
+        None => DriveEnding {
+            end_s: (picture.violated_s + after_s).min(picture.film.end_s()),
+            words: format!("Broken: {}", picture.broken),
+            is_good: false,
+        },
     }
 }
 
 /// Captions of the recorded drive: its outcome, then the events after the contact.
-pub(super) fn captions_of(
-    picture: &Picture<'_>,
-    (end_s, outcome, _): &(f64, String, bool),
-) -> Vec<(f64, String)> {
-    let mut captions = vec![(*end_s, outcome.clone())];
+pub(super) fn captions_of(picture: &Picture<'_>, ending: &DriveEnding) -> Vec<(f64, String)> {
+    let mut captions = vec![(ending.end_s, ending.words.clone())];
     for (time_s, words) in &picture.after {
         match &mut captions[..] {
             // The first collision is that of the contact, which is said already.
@@ -69,20 +71,27 @@ pub(super) fn captions_of(
 pub(super) fn outcome_of(
     picture: &Picture<'_>,
     film: &EpisodeFrames,
-    (filmed, after_s): (&FilmedDriver, f64),
-) -> (f64, String, bool) {
+    filmed: &FilmedDriver,
+    after_s: f64,
+) -> DriveEnding {
     if let Some(touch) = &filmed.contact {
-        let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
-        return (touch.time_s, words, false);
+        return DriveEnding {
+            end_s: touch.time_s,
+            words: format!("Contact at {:.1} m/s", touch.closing_speed_mps),
+            is_good: false,
+        };
     }
     // Before the end of the recorded drive, the other driver is not yet past the
     // crash.
     let nearest_s = nearest_s(picture, film, picture.film.recorded_end_s());
-    let words = match filmed.outcome.margin {
-        Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
-        None => "No contact: no road user was in its way".to_owned(),
-    };
-    ((nearest_s + after_s).min(film.end_s()), words, true)
+    DriveEnding {
+        end_s: (nearest_s + after_s).min(film.end_s()),
+        words: match filmed.outcome.margin {
+            Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
+            None => "No contact: no road user was in its way".to_owned(),
+        },
+        is_good: true,
+    }
 }
 
 /// Time of the closest approach of ego and encountered agent, from a time on.
@@ -101,7 +110,8 @@ fn nearest_s(picture: &Picture<'_>, film: &EpisodeFrames, from_s: f64) -> f64 {
 pub(super) fn facts(
     scenario: &Scenario,
     picture: &Picture<'_>,
-    (note, beside): (Option<&str>, Option<&Beside>),
+    note: Option<&str>,
+    beside: Option<&Beside>,
 ) -> Vec<String> {
     let example = picture.example;
     let about = &example.about;
@@ -111,16 +121,16 @@ pub(super) fn facts(
         let closing_mps = severity.closing_speed_mps;
         format!("closing speed {closing_mps:.1} m/s, Δv of the ego {delta_mps:.1} m/s")
     });
-    let rules = scenario.rulebook().rules.len();
+    let count = scenario.rulebook().rules.len();
     let rules = match &example.episode.rules_until_contact {
         _ if matches!(example.episode.verdict, Verdict::Foul { .. }) => "a rule broken".to_owned(),
         Some(RulesUntilContact::Broken { rule, .. }) => {
             format!("“{rule}” broken before the contact")
         }
-        _ => format!("rules kept: {rules} of {rules}"),
+        _ => format!("rules kept: {count} of {count}"),
     };
-    let chance = about.why.as_ref().and_then(|why| why.last_chance.as_ref());
-    let chance = chance.map(|chance| match (chance.at_s, chance.answer()) {
+    let last_chance = about.why.as_ref().and_then(|why| why.last_chance.as_ref());
+    let chance = last_chance.map(|chance| match (chance.at_s, chance.answer()) {
         (Some(at_s), _) => format!(
             "last chance: {} {:.2} s before the failure",
             chance.driver,
@@ -143,16 +153,14 @@ pub(super) fn facts(
 /// Drive of the other driver in words.
 fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
     let from_s = filmed.from as f64 * picture.example.episode.trace.dt_s();
-    let reacted = filmed
-        .outcome
-        .reacted_s
-        .map(|at_s| format!(", sees danger at {at_s:.2} s"));
+    let reacted = filmed.outcome.reacted_s.map_or(String::new(), |at_s| {
+        format!(", sees danger at {at_s:.2} s")
+    });
     let then = match (&filmed.contact, filmed.outcome.margin) {
         (Some(touch), _) => format!("hits at {:.1} m/s", touch.closing_speed_mps),
         (None, Some(gap_m)) => format!("misses by {gap_m:.1} m"),
         (None, None) => "meets no road user".to_owned(),
     };
-    let reacted = reacted.unwrap_or_default();
     format!(
         "In its place {who} takes over at {from_s:.2} s{reacted} and {then}; the others move as recorded."
     )
