@@ -202,9 +202,8 @@ impl<'a> EgoEvaluation<'a> {
         self.watch
             .phase(&format!("planning against {}", self.ego.name()));
         let adapted = ego.eval(&self.request(), policy, evaluation.tries, self.watch);
-        let named = (self.ego.name(), self.ego.scenario());
-        let record = AdaptedTo::of(named, &ego.from, &adapted);
-        self.adapted_to = Some(record);
+        let (name, world) = (self.ego.name(), self.ego.scenario());
+        self.adapted_to = Some(AdaptedTo::of(name, world, &ego.from, &adapted));
         let cell = ExperimentCell::evaluated(self.ego, self.starts, adapted.evaluated)
             .with_judged_contacts(self.watch);
         self.rows.push(cell.row.clone());

@@ -175,9 +175,8 @@ impl<'a> RiskRequest<'a> {
         let plant = learn_on.unwrap_or(PlantKind::Kinematic);
         let learned = self.egos.iter().map(|ego| {
             watch.phase(&format!("learning {}", ego.name()));
-            let settings = (runs, seed, plant);
-            let world = ego.scenario();
-            let found = SurrogateWorld::learned(world, self.policy, settings, &watch.quiet());
+            let (world, quiet) = (ego.scenario(), watch.quiet());
+            let found = SurrogateWorld::learned(world, self.policy, runs, seed, plant, &quiet);
             // Sensors of a surrogate are exact, so starts may have no axes of sensors.
             found.filter(|it| it.scenario.axes() == world.axes())
         });

@@ -167,7 +167,7 @@ pub fn descend(
         let candidates: Vec<Vec<f64>> = DAMPINGS
             // A damping without a solution is skipped.
             .iter()
-            .filter_map(|damping| step(&here, free, (left.clone(), &right), *damping))
+            .filter_map(|damping| step(&here, free, left.clone(), &right, *damping))
             .collect();
         let measured = measure(&candidates).into_iter().zip(candidates);
         let best = measured.min_by(|(a, _), (b, _)| cost(a).total_cmp(&cost(b)));
@@ -218,7 +218,8 @@ fn beside(here: &[f64], d: usize) -> Vec<f64> {
 fn step(
     here: &[f64],
     free: &[usize],
-    (mut left, right): (DMatrix<f64>, &DVector<f64>),
+    mut left: DMatrix<f64>,
+    right: &DVector<f64>,
     damping: f64,
 ) -> Option<Vec<f64>> {
     for i in 0..free.len() {
@@ -244,7 +245,8 @@ pub fn add_equation(
     left: &mut DMatrix<f64>,
     right: &mut DVector<f64>,
     row: &[f64],
-    (weight, wanted): (f64, f64),
+    weight: f64,
+    wanted: f64,
 ) {
     for (i, a) in row.iter().enumerate() {
         right[i] += weight * a * wanted;
@@ -307,10 +309,10 @@ pub fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
             let braked = 1.0 / (1.0 + libm::exp(-at(&weights, row)));
             // The floor keeps the division below finite for certain rows.
             let curved = worth.abs() * (braked * (1.0 - braked)).max(1e-12);
-            let wanted = f64::from(u8::from(*worth > 0.0)) - braked;
+            let missing = f64::from(u8::from(*worth > 0.0)) - braked;
             // The gradient, expressed as a weighted row with a target.
-            let wanted = worth.abs() * wanted / curved;
-            add_equation(&mut left, &mut right, row, (curved, wanted));
+            let wanted = worth.abs() * missing / curved;
+            add_equation(&mut left, &mut right, row, curved, wanted);
         }
         let step = left.cholesky()?.solve(&right);
         let mut share = 1.0;

@@ -64,11 +64,7 @@ pub struct AdaptedTo {
 
 impl AdaptedTo {
     /// Builds the record from the learned facts and the row of test starts.
-    pub fn of(
-        (ego, world): (&str, &Scenario),
-        learned: &LearnedFrom,
-        row: &AdaptedRow,
-    ) -> AdaptedTo {
+    pub fn of(ego: &str, world: &Scenario, learned: &LearnedFrom, row: &AdaptedRow) -> AdaptedTo {
         let (expected, expected_ci95) = learned.expected(row.evaluated.row.starts);
         AdaptedTo {
             ego: ego.to_owned(),
@@ -190,15 +186,14 @@ impl LearnedEgo {
         // Every thread has its own planner and bench, so starts share no state.
         let worker = || PlanningWorker {
             planner: driving.map(|driving| {
-                let model = (&self.surrogate, self.from.judged_on);
-                Planner::new(driving, model, (policies, PlanningBudget::FULL), watch)
+                let plant = self.from.judged_on;
+                let budget = PlanningBudget::FULL;
+                Planner::new(driving, &self.surrogate, plant, policies, budget, watch)
             }),
             bench: request.scenario.bench(),
         };
         let one = |worker: &mut PlanningWorker<'_>, from: &(Start, u64), turn: &WorkItem| {
-            let planner = worker.planner.as_mut()?;
-            let bench = &mut worker.bench;
-            self.solve(request, (planner, bench), from, (turn, tries), watch)
+            self.solve(request, worker, from, turn, tries, watch)
         };
         let all = request.starts.each(watch, worker, one);
         let followed_on = |strategy: Strategy| {
@@ -242,11 +237,14 @@ impl LearnedEgo {
     fn solve(
         &self,
         request: &EvalRequest<'_>,
-        (planner, bench): (&mut Planner<'_>, &mut Testbench),
+        worker: &mut PlanningWorker<'_>,
         (start, noise): &(Start, u64),
-        (turn, tries): (&WorkItem, u64),
+        turn: &WorkItem,
+        tries: u64,
         watch: &Watch<'_>,
     ) -> Option<PlannedStart> {
+        let planner = worker.planner.as_mut()?;
+        let bench = &mut worker.bench;
         let mut first: Option<PlannedStart> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
         // The trained policy and fixed actions would repeat the same run.

@@ -40,7 +40,8 @@ const SIMPLER_M: f64 = 2.0;
 pub(super) fn brake_in(
     situations: &[Situation],
     changes: &[f64],
-    (before, seed): (Option<EmergencyBrake>, u64),
+    before: Option<EmergencyBrake>,
+    seed: u64,
 ) -> Option<EmergencyBrake> {
     let mut dice = seed::generator("brake", &[seed]);
     let sample_s = situations.first()?.sample_s;
@@ -284,7 +285,7 @@ impl<'a> Sum<'a> {
                 let edge = &edges[dice.random_range(0..edges.len())];
                 let terms = self.terms.iter().zip(&sizes);
                 let row: Vec<f64> = terms.map(|(&term, size)| edge.terms[term] / size).collect();
-                add_equation(&mut left, &mut right, &row, (1.0, edge.clearance_m));
+                add_equation(&mut left, &mut right, &row, 1.0, edge.clearance_m);
             }
             // A singular draw has no solution and is skipped.
             let solved = left.cholesky()?.solve(&right);
@@ -410,16 +411,16 @@ mod tests {
             assert!((value - truth).abs() < by, "{value} for {truth}");
         };
         let (situations, changes) = seen_of("filter");
-        let filter = brake_in(&situations, &changes, (None, 1)).expect("it brakes");
+        let filter = brake_in(&situations, &changes, None, 1).expect("it brakes");
         close(filter.brake_mps2, 6.0, 0.01);
         close(filter.lag_s, 0.4, 0.005);
         close(filter.own_s2_per_m, 1.0 / 12.0, 0.003);
         close(filter.others_s2_per_m, 1.0 / 12.0, 0.003);
         close(filter.margin_m, 0.2, 0.02);
-        assert_eq!(brake_in(&situations, &changes, (None, 1)), Some(filter));
+        assert_eq!(brake_in(&situations, &changes, None, 1), Some(filter));
 
         let (situations, changes) = seen_of("aeb");
-        let aeb = brake_in(&situations, &changes, (None, 1)).expect("it brakes");
+        let aeb = brake_in(&situations, &changes, None, 1).expect("it brakes");
         close(aeb.brake_mps2, 8.0, 0.01);
         close(aeb.closing_s2_per_m, 1.0 / 8.0, 0.003);
         close(aeb.margin_m, 1.5, 0.05);
@@ -430,7 +431,7 @@ mod tests {
     #[test]
     fn a_brake_that_was_found_before_is_kept_where_nothing_tells_otherwise() {
         let (situations, changes) = seen_of("filter");
-        let before = brake_in(&situations, &changes, (None, 1)).expect("it brakes");
+        let before = brake_in(&situations, &changes, None, 1).expect("it brakes");
         let pairs = situations.iter().zip(&changes);
         let braked = pairs.filter(|(situation, change)| {
             let braking = before.change_mps2(situation);
@@ -439,8 +440,8 @@ mod tests {
         let (situations, changes): (Vec<_>, Vec<_>) = braked
             .map(|(situation, change)| (situation.clone(), *change))
             .unzip();
-        assert_eq!(brake_in(&situations, &changes, (None, 1)), None);
-        let kept = brake_in(&situations, &changes, (Some(before), 1));
+        assert_eq!(brake_in(&situations, &changes, None, 1), None);
+        let kept = brake_in(&situations, &changes, Some(before), 1);
         assert_eq!(kept.map(|kept| kept.weights()), Some(before.weights()));
     }
 
@@ -453,9 +454,9 @@ mod tests {
             let wish = libm::sin(0.02 * speed_mps * speed_mps - 4.0);
             *change = 0.1 * (wish - situation.own.accel_mps2 * 0.3);
         }
-        assert_eq!(brake_in(&situations, &changes, (None, 1)), None);
+        assert_eq!(brake_in(&situations, &changes, None, 1), None);
         changes.fill(0.0);
-        assert_eq!(brake_in(&situations, &changes, (None, 1)), None);
-        assert_eq!(brake_in(&[], &[], (None, 1)), None);
+        assert_eq!(brake_in(&situations, &changes, None, 1), None);
+        assert_eq!(brake_in(&[], &[], None, 1), None);
     }
 }

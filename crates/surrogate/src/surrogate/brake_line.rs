@@ -47,7 +47,7 @@ impl BrakeLine {
     ///
     /// `share` is the part of the remaining deceleration reached per sample.
     /// `None`: no brake has this deceleration or time constant.
-    fn of((accel_mps2, change_mps2): (f64, f64), share: f64, sample_s: f64) -> Option<BrakeLine> {
+    fn of(accel_mps2: f64, change_mps2: f64, share: f64, sample_s: f64) -> Option<BrakeLine> {
         let brake_mps2 = -accel_mps2 - change_mps2 / share;
         // A first-order lag reaches at least this share per sample.
         let least = 1.0 - libm::exp(-sample_s / LONGEST_LAG_S);
@@ -125,7 +125,7 @@ pub(super) fn braking_line(
         };
         let [(a, change_a), (b, change_b)] = [all[one], all[other]];
         let share = (change_a - change_b) / (b - a);
-        let Some(line) = BrakeLine::of((a, change_a), share, sample_s) else {
+        let Some(line) = BrakeLine::of(a, change_a, share, sample_s) else {
             continue;
         };
         for near_mps2 in NEAR_MPS2 {
@@ -137,15 +137,15 @@ pub(super) fn braking_line(
     }
     let (excess, line, near_mps2) = best?;
     // Least squares removes the error of the two drawn samples.
-    let fitted = fitted(line, near_mps2, &all);
-    let refined = BrakeLine::of(fitted.0, fitted.1, sample_s).unwrap_or(line);
+    let (accel_mps2, change_mps2, share) = fitted(line, near_mps2, &all);
+    let refined = BrakeLine::of(accel_mps2, change_mps2, share, sample_s).unwrap_or(line);
     (excess * every as f64 >= LEAST_SAMPLES).then_some((refined, near_mps2))
 }
 
 /// Fits a line by least squares to the samples near a line.
 ///
-/// Returns the mean sample and the share.
-fn fitted(line: BrakeLine, near_mps2: f64, all: &[(f64, f64)]) -> ((f64, f64), f64) {
+/// Returns the acceleration and the change of the mean sample, and the share.
+fn fitted(line: BrakeLine, near_mps2: f64, all: &[(f64, f64)]) -> (f64, f64, f64) {
     let on = || {
         let near = all
             .iter()
@@ -160,7 +160,7 @@ fn fitted(line: BrakeLine, near_mps2: f64, all: &[(f64, f64)]) -> ((f64, f64), f
         across += (a - accel) * (a - accel);
         along += (a - accel) * (c - change);
     }
-    ((accel, change), -along / across)
+    (accel, change, -along / across)
 }
 
 /// Returns the value of braking at a sample.

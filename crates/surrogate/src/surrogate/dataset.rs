@@ -201,12 +201,14 @@ pub(super) fn labelled(world: DriveScenario<'_>, runs: &[RecordedRun]) -> Vec<La
     let one = |run: &RecordedRun| {
         let inputs = model.percepts(run.from(), &run.so_far);
         let pairs = run.so_far.motion.windows(2);
-        let answers = inputs.percepts.iter().zip(pairs).map(|(percept, pair)| {
-            let next_mps2 = (pair[1].speed_mps - pair[0].speed_mps) / sample_s;
-            let lateral_mps = (pair[1].lateral_m - pair[0].lateral_m) / sample_s;
-            [next_mps2 - percept.own.accel_mps2, lateral_mps]
-        });
-        let answers = answers.collect();
+        let samples = inputs.percepts.iter().zip(pairs);
+        let answers = samples
+            .map(|(percept, pair)| {
+                let next_mps2 = (pair[1].speed_mps - pair[0].speed_mps) / sample_s;
+                let lateral_mps = (pair[1].lateral_m - pair[0].lateral_m) / sample_s;
+                [next_mps2 - percept.own.accel_mps2, lateral_mps]
+            })
+            .collect();
         LabelledRun { inputs, answers }
     };
     runs.iter().map(one).collect()

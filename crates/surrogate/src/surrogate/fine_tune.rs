@@ -51,7 +51,8 @@ impl Env for Inside {
 pub(super) fn fine_tuned(
     world: DriveScenario<'_>,
     policy: Option<&TensorFile>,
-    (surrogate, seed): (&Arc<Surrogate>, u64),
+    surrogate: &Arc<Surrogate>,
+    seed: u64,
     watch: &Watch<'_>,
 ) -> Option<TensorFile> {
     let ModelBench {
@@ -136,7 +137,7 @@ mod tests {
         let keeps = surrogate_of(world, 0.0);
         let brakes = surrogate_of(world, -1.0);
         let learn = |policy: &TensorFile, ego: &Arc<Surrogate>| {
-            fine_tuned(world, Some(policy), (ego, 5), &watch)
+            fine_tuned(world, Some(policy), ego, 5, &watch)
         };
         let solves = |kept: &TensorFile, ego| {
             let policy = load_policy(kept).expect("a policy");
@@ -155,7 +156,7 @@ mod tests {
             LearnerConfig::new(PpoSettings::default()).expect("sound"),
         );
         assert!(learn(&other, &keeps).is_none(), "of another learner");
-        assert!(fine_tuned(world, None, (&keeps, 5), &watch).is_none());
+        assert!(fine_tuned(world, None, &keeps, 5, &watch).is_none());
         let lane = Scenario::shipped("cut_in")
             .expect("shipped")
             .expect("sound");

@@ -129,9 +129,9 @@ impl StockModel {
         let Some(Ok(wish)) = self.controller.as_mut().map(|it| it.control(percept)) else {
             return 0.0;
         };
-        let next_mps2 = self.actuator.from(now_mps2).step(wish.accel_mps2);
+        let reached_mps2 = self.actuator.from(now_mps2).step(wish.accel_mps2);
         // Full braking must not drive the ego backwards within the sample.
-        let next_mps2 = next_mps2.max(-percept.own.speed_mps / percept.sample_s);
+        let next_mps2 = reached_mps2.max(-percept.own.speed_mps / percept.sample_s);
         (next_mps2 - now_mps2).clamp(-MOST_CHANGE_MPS2, MOST_CHANGE_MPS2)
     }
 }

@@ -227,19 +227,19 @@ pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Opt
         seed,
     } = *request;
     let mut kinds = kinds_except(unknown);
-    let mut learned = |runs: &[RecordedRun], (brake, updates): (Option<EmergencyBrake>, u64)| {
+    let mut learned = |runs: &[RecordedRun], brake: Option<EmergencyBrake>, updates: u64| {
         let labelled = labelled(ego, runs);
         let found = fit_models(&labelled, &kinds, seed, watch);
         // Later rounds fit only the kinds that came close in the round before.
         let nearest: Arc<[FittedModel]> = found.nearest.into();
         kinds = found.kinds;
-        let settings = (brake, updates, seed);
-        fit(&samples(&labelled, &nearest), &nearest, settings, watch)
+        let samples = samples(&labelled, &nearest);
+        fit(&samples, &nearest, brake, updates, seed, watch)
     };
     let all = starts(nominal, runs, seed);
-    let rounds = if runs >= THREE_ROUNDS { 3 } else { 2 };
-    let mut rounds = all.chunks(all.len().div_ceil(rounds).max(1));
-    let mut recorded = mixed(ego, policy, rounds.next()?, watch);
+    let count = if runs >= THREE_ROUNDS { 3 } else { 2 };
+    let mut chunks = all.chunks(all.len().div_ceil(count).max(1));
+    let mut recorded = mixed(ego, policy, chunks.next()?, watch);
     let as_trained = recorded.iter().filter(|run| run.as_trained);
     let mut from = LearnedFrom {
         runs: all.len() as u64,
@@ -253,23 +253,23 @@ pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Opt
         brake: None,
         nearest: Vec::new(),
     };
-    let mut surrogate = learned(&recorded, (None, UPDATES))?;
-    let rounds: Vec<_> = rounds.collect();
+    let mut surrogate = learned(&recorded, None, UPDATES)?;
+    let rounds: Vec<_> = chunks.collect();
     let mut inside = None;
     for (round, starts) in rounds.iter().enumerate() {
         let is_last = round + 1 == rounds.len();
         // The runs of the last round are played like the test starts.
         if is_last {
             // A second policy is therefore available from this round on.
-            inside = fine_tuned(ego, bundle, (&surrogate, seed), watch);
+            inside = fine_tuned(ego, bundle, &surrogate, seed, watch);
         }
         let followed = inside.as_ref().and_then(|inside| load_policy(inside).ok());
         let policies = Policies {
             as_trained: policy,
             fine_tuned: followed.as_deref(),
         };
-        let model = (&surrogate, from.judged_on);
-        let planner = || Planner::new(ego, model, (policies, PlanningBudget::BRIEF), watch);
+        let (plant, budget) = (from.judged_on, PlanningBudget::BRIEF);
+        let planner = || Planner::new(ego, &surrogate, plant, policies, budget, watch);
         // Half of the last round tests fixed actions if the surrogate does not predict the ego.
         let is_unsure = is_last && from.error.is_some_and(|error| !error.predicts_well());
         let [to_plan, to_compare] = if is_unsure {
@@ -297,12 +297,12 @@ pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Opt
         from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
         recorded.extend(found);
         let updates = if is_last { LAST_UPDATES } else { UPDATES };
-        surrogate = learned(&recorded, (surrogate.brake, updates))?;
+        surrogate = learned(&recorded, surrogate.brake, updates)?;
     }
     from.nearest = surrogate.nearest.to_vec();
     from.brake = surrogate.brake;
     // The training continues from the policy of the last round.
-    let inside = fine_tuned(ego, inside.as_ref().or(bundle), (&surrogate, seed), watch);
+    let inside = fine_tuned(ego, inside.as_ref().or(bundle), &surrogate, seed, watch);
     if watch.stopped() {
         return None;
     }

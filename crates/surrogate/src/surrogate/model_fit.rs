@@ -51,7 +51,7 @@ pub(super) fn fit_models(
     let quiet = watch.quiet();
     let all = EpisodeLoop::uncounted(&quiet);
     let one = |_: &mut (), kind: &ModelKind, _: &_| {
-        let search_start = (0..RESTARTS).map(|restart| few.search_start(kind, (seed, restart)));
+        let search_start = (0..RESTARTS).map(|restart| few.search_start(kind, seed, restart));
         let refined = search_start.map(|point| many.refined(kind, point));
         nearest(refined)
     };
@@ -64,11 +64,11 @@ pub(super) fn fit_models(
     let Some(first) = pairs.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)) else {
         return ModelFits::default();
     };
-    let sharing_first = |_: &mut (), kind: &ModelKind, _: &_| {
-        let point = few.search_start_sharing(kind, first, seed)?;
+    let share_with_first = |_: &mut (), kind: &ModelKind, _: &_| {
+        let point = few.search_start_sharing(kind, first.0, first.1, seed)?;
         Some(many.refined(kind, point))
     };
-    let sharing_first = all.run(&kinds, || (), sharing_first);
+    let sharing_first = all.run(&kinds, || (), share_with_first);
     let both = alone
         .iter()
         .cloned()
@@ -221,7 +221,7 @@ impl<'a> Fitting<'a> {
     /// Returns a starting point, found by cross-entropy search.
     ///
     /// Every second restart fixes the delay at 0.
-    fn search_start(&self, kind: &ModelKind, (seed, restart): (u64, u64)) -> Vec<f64> {
+    fn search_start(&self, kind: &ModelKind, seed: u64, restart: u64) -> Vec<f64> {
         let mut dice = seed::generator(kind.kind, &[seed, restart]);
         let at_once = restart.is_multiple_of(2);
         let with_delay = |point: &Vec<f64>| {
@@ -251,12 +251,13 @@ impl<'a> Fitting<'a> {
     fn search_start_sharing(
         &self,
         kind: &ModelKind,
-        (found, of): (&FitMinimum, &ModelKind),
+        found: &FitMinimum,
+        of: &ModelKind,
         seed: u64,
     ) -> Option<Vec<f64>> {
-        let shared =
+        let place_in =
             |range: &(&str, f64, f64)| of.ranges.iter().position(|other| other.0 == range.0);
-        let shared: Vec<Option<usize>> = kind.ranges.iter().map(shared).collect();
+        let shared: Vec<Option<usize>> = kind.ranges.iter().map(place_in).collect();
         // The lag is shared by all kinds, so it alone does not relate two of them.
         let own = shared.iter().filter(|shared| shared.is_none()).count();
         if own == 0 || own + 1 == shared.len() {

@@ -115,10 +115,10 @@ mod tests {
             let Some(controller) = &change.controller else {
                 continue;
             };
-            let kind = controller.controller.kind();
+            let kind_name = controller.controller.kind();
             let kind = KINDS
                 .iter()
-                .find(|other| other.0 == kind)
+                .find(|other| other.0 == kind_name)
                 .and_then(ModelKind::of)
                 .expect("tried");
             for parameter in controller.parameters() {

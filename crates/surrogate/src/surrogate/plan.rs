@@ -104,8 +104,10 @@ impl<'a> Planner<'a> {
     /// Returns a planner for `world`, which judges plans on `plant`.
     pub(super) fn new(
         world: DriveScenario<'_>,
-        (surrogate, plant): (&Arc<Surrogate>, PlantKind),
-        (policies, budget): (Policies<'a>, PlanningBudget),
+        surrogate: &Arc<Surrogate>,
+        plant: PlantKind,
+        policies: Policies<'a>,
+        budget: PlanningBudget,
         watch: &'a Watch<'a>,
     ) -> Planner<'a> {
         Planner {
@@ -127,7 +129,7 @@ impl<'a> Planner<'a> {
     /// The leading variations are tried in order until a strategy succeeds on one of them.
     fn choose(&mut self, from: NoisyStart<'_>, so_far: &RunPrefix, leads: usize) -> ScoredStrategy {
         let bench = &self.judge.bench;
-        let size = (bench.spaces().actions, bench.clock().decisions());
+        let (actions, decisions) = (bench.spaces().actions, bench.clock().decisions());
         for lead in 0..leads {
             let is_first = lead == 0 && so_far.actions.is_empty();
             let mut best = ScoredStrategy {
@@ -140,7 +142,7 @@ impl<'a> Planner<'a> {
                 if best.score >= ENOUGH {
                     break;
                 }
-                let score = self.score(from, so_far, (&strategy, lead), VARIATIONS.len());
+                let score = self.score(from, so_far, &strategy, lead, VARIATIONS.len());
                 if best.score < score {
                     best = ScoredStrategy {
                         strategy,
@@ -153,16 +155,16 @@ impl<'a> Planner<'a> {
                 if best.score >= ENOUGH || self.watch.stopped() {
                     break;
                 }
-                let stride = self.budget.stride(size, switches, is_first);
-                self.search(from, so_far, (switches, stride), &mut best);
+                let stride = self.budget.stride(actions, decisions, switches, is_first);
+                self.search(from, so_far, switches, stride, &mut best);
             }
             // The finest search is slow, so it runs once per start and only if all else failed.
             if best.score == 0
                 && is_first
                 && self.earlier.count() == 0
-                && let Some(finest) = self.budget.finest(size)
+                && let Some(finest) = self.budget.finest(actions, decisions)
             {
-                self.search(from, so_far, (SWITCHES, finest), &mut best);
+                self.search(from, so_far, SWITCHES, finest, &mut best);
             }
             if best.score > 0 {
                 return best;
@@ -204,7 +206,8 @@ impl<'a> Planner<'a> {
         &mut self,
         from: NoisyStart<'_>,
         so_far: &RunPrefix,
-        (switches, stride): (usize, usize),
+        switches: usize,
+        stride: usize,
         best: &mut ScoredStrategy,
     ) {
         let quiet = self.watch.quiet();
@@ -275,7 +278,8 @@ impl<'a> Planner<'a> {
         &mut self,
         from: NoisyStart<'_>,
         so_far: &RunPrefix,
-        (strategy, lead): (&Strategy, usize),
+        strategy: &Strategy,
+        lead: usize,
         enough: usize,
     ) -> usize {
         let lead = self.variation(lead);
@@ -307,7 +311,7 @@ impl<'a> Planner<'a> {
             }
             self.judge
                 .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
-            play_strategy(&mut self.judge, so_far, (&strategy, self.policies));
+            play_strategy(&mut self.judge, so_far, &strategy, self.policies);
             let margin = match self.judge.bench.verdict() {
                 Some(Verdict::Held { margin }) => margin,
                 // The ego failed here, counted or not, so no strategy comes nearer.
@@ -332,7 +336,7 @@ impl<'a> Planner<'a> {
         let known = self.earlier.known_under(so_far, strategy, samples);
         self.judge
             .begin(from, &known, Some(&self.surrogate), VARIATIONS[0]);
-        play_strategy(&mut self.judge, &known, (strategy, self.policies));
+        play_strategy(&mut self.judge, &known, strategy, self.policies);
         self.judge.motion()
     }
 
@@ -343,7 +347,7 @@ impl<'a> Planner<'a> {
         so_far: &RunPrefix,
         now: &mut ScoredStrategy,
     ) -> Option<ScoredStrategy> {
-        now.score = self.score(from, so_far, (&now.strategy, now.lead), ENOUGH);
+        now.score = self.score(from, so_far, &now.strategy, now.lead, ENOUGH);
         // A robust plan is kept, because a search costs more than its likely gain.
         if now.is_sure() && now.score >= ENOUGH {
             return None;

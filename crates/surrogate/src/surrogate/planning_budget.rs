@@ -68,20 +68,24 @@ impl PlanningBudget {
     };
 
     /// Returns the spacing of the switches of a sequence.
-    ///
-    /// `size` holds the number of actions and of decisions.
-    pub(super) fn stride(&self, size: (usize, usize), switches: usize, is_first: bool) -> usize {
+    pub(super) fn stride(
+        &self,
+        actions: usize,
+        decisions: usize,
+        switches: usize,
+        is_first: bool,
+    ) -> usize {
         let grid = if is_first { self.first } else { self.later };
         match switches {
             0 | 1 => grid.one,
-            _ => stride(size, grid.two, grid.most),
+            _ => stride(actions, decisions, grid.two, grid.most),
         }
     }
 
     /// Returns the spacing of the last search, if it is finer than the first search.
-    pub(super) fn finest(&self, size: (usize, usize)) -> Option<usize> {
-        let finest = stride(size, 1, FINEST);
-        (self.is_finest && finest < self.stride(size, 2, true)).then_some(finest)
+    pub(super) fn finest(&self, actions: usize, decisions: usize) -> Option<usize> {
+        let finest = stride(actions, decisions, 1, FINEST);
+        (self.is_finest && finest < self.stride(actions, decisions, 2, true)).then_some(finest)
     }
 
     /// Returns the number of decisions without a search after `in_vain` failures.
@@ -95,7 +99,7 @@ impl PlanningBudget {
 }
 
 /// Returns the smallest spacing, at least `least`, with at most `most` sequences.
-fn stride((actions, decisions): (usize, usize), least: usize, most: usize) -> usize {
+fn stride(actions: usize, decisions: usize, least: usize, most: usize) -> usize {
     let others = actions.saturating_sub(1);
     let sequences = |stride: usize| {
         let places = decisions / stride;
@@ -116,17 +120,17 @@ mod tests {
     fn with_many_actions_switches_are_further_apart() {
         // `acc` is searched completely. `cut_in` is searched at every fifth or seventh
         // decision, and at every second decision in the last search.
-        assert_eq!(PlanningBudget::FULL.finest((3, 30)), Some(1));
-        assert_eq!(PlanningBudget::FULL.stride((3, 30), 2, true), 2);
-        assert_eq!(PlanningBudget::FULL.stride((3, 30), 2, false), 4);
-        assert_eq!(PlanningBudget::FULL.finest((6, 40)), Some(2));
-        assert_eq!(PlanningBudget::FULL.finest((10, 100)), Some(11));
-        assert_eq!(PlanningBudget::FULL.stride((6, 40), 2, true), 5);
-        assert_eq!(PlanningBudget::FULL.stride((6, 40), 2, false), 7);
+        assert_eq!(PlanningBudget::FULL.finest(3, 30), Some(1));
+        assert_eq!(PlanningBudget::FULL.stride(3, 30, 2, true), 2);
+        assert_eq!(PlanningBudget::FULL.stride(3, 30, 2, false), 4);
+        assert_eq!(PlanningBudget::FULL.finest(6, 40), Some(2));
+        assert_eq!(PlanningBudget::FULL.finest(10, 100), Some(11));
+        assert_eq!(PlanningBudget::FULL.stride(6, 40, 2, true), 5);
+        assert_eq!(PlanningBudget::FULL.stride(6, 40, 2, false), 7);
         // A single action has no switches, and too many actions leave no place for them.
-        assert_eq!(stride((1, 40), 1, 6_000), 1);
-        assert_eq!(stride((1000, 40), 1, 6_000), 21);
-        assert_eq!(stride((3, 1), 1, 6_000), 1);
+        assert_eq!(stride(1, 40, 1, 6_000), 1);
+        assert_eq!(stride(1000, 40, 1, 6_000), 21);
+        assert_eq!(stride(3, 1, 1, 6_000), 1);
     }
 
     #[test]
@@ -136,6 +140,6 @@ mod tests {
             [0, 1, 2, 3].map(|n| PlanningBudget::BRIEF.rest(n)),
             [0, 4, 8, 16]
         );
-        assert_eq!(PlanningBudget::BRIEF.finest((3, 30)), None);
+        assert_eq!(PlanningBudget::BRIEF.finest(3, 30), None);
     }
 }

@@ -54,7 +54,8 @@ impl<'a> Policies<'a> {
 pub(super) fn play_strategy(
     judge: &mut ModelBench,
     so_far: &RunPrefix,
-    (strategy, policies): (&Strategy, Policies<'_>),
+    strategy: &Strategy,
+    policies: Policies<'_>,
 ) {
     if let Strategy::Plan(actions) = strategy {
         // The last action is held, so at least one action remains to be played.
@@ -97,7 +98,7 @@ impl RobustScore<'_> {
             let variation = VARIATIONS[variation];
             self.judge
                 .begin(self.from, &known, Some(self.surrogate), variation);
-            play_strategy(self.judge, &known, (strategy, self.policies));
+            play_strategy(self.judge, &known, strategy, self.policies);
             match (self.judge.is_success(), tried) {
                 (true, _) => score += 1,
                 (false, 0) => return 0,

@@ -82,13 +82,13 @@ fn errors_m(
             actions: actions[..decision].to_vec(),
             motion: motion[..=now].to_vec(),
         };
-        let mut predicted_motion = |surrogate| {
+        let mut predict = |surrogate| {
             model.begin(run.from(), &so_far, surrogate, VARIATIONS[0]);
             model.play_actions(&actions[decision..]);
             model.motion()
         };
         // Both predictions start from the same recorded motion.
-        let predicted_motion = [predicted_motion(Some(surrogate)), predicted_motion(None)];
+        let predicted_motion = [predict(Some(surrogate)), predict(None)];
         // A predicted run may end before the ego's run, and nothing is predicted after it.
         let ends = predicted_motion
             .iter()

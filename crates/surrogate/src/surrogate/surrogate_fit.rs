@@ -90,7 +90,7 @@ impl FitSamples {
     /// Fits an emergency brake to the samples.
     fn brake(&self, before: Option<EmergencyBrake>, seed: u64) -> Option<EmergencyBrake> {
         let changes: Vec<f64> = self.answers.iter().map(|answer| answer[1]).collect();
-        brake_in(&self.situations, &changes, (before, seed))
+        brake_in(&self.situations, &changes, before, seed)
     }
 
     /// Returns the root mean square of a quantity over all samples.
@@ -123,7 +123,9 @@ impl FitSamples {
 pub(super) fn fit(
     samples: &FitSamples,
     nearest: &Arc<[FittedModel]>,
-    (before, updates, seed): (Option<EmergencyBrake>, u64, u64),
+    before: Option<EmergencyBrake>,
+    updates: u64,
+    seed: u64,
     watch: &Watch<'_>,
 ) -> Option<Arc<Surrogate>> {
     if samples.answers.is_empty() {
@@ -336,7 +338,7 @@ mod tests {
         let law = |x: f32, y: f32| f64::from(0.3 * x - 0.2 * y.max(0.0));
         let seen = samples(2000, law);
         let watch = Watch::unwatched();
-        let learned = fit(&seen, &Arc::default(), (None, 3000, 1), &watch).expect("fitted");
+        let learned = fit(&seen, &Arc::default(), None, 3000, 1, &watch).expect("fitted");
         let answer = |member: usize, row: [f32; 2]| {
             let scaled: Vec<f32> = learned.scaled(&row).collect();
             let net = &learned.members[member];
@@ -375,7 +377,7 @@ mod tests {
     fn an_ego_that_keeps_its_lane_is_none_that_steers() {
         let watch = Watch::unwatched();
         let mut seen = samples(50, |x, _| f64::from(x));
-        let learned = |seen: &FitSamples| fit(seen, &Arc::default(), (None, 10, 1), &watch);
+        let learned = |seen: &FitSamples| fit(seen, &Arc::default(), None, 10, 1, &watch);
         let across = |seen: &FitSamples| learned(seen).expect("fitted").unit[1];
         assert_eq!(across(&seen), 0.0);
         for answer in &mut seen.answers {

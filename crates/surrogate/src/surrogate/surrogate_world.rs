@@ -40,7 +40,9 @@ impl SurrogateWorld {
     pub fn learned(
         ego: &Scenario,
         policy: Option<&dyn Policy>,
-        (runs, seed, plant): (u64, u64, PlantKind),
+        runs: u64,
+        seed: u64,
+        plant: PlantKind,
         watch: &Watch<'_>,
     ) -> Option<SurrogateWorld> {
         let neutral = NeutralPolicy(ego.spaces().neutral);

@@ -27,8 +27,8 @@ fn paired_difference(a: &[&str], b: &[&str]) -> (f64, [f64; 2]) {
 }
 
 fn mean_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> (f64, [f64; 2]) {
-    let pairs: Vec<_> = pairs.iter().map(|(a, b)| (parsed(a), parsed(b))).collect();
-    let pairs = pairs
+    let parsed: Vec<_> = pairs.iter().map(|(a, b)| (parsed(a), parsed(b))).collect();
+    let pairs = parsed
         .iter()
         .map(|(a, b)| (a.iter().collect(), b.iter().collect()));
     super::mean_difference(&pairs.collect::<Vec<_>>())

@@ -35,7 +35,7 @@ pub(super) fn interval(rates: &[f64], starts: f64) -> [f64; 2] {
             // are evenly spaced in √t, because small φ matter most.
             let root = (node as f64 + 0.5) / NODES.0 as f64;
             let phi = libm::pow(root, 2.0 / SMALL);
-            mus.posterior((phi, root), rates, starts)
+            mus.posterior(phi, root, rates, starts)
         })
         .collect();
     // Relative to the greatest log density, so that not all exponentials
@@ -111,12 +111,7 @@ impl Mus {
     ///
     /// The density is unimodal with its mode near the middle. Both walks end
     /// once they are far below it.
-    fn posterior(
-        &self,
-        (phi, weight): (f64, f64),
-        rates: &[f64],
-        starts: f64,
-    ) -> Vec<(usize, f64)> {
+    fn posterior(&self, phi: f64, weight: f64, rates: &[f64], starts: f64) -> Vec<(usize, f64)> {
         let size = 1.0 / phi - 1.0;
         let trainings = rates.len() as f64;
         // These terms do not depend on μ and are computed once.
