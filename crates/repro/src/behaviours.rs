@@ -74,7 +74,7 @@ pub fn two_behaviours(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Show
     };
     let find = |sign: f64, what| {
         let score = |episode: &Episode| violated_at(episode).map(|at| sign * at);
-        let found = extreme(scenario, (&start, 0), SWITCHES, score, watch);
+        let found = extreme(scenario, &start, 0, SWITCHES, score, watch);
         found.ok_or_else(|| not_found(scenario, SWITCHES, what))
     };
     Ok(vec![
@@ -97,7 +97,7 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
     ];
     let start = start_with(scenario, &wanted)?;
     let find = |score: &(dyn Fn(&Episode) -> Option<f64> + Sync), what| {
-        let found = extreme(scenario, (&start, 0), FEW_SWITCHES, score, watch);
+        let found = extreme(scenario, &start, 0, FEW_SWITCHES, score, watch);
         found.ok_or_else(|| not_found(scenario, FEW_SWITCHES, what))
     };
     let farthest = |episode: &Episode| {
@@ -164,14 +164,14 @@ pub fn two_at_the_light(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Sh
             index,
         };
         let start = bench.draw(key);
-        let mut coasting = Constant(bench.spaces().neutral);
-        let coasting = play(&mut bench, &start, 0, &mut coasting, Aftermath::Skip);
+        let mut neutral = Constant(bench.spaces().neutral);
+        let coasting = play(&mut bench, &start, 0, &mut neutral, Aftermath::Skip);
         // The ado has no part in such a failure.
         if coasting.verdict.is_success() {
             continue;
         }
         // The noise seed is fixed, so the figure is the same on every machine.
-        let held = extreme(scenario, (&start, 0), FEW_SWITCHES, held, watch);
+        let held = extreme(scenario, &start, 0, FEW_SWITCHES, held, watch);
         if let (Some(held), Some(found)) = (held, first_found(scenario, &start, watch)) {
             return Ok(vec![
                 shown("The ego obeys the light", held),

@@ -95,7 +95,8 @@ impl Study<'_> {
     fn look(
         &self,
         benches: &mut (Testbench, Testbench),
-        (adversary, cell): (Adversary<'_>, &ExperimentCell),
+        adversary: Adversary<'_>,
+        cell: &ExperimentCell,
         index: usize,
     ) -> Looked {
         let episode = cell.replay(&mut benches.0, index);
@@ -128,7 +129,7 @@ impl Study<'_> {
             .each(
                 &cell.solved(),
                 || (self.ego.scenario().bench(), self.competent.bench()),
-                |benches, index, _| Some(self.look(benches, (adversary, &cell), *index)),
+                |benches, index, _| Some(self.look(benches, adversary, &cell, *index)),
             )
             .into_iter()
             .flatten()
@@ -207,8 +208,8 @@ pub fn crash_study(
     watch: &Watch<'_>,
 ) -> Result<Option<CrashStudy>, CrashStudyError> {
     let seeds: Vec<u64> = request.seeds.trainings().collect();
-    let runs = seeds.par_iter();
-    let runs: Vec<_> = runs
+    let runs: Vec<_> = seeds
+        .par_iter()
         .map(|&seed| Ok(trained_run(scenario, seed, request.runs, watch)?.0))
         .collect::<Result<_, TrainError>>()?;
     let starts = test_starts(scenario, request.seeds.starts, request.starts, watch);

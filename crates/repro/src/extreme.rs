@@ -19,7 +19,8 @@ const MAX_CONFIRMED: usize = 50;
 /// `None`: no sequence has a score, or stopped.
 pub(crate) fn extreme(
     scenario: &Scenario,
-    (start, noise): (&Start, u64),
+    start: &Start,
+    noise: u64,
     switches: usize,
     score: impl Fn(&Episode) -> Option<f64> + Sync,
     watch: &Watch<'_>,

@@ -36,6 +36,23 @@ pub struct LeagueStudy {
     seed: u64,
 }
 
+/// Trainings of a study.
+#[derive(Clone, Copy, Debug)]
+pub struct LeagueTraining<'a> {
+    /// World of the ordinary trainings.
+    pub nominal: &'a Scenario,
+    /// World of the league, which may leave out structures of the family of `nominal`.
+    pub scenario: &'a Scenario,
+    /// Seed of the league.
+    pub seed: u64,
+    /// Number of rounds after round 0.
+    pub rounds: usize,
+    /// Directory of the league.
+    pub path: &'a Path,
+    /// Directory of the ordinary trainings.
+    pub runs: &'a Path,
+}
+
 /// Recall per adversary against an ego.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LeagueRow {
@@ -70,25 +87,29 @@ pub struct LeagueRow {
 }
 
 impl LeagueStudy {
-    /// Trains a league in `path` and as many ordinary ados in `runs`, or reads them.
-    ///
-    /// `scenario` may leave out structures of the family of `nominal`. `None`: stopped.
+    /// Trains a league and as many ordinary ados, or reads them. `None`: stopped.
     ///
     /// # Errors
     /// A training cannot begin, continue or end.
     pub fn trained(
-        (nominal, scenario): (&Scenario, &Scenario),
-        (seed, rounds): (u64, usize),
-        (path, runs): (&Path, &Path),
+        training: &LeagueTraining<'_>,
         watch: &Watch<'_>,
     ) -> Result<Option<LeagueStudy>, LeagueError> {
+        let LeagueTraining {
+            nominal,
+            scenario,
+            seed,
+            rounds,
+            path,
+            runs,
+        } = *training;
         // A repeated study continues where it was interrupted.
         let resume = PopulationDir::is_population(path);
-        let training = TrainRequest {
+        let member = TrainRequest {
             seed: Some(seed),
             ..TrainRequest::default()
         };
-        let request = LeagueRequest::new(training, rounds);
+        let request = LeagueRequest::new(member, rounds);
         let played = train_league(scenario, path, &request, resume, watch)?;
         // Round 0 precedes the requested rounds, so a whole league has one more.
         let Some(last) = played.last().filter(|_| rounds < played.len()) else {
@@ -129,7 +150,8 @@ impl LeagueStudy {
         &self,
         nominal: &Scenario,
         ego: &EgoUnderTest,
-        (starts, start_seed): (usize, u64),
+        starts: usize,
+        start_seed: u64,
         watch: &Watch<'_>,
     ) -> Result<Option<LeagueRow>, RunError> {
         // Starts are those of the nominal ego, so that results of all egos are
@@ -137,7 +159,7 @@ impl LeagueStudy {
         let Some(starts) = test_starts(nominal, start_seed, starts, watch) else {
             return Ok(None);
         };
-        let play = |adversary: Adversary<'_>| solved(adversary, (ego, &starts), watch);
+        let play = |adversary: Adversary<'_>| solved(adversary, ego, &starts, watch);
         let budget = self.league.len() as u64;
         let stored = self.first.counterexamples()?;
         let trained = |policy: &dyn Policy| play(Adversary::Ado(Ado::Trained(policy, self.seed)));
@@ -183,7 +205,8 @@ impl LeagueStudy {
 /// Returns the starts that an adversary solves, of all starts.
 fn solved(
     adversary: Adversary<'_>,
-    (ego, starts): (&EgoUnderTest, &TestStarts),
+    ego: &EgoUnderTest,
+    starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Vec<bool> {
     let cell = adversary.play(ego, starts, watch);

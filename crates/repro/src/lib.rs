@@ -43,7 +43,7 @@ pub use behaviours::{
 pub use case_studies::{CaseStudies, case_studies_markdown, case_study, trained_run};
 pub use cli::main;
 pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
-pub use league::{LeagueRow, LeagueStudy, league_markdown, rounds_markdown};
+pub use league::{LeagueRow, LeagueStudy, LeagueTraining, league_markdown, rounds_markdown};
 pub use letter::{
     JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow, LetterStudy,
     LetterStudyError, letter_baselines, letter_markdown, letter_row,

@@ -108,7 +108,7 @@ pub fn near_starts(
         .map(|(s, _)| s)
         .collect();
     let all = EpisodeLoop::uncounted(watch);
-    let looked = all.each(
+    let evaluated = all.each(
         &untried,
         || scenario.bench(),
         |bench, (start, noise), _| {
@@ -117,7 +117,7 @@ pub fn near_starts(
         },
     );
     // A stopped evaluation has gaps and would bias the shares.
-    let looked: Vec<(&Start, f64, bool)> = looked.into_iter().collect::<Option<_>>()?;
+    let looked: Vec<(&Start, f64, bool)> = evaluated.into_iter().collect::<Option<_>>()?;
     let row = |delta: f64| {
         let near: Vec<_> = looked
             .iter()

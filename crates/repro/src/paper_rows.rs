@@ -60,7 +60,8 @@ pub struct Measured {
 /// Returns `None` if stopped from outside.
 pub fn measure_paper_row(
     row: &PaperRow<'_>,
-    (seeds, starts): (Seeds, usize),
+    seeds: Seeds,
+    starts: usize,
     watch: &Watch<'_>,
 ) -> Option<Measured> {
     let starts: TestStarts = test_starts(row.scenario, seeds.starts, starts, watch)?;

@@ -56,9 +56,12 @@ pub fn protocol_row(
     if watch.stopped() {
         return None;
     }
-    let varied = table.points.iter().filter_map(|it| it.varied.as_ref());
-    // Only variations that make the ego fail can be preventable.
-    let varied = varied.filter(|varied| varied.fails);
+    let varied = table
+        .points
+        .iter()
+        .filter_map(|it| it.varied.as_ref())
+        // Only variations that make the ego fail can be preventable.
+        .filter(|varied| varied.fails);
     let judged = |preventable| {
         let varied = varied.clone();
         varied.filter(move |it| it.preventable == preventable)
@@ -97,9 +100,9 @@ pub fn protocols_markdown(rows: &[ProtocolRow]) -> String {
     };
     let mut lines: Vec<Vec<String>> = Vec::new();
     for world in &worlds {
-        let points = rows.iter().find(|row| row.world == *world);
         // Every ego plays the same points, so any row gives their number.
-        let points = points.map_or(0, |row| row.points);
+        let row = rows.iter().find(|row| row.world == *world);
+        let points = row.map_or(0, |row| row.points);
         let cells = egos
             .iter()
             .map(|ego| at(world, ego).map_or("–".to_owned(), cell));

@@ -101,7 +101,8 @@ impl RiskCase {
 pub fn risk_seed(
     world: &Scenario,
     traffic: &RiskTraffic,
-    (case, seed): (&RiskCase, u64),
+    case: &RiskCase,
+    seed: u64,
     watch: &Watch<'_>,
 ) -> Result<Option<RiskSeed>, RunError> {
     let egos = [EgoUnderTest::nominal(world)];
@@ -141,7 +142,8 @@ pub fn risk_seed(
 pub fn counted_piece(
     world: &Scenario,
     traffic: &RiskTraffic,
-    (runs, seed): (usize, u64),
+    runs: usize,
+    seed: u64,
     watch: &Watch<'_>,
 ) -> Result<Option<CountedRuns>, RunError> {
     let egos = [EgoUnderTest::nominal(world)];

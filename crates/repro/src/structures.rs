@@ -169,15 +169,29 @@ impl StructureStudy<'_> {
         watch: &Watch<'_>,
     ) -> Result<Option<StructureRow>, EvaluationError> {
         use AdoKind::{Constant, Hold, Switch, Trained};
-        let beside = [Trained, Hold, Constant, Switch];
         let kin = kin(ego);
+        let evaluated = |adapted: AdaptedAdo<'_>| self.evaluated(ego, adapted, watch);
+        let base = AdaptedAdo {
+            ados: &[],
+            runs: RUNS,
+            tries: 1,
+            search: None,
+            unknown: &kin,
+        };
         // The baselines and the search are played once, with the first surrogate.
-        let first = self.evaluated(ego, &beside, (RUNS, 1, Some(SWITCHES), &kin), watch)?;
+        let first = evaluated(AdaptedAdo {
+            ados: &[Trained, Hold, Constant, Switch],
+            search: Some(SWITCHES),
+            ..base
+        })?;
         // The learned ego is stored with the run, so this evaluation reuses it.
-        let again = self.evaluated(ego, &[], (RUNS, TRIES, None, &kin), watch)?;
-        let few = self.evaluated(ego, &[], (FEW_RUNS, 1, None, &kin), watch)?;
+        let tries = TRIES;
+        let again = evaluated(AdaptedAdo { tries, ..base })?;
+        let runs = FEW_RUNS;
+        let few = evaluated(AdaptedAdo { runs, ..base })?;
         // Without unknown kinds the ego's own controller is compared too.
-        let known = self.evaluated(ego, &[], (RUNS, 1, None, &[]), watch)?;
+        let unknown = &[];
+        let known = evaluated(AdaptedAdo { unknown, ..base })?;
         let (Some(first), Some(again), Some(few), Some(known)) = (first, again, few, known) else {
             return Ok(None);
         };
@@ -219,11 +233,17 @@ impl StructureStudy<'_> {
     fn evaluated(
         &self,
         ego: &EgoUnderTest,
-        ados: &[AdoKind],
-        (runs, tries, search, unknown): (u64, u64, Option<usize>, &[&str]),
+        adapted: AdaptedAdo<'_>,
         watch: &Watch<'_>,
     ) -> Result<Option<StructureRows>, EvaluationError> {
         let egos = std::slice::from_ref(ego);
+        let AdaptedAdo {
+            ados,
+            runs,
+            tries,
+            search,
+            unknown,
+        } = adapted;
         let evaluation = Evaluation {
             run: self.run,
             nominal: self.nominal,
@@ -252,6 +272,20 @@ impl StructureStudy<'_> {
             adapted_to: table.adapted_to.pop(),
         }))
     }
+}
+
+/// Settings of an ado that adapts to an ego, and the ados and the search beside it.
+#[derive(Clone, Copy)]
+struct AdaptedAdo<'a> {
+    ados: &'a [AdoKind],
+    /// Runs of the ego that its surrogate is learned from.
+    runs: u64,
+    /// Tries per start.
+    tries: u64,
+    /// Largest number of switches of the search, if any.
+    search: Option<usize>,
+    /// Kinds of controllers that are not compared with the ego.
+    unknown: &'a [&'a str],
 }
 
 /// Evaluation of an ego.

@@ -19,7 +19,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         let scenario = world(args, name)?;
         let settings = settings(request.seeds, json!({ "starts": args.starts }));
         let piece = format!("{name}, crashes");
-        let made = once(args, (&piece, &scenario), settings, |watch| {
+        let made = once(args, &piece, &scenario, settings, |watch| {
             let study = crash_study(&scenario, &request, watch);
             study.map_err(|error| match error {
                 CrashStudyError::Train(error) => error.into(),

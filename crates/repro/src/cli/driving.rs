@@ -31,7 +31,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         let settings = settings(request.seeds, json!({ "starts": args.starts }));
         // The piece is a file name, so an interrupted table resumes by world.
         let piece = format!("{name}, case study");
-        let made = once(args, (&piece, &scenario), settings, |watch| {
+        let made = once(args, &piece, &scenario, settings, |watch| {
             Ok(case_study(&scenario, &request, watch)?)
         })?;
         let Some(study) = made else {

@@ -63,17 +63,20 @@ fn drawn(
     let second = caption(
         "Fig. 2: two behaviours of the lead car from one start (both cars at 12 m/s, 15 m apart), \
          both ending in a violation.",
-        (acc, 2),
+        acc,
+        2,
     );
     let third = caption(
         "Fig. 3: three merges from one start (both cars at 12 m/s, 16 m apart): far away; cutting \
          in against the rule; a violation with every rule kept.",
-        (merge, 2),
+        merge,
+        2,
     );
     let fifth = caption(
         "Fig. 5: distance to the stop line of ego and ado, from one start. The ego runs the red \
          light where its curve enters the shaded region.",
-        (light, 2),
+        light,
+        2,
     );
     let two = behaviours(acc, &two_behaviours(acc, watch)?, "headway");
     let three = behaviours(merge, &three_merges(merge, watch)?, "d_2");
@@ -100,7 +103,7 @@ fn drawn(
     ])
 }
 
-fn caption(what: &str, (scenario, switches): (&Scenario, usize)) -> String {
+fn caption(what: &str, scenario: &Scenario, switches: usize) -> String {
     format!(
         "{what} World {}, {} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
         scenario.name(),

@@ -21,7 +21,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             "start_seed": request.seeds.starts,
         });
         let piece = format!("{name}, Table I");
-        let made = once(args, (&piece, &scenario), settings, |watch| {
+        let made = once(args, &piece, &scenario, settings, |watch| {
             Ok(table1(&scenario, &request, watch)?)
         })?;
         let Some(study) = made else {

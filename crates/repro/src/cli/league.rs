@@ -3,7 +3,9 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
-use crate::{LeagueRow, LeagueStudy, league_markdown, other_structures, rounds_markdown};
+use crate::{
+    LeagueRow, LeagueStudy, LeagueTraining, league_markdown, other_structures, rounds_markdown,
+};
 use brakecheck::experiment::EgoUnderTest;
 use brakecheck::population::{LeagueRound, PopulationDir};
 use brakecheck::world::{PlantKind, Scenario};
@@ -40,7 +42,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         let (mut rows, mut rounds) = (Vec::new(), String::new());
         for seed in seeds.trainings() {
             for fold in folds(&scenario, args.variants)? {
-                let Some(played) = rows_of(args, (&scenario, &fold), seed, &mut rows)? else {
+                let Some(played) = rows_of(args, &scenario, &fold, seed, &mut rows)? else {
                     return Ok(None);
                 };
                 rounds.push_str(&rounds_markdown(&format!("{}-{seed}", fold.name), &played));
@@ -97,7 +99,8 @@ fn folds(scenario: &Scenario, variants: bool) -> Result<Vec<Fold>, Failure> {
 /// Adds a row for each ego of a fold and returns the rounds. `None` if stopped.
 fn rows_of(
     args: &ReproduceArgs,
-    (scenario, fold): (&Scenario, &Fold),
+    scenario: &Scenario,
+    fold: &Fold,
     seed: u64,
     rows: &mut Vec<LeagueRow>,
 ) -> Result<Option<Vec<LeagueRound>>, Failure> {
@@ -112,16 +115,22 @@ fn rows_of(
             "decisions": DECISIONS,
         });
         let piece = format!("{}-{seed}, {}", fold.name, ego.name());
-        let made = once(args, (&piece, scenario), settings(seeds, own), |watch| {
+        let made = once(args, &piece, scenario, settings(seeds, own), |watch| {
             if study.is_none() {
-                let worlds = (scenario, &fold.scenario);
-                study = LeagueStudy::trained(worlds, (seed, ROUNDS), (&path, &runs), watch)?;
+                let training = LeagueTraining {
+                    nominal: scenario,
+                    scenario: &fold.scenario,
+                    seed,
+                    rounds: ROUNDS,
+                    path: &path,
+                    runs: &runs,
+                };
+                study = LeagueStudy::trained(&training, watch)?;
             }
             let Some(study) = &study else {
                 return Ok(None);
             };
-            let from = (starts, seeds.starts);
-            Ok(study.evaluate(scenario, ego, from, watch)?)
+            Ok(study.evaluate(scenario, ego, starts, seeds.starts, watch)?)
         })?;
         let Some(row) = made else {
             return Ok(None);

@@ -55,11 +55,12 @@ fn baselines(
         let scenario = unlearned[0].judged_by(judge)?;
         let own = json!({ "starts": args.starts, "switches": path.switches });
         let piece = format!("{}, {judge}", path.world);
-        let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
-            let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
-            Ok(starts
-                .and_then(|starts| letter_baselines((&scenario, path.switches), &starts, watch)))
-        })?;
+        let made =
+            once(args, &piece, &scenario, settings(seeds, own), |watch| {
+                let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
+                Ok(starts
+                    .and_then(|starts| letter_baselines(&scenario, path.switches, &starts, watch)))
+            })?;
         let Some(made) = made else {
             return Ok(None);
         };
@@ -90,7 +91,7 @@ fn rows(
             // directory.
             runs: &runs.join(format!("{learner}-step-{at}")),
         };
-        let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+        let made = once(args, &piece, &scenario, settings(seeds, own), |watch| {
             Ok(letter_row(step, baselines, &request, watch)?)
         })?;
         let Some(row) = made else {

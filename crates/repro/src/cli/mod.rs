@@ -262,7 +262,8 @@ impl Made {
 /// Returns `None` if interrupted.
 fn once<T: Serialize + DeserializeOwned>(
     args: &ReproduceArgs,
-    (piece, scenario): (&str, &Scenario),
+    piece: &str,
+    scenario: &Scenario,
     settings: Value,
     make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
 ) -> Result<Option<T>, Failure> {

@@ -52,7 +52,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             "deltas": DELTAS,
         });
         let piece = format!("{name}, near starts");
-        let made = once(args, (&piece, &scenario), settings, |watch| {
+        let made = once(args, &piece, &scenario, settings, |watch| {
             near(args, &scenario, &around, watch)
         })?;
         let Some(near) = made else {

@@ -74,8 +74,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             "starts": args.starts, "learner": learner, "episodes": episodes,
         });
         let piece = format!("{name}, {}", scenario.learner().name());
-        let made = once(args, (&piece, &scenario), settings, |watch| {
-            Ok(measure_paper_row(&row, (seeds, args.starts), watch))
+        let made = once(args, &piece, &scenario, settings, |watch| {
+            Ok(measure_paper_row(&row, seeds, args.starts, watch))
         })?;
         let Some(done) = made else {
             return Ok(None);

@@ -23,15 +23,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         }
         let validated = with_validated_bodies(&scenario)?;
         let own = settings(seeds, json!({ "starts": starts, "table": "plants" }));
-        let made = once(
-            args,
-            (&format!("{name}, plants"), &scenario),
-            own,
-            |watch| {
-                let drawn = test_starts(&scenario, seeds.starts, starts, watch);
-                Ok(drawn.and_then(|drawn| plant_row(&scenario, validated.as_ref(), &drawn, watch)))
-            },
-        )?;
+        let made = once(args, &format!("{name}, plants"), &scenario, own, |watch| {
+            let drawn = test_starts(&scenario, seeds.starts, starts, watch);
+            Ok(drawn.and_then(|drawn| plant_row(&scenario, validated.as_ref(), &drawn, watch)))
+        })?;
         let Some(row) = made else {
             return Ok(None);
         };

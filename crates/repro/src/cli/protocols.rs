@@ -28,7 +28,7 @@ fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Fa
             let settings = json!({ "ego": ego.change(), "starts": args.starts });
             // A piece is a file name, which cannot contain a slash.
             let piece = format!("{}, {}", name.replace('/', " "), ego.name());
-            let row = once(args, (&piece, &scenario), settings, |watch| {
+            let row = once(args, &piece, &scenario, settings, |watch| {
                 let row = protocol_row(name, &ego, args.starts, watch);
                 // An ego that did not run has passed nothing.
                 match watch.faults.complaint() {

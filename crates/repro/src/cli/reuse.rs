@@ -37,7 +37,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             let settings = settings(config.seeds, own);
             // One piece per ego, so that an interruption costs a single ego.
             let piece = format!("{name}, reuse on {}", ego.name());
-            let made = once(args, (&piece, &scenario), settings, |watch| {
+            let made = once(args, &piece, &scenario, settings, |watch| {
                 Ok(study.evaluate(ego, watch)?)
             })?;
             let Some(made) = made else {

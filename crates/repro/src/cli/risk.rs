@@ -131,8 +131,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         })
         .on(case.plant);
         let traffic = case.traffic(&scenario)?;
-        let counted = counted(args, case, (&scenario, &traffic))?;
-        let estimates = estimates(args, case, (&scenario, &traffic))?;
+        let counted = counted(args, case, &scenario, &traffic)?;
+        let estimates = estimates(args, case, &scenario, &traffic)?;
         let (Some(counted), Some(seeds)) = (counted, estimates) else {
             return Ok(None);
         };
@@ -154,14 +154,15 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 fn estimates(
     args: &ReproduceArgs,
     case: &RiskCase,
-    (scenario, traffic): (&Scenario, &RiskTraffic),
+    scenario: &Scenario,
+    traffic: &RiskTraffic,
 ) -> Result<Option<Vec<RiskSeed>>, Failure> {
     let mut all = Vec::new();
     for seed in args.seeds_within(MOST_SEEDS).trainings() {
         let piece = format!("{}, risk {seed}", case.name);
         let settings = json!({ "traffic": case.traffic });
-        let made = once(args, (&piece, scenario), settings, |watch| {
-            Ok(risk_seed(scenario, traffic, (case, seed), watch)?)
+        let made = once(args, &piece, scenario, settings, |watch| {
+            Ok(risk_seed(scenario, traffic, case, seed, watch)?)
         })?;
         let Some(made) = made else {
             return Ok(None);
@@ -175,7 +176,8 @@ fn estimates(
 fn counted(
     args: &ReproduceArgs,
     case: &RiskCase,
-    (scenario, traffic): (&Scenario, &RiskTraffic),
+    scenario: &Scenario,
+    traffic: &RiskTraffic,
 ) -> Result<Option<CountedRuns>, Failure> {
     let mut all = CountedRuns::default();
     // Natural runs do not depend on proposals, and rigid ones would take hours.
@@ -185,9 +187,14 @@ fn counted(
         let seed = FIRST_COUNTED + piece;
         let name = format!("{}, counted {piece}", case.world);
         let settings = json!({ "traffic": case.traffic });
-        let made = once(args, (&name, scenario), settings, |watch| {
-            let piece = (COUNTED_PIECE, seed);
-            Ok(counted_piece(scenario, traffic, piece, watch)?)
+        let made = once(args, &name, scenario, settings, |watch| {
+            Ok(counted_piece(
+                scenario,
+                traffic,
+                COUNTED_PIECE,
+                seed,
+                watch,
+            )?)
         })?;
         let Some(made) = made else {
             return Ok(None);

@@ -54,7 +54,7 @@ fn rows(
                 "starts": starts, "ego": ego.name(), "training": seed, "runs": RUNS,
             });
             let piece = format!("{name} {seed}, {}", ego.name());
-            let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+            let made = once(args, &piece, &scenario, settings(seeds, own), |watch| {
                 // Inside of the piece, so that a finished piece needs no training.
                 let Some(run) = trained(args, &scenario, seed, watch)? else {
                     return Ok(None);

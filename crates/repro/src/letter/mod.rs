@@ -136,12 +136,10 @@ impl LetterStep {
     }
 
     fn read(&self, text: &str) -> Result<Scenario, LetterError> {
-        let scenario = Scenario::parse("a step from the letter", text)?;
+        let step = Scenario::parse("a step from the letter", text)?;
         let scenario = match self.learner {
-            None => scenario,
-            Some(name) => scenario
-                .learning_by(name)
-                .ok_or(LetterError::Learner(name))?,
+            None => step,
+            Some(name) => step.learning_by(name).ok_or(LetterError::Learner(name))?,
         };
         // The study compares learning setups, so the fast plant is enough.
         Ok(scenario.on(PlantKind::Kinematic))
@@ -159,7 +157,8 @@ pub struct LetterBaselines {
 
 /// Plays all baselines under the scenario's judge. `None`: stopped from outside.
 pub fn letter_baselines(
-    (scenario, switches): (&Scenario, usize),
+    scenario: &Scenario,
+    switches: usize,
     starts: &TestStarts,
     watch: &Watch<'_>,
 ) -> Option<LetterBaselines> {
@@ -320,8 +319,8 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
     let percent = |rate: f64| format!("{:.1} %", 100.0 * rate);
     let mut text = String::new();
     for study in studies {
-        let starts = study.baselines.iter().filter_map(|one| one.rows.first());
-        let starts: Vec<String> = starts.map(|row| row.starts.to_string()).collect();
+        let first_rows = study.baselines.iter().filter_map(|one| one.rows.first());
+        let starts: Vec<String> = first_rows.map(|row| row.starts.to_string()).collect();
         text.push_str(&format!(
             "{}, {}; starts that are not trivial: {} (whole run), {} (until the violation)\n\n",
             study.world,

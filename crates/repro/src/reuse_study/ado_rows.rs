@@ -55,14 +55,14 @@ impl EgoOnStarts<'_> {
         let mut rows = self.rows(adversaries);
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
         // One search with the largest budget contains the smaller ones.
-        let held = SearchRequest {
+        let request = SearchRequest {
             scenario: self.ego.scenario(),
             ego: self.ego.name(),
             method: Hold.into(),
             budget: most,
             starts: self.starts,
         };
-        let held = search(&held, self.watch);
+        let held = search(&request, self.watch);
         for budget in HELD_BUDGETS {
             rows.push(called(
                 &held_word(budget),

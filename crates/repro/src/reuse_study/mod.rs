@@ -210,9 +210,9 @@ impl<'a> ReuseStudy<'a> {
             .trainings
             .iter()
             .map(|policies| policies.wide.manifest());
-        let training = trainings.map(|run| run.episodes as f64).sum::<f64>();
+        let episodes = trainings.map(|run| run.episodes as f64).sum::<f64>();
         // The comparison counts the mean training, because each seed is a training.
-        let training = training / self.trainings.len().max(1) as f64;
+        let training = episodes / self.trainings.len().max(1) as f64;
         ReuseReport {
             world: self.scenario.name().to_owned(),
             starts: first.map_or(0, |row| row.starts),
@@ -245,10 +245,10 @@ fn trainings(
     let runs: Vec<(PathBuf, f64)> = jobs
         .par_iter()
         .map(|&(against, seed)| {
-            let trained = scenario.training_against(against);
+            let changed = scenario.training_against(against);
             // The nominal training uses the world as it is.
-            let trained = trained.as_ref().unwrap_or(scenario);
-            trained_run(trained, seed, request.runs, watch)
+            let world = changed.as_ref().unwrap_or(scenario);
+            trained_run(world, seed, request.runs, watch)
         })
         .collect::<Result<_, _>>()?;
     if watch.stopped() {

@@ -212,7 +212,7 @@ pub fn table1(
     // Trainings are independent, and `collect` keeps the order of the jobs.
     let learned: Option<Vec<Learned>> = jobs
         .par_iter()
-        .map(|&(learner, seed)| learn(scenario, &learners[learner].1, (learner, seed), &progress))
+        .map(|&(learner, seed)| learn(scenario, &learners[learner].1, learner, seed, &progress))
         .collect();
     let Some(learned) = learned else {
         return Ok(None);
@@ -279,7 +279,8 @@ struct TrainingProgress<'a> {
 fn learn(
     scenario: &Scenario,
     learner: &LearnerConfig,
-    (index, seed): (usize, u64),
+    index: usize,
+    seed: u64,
     progress: &TrainingProgress<'_>,
 ) -> Option<Learned> {
     let clock = cpu_time::ThreadTime::now();
@@ -327,8 +328,8 @@ fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> TestStarts {
     };
     let listed = scenario.starts();
     let draw = || (0..drawn).map(|index| bench.draw(key(index))).collect();
-    let starts: Vec<Start> = listed.unwrap_or_else(draw);
-    let starts: Vec<(Start, u64)> = starts
+    let starts: Vec<(Start, u64)> = listed
+        .unwrap_or_else(draw)
         .into_iter()
         .enumerate()
         .map(|(index, start)| (start, bench.noise_of(key(index))))

@@ -69,13 +69,13 @@ pub(super) fn refined(
     let jobs: Vec<(usize, u64)> = (0..learners.len())
         .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))
         .collect();
-    let learned: Option<Vec<Learned>> = jobs
+    let trained: Option<Vec<Learned>> = jobs
         .par_iter()
         .map(|&(index, seed)| {
-            large.learn(&learners[index].1, TRAINING_STARTS, (index, seed), progress)
+            large.learn(&learners[index].1, TRAINING_STARTS, index, seed, progress)
         })
         .collect();
-    let Some(learned) = learned else {
+    let Some(learned) = trained else {
         return Ok(None);
     };
     let coarse = large.map.require_grid()?;
@@ -92,11 +92,10 @@ pub(super) fn refined(
             ..GridChange::default()
         };
         let fine = large.map.with(&step.into())?;
-        let maps = (coarse, fine.require_grid()?);
-        let Some(reuse) = Reuse::of(maps, &large.request)? else {
+        let Some(reuse) = Reuse::of(coarse, fine.require_grid()?, &large.request)? else {
             return Ok(None);
         };
-        all.push(reuse.map(refine, paper, (learners.len(), &learned)));
+        all.push(reuse.map(refine, paper, learners.len(), &learned));
     }
     Ok(Some(all))
 }
@@ -119,7 +118,8 @@ struct Reused {
 
 impl<'a> Reuse<'a> {
     fn of(
-        (coarse, fine): (GridScenario<'a>, GridScenario<'a>),
+        coarse: GridScenario<'a>,
+        fine: GridScenario<'a>,
         request: &Table1,
     ) -> Result<Option<Reuse<'a>>, Table1Error> {
         // The last relation has the largest ε below τ.
@@ -147,8 +147,7 @@ impl<'a> Reuse<'a> {
         self.relation.relates(self.relation.coarse(*both), *both)
     }
 
-    fn map(&self, refine: u32, paper: f64, learned: (usize, &[Learned])) -> RefinedMap {
-        let (learners, learned) = learned;
+    fn map(&self, refine: u32, paper: f64, learners: usize, learned: &[Learned]) -> RefinedMap {
         let reused: Vec<Vec<Reused>> = learned.par_iter().map(|ado| self.reused(ado)).collect();
         let of = |learner: usize| {
             let all = learned.iter().zip(&reused);

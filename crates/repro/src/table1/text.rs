@@ -135,11 +135,8 @@ fn near(study: &GridStudy, text: &mut String) {
          Condition: of all chosen counterexamples those with δ < γ^T (g(τ) + 1), and the share around them.\n\n",
     );
     let learners = study.learners.iter();
-    let columns = learners.flat_map(|name| [format!("{name} %"), format!("{name} condition")]);
-    let columns = ["δ", "paper %"]
-        .map(str::to_owned)
-        .into_iter()
-        .chain(columns);
+    let pairs = learners.flat_map(|name| [format!("{name} %"), format!("{name} condition")]);
+    let columns = ["δ", "paper %"].map(str::to_owned).into_iter().chain(pairs);
     let mut lines: Vec<Vec<String>> = Vec::new();
     for row in &near.deltas {
         let trained = row.trained.iter().flat_map(|share| {

@@ -36,15 +36,12 @@ pub(super) fn open_loop(
     learned: &[Learned],
 ) -> Result<Vec<OpenLoop>, Table1Error> {
     // A slower ego shows if a sequence or a policy adapts to a change.
-    let slower = scenario
-        .with(
-            &GridChange {
-                ego_step: Some(1),
-                ..GridChange::default()
-            }
-            .into(),
-        )?
-        .require_grid()?;
+    let change = GridChange {
+        ego_step: Some(1),
+        ..GridChange::default()
+    };
+    let changed = scenario.with(&change.into())?;
+    let slower = changed.require_grid()?;
     let mut all = Vec::new();
     for learner in 0..learners {
         let mut sums = Sums::default();

@@ -130,7 +130,8 @@ impl LargeMap {
         &self,
         learner: &LearnerConfig,
         starts: usize,
-        (index, seed): (usize, u64),
+        index: usize,
+        seed: u64,
         progress: &TrainingProgress<'_>,
     ) -> Option<Learned> {
         // A training is limited to the largest number of decisions that is allowed.
@@ -138,12 +139,8 @@ impl LargeMap {
             .clone()
             .with_decisions(LONGER * learner.decisions())
             .unwrap_or_else(|_| learner.clone());
-        learn(
-            &self.training(seed, starts)?,
-            &longer,
-            (index, seed),
-            progress,
-        )
+        let training = self.training(seed, starts)?;
+        learn(&training, &longer, index, seed, progress)
     }
 
     /// Returns the map with random training starts of a seed.
@@ -174,15 +171,14 @@ impl LargeMap {
         let jobs: Vec<(usize, u64)> = (0..learners.len())
             .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))
             .collect();
-        let studied: Option<Vec<Studied>> = jobs
+        let studied: Vec<Studied> = jobs
             .par_iter()
             .map(|&(index, seed)| {
                 let learner = &learners[index].1;
-                let learned = self.learn(learner, TRAINING_STARTS, (index, seed), progress)?;
+                let learned = self.learn(learner, TRAINING_STARTS, index, seed, progress)?;
                 Some(self.studied(learner, &learned))
             })
-            .collect();
-        let studied = studied?;
+            .collect::<Option<_>>()?;
         let of = |learner: usize| studied.iter().filter(move |one| one.learner == learner);
         let all = 0..learners.len();
         let everywhere = |learner: usize| {
@@ -218,22 +214,22 @@ impl LargeMap {
         let mut obs = vec![0.0; bench.spaces().observation];
         let mut actor = PolicyActor(&*learned.policy);
         let mut alpha: f64 = 0.0;
-        let known = self.starts.iter().map(|start| {
+        let value_at = |start| {
             // The value is read at the first observation, before the ado acts.
             bench.begin(start, 0, Aftermath::Skip);
             bench.observe(&mut obs);
             let value = f64::from(learned.policy.value(&obs));
             // The maximum over all starts is the α of the printed bound in Theorem 2.
-            let known = best.at(position_of(start, &self.game.arena));
+            let exact = best.at(position_of(start, &self.game.arena));
             // A start without a value is infinitely far, never near.
-            alpha = alpha.max(known.map_or(f64::INFINITY, |known| (value - known).abs()));
+            alpha = alpha.max(exact.map_or(f64::INFINITY, |exact| (value - exact).abs()));
             let episode = play(&mut bench, start, 0, &mut actor, Aftermath::Skip);
             Known {
                 value,
                 captured: episode.verdict.is_success(),
             }
-        });
-        let known = known.collect();
+        };
+        let known = self.starts.iter().map(value_at).collect();
         Studied {
             learner: learned.learner,
             known,

@@ -59,11 +59,11 @@ fn every_way_begins_with_the_letter_ends_with_the_defaults_and_changes_one_thing
         }
 
         let name = path.world.trim_end_matches("_letter");
-        let own = shipped(name);
+        let world = shipped(name);
         let own = match path.learner {
-            Some(learner) => own.learning_by(learner).expect("it has one"),
+            Some(learner) => world.learning_by(learner).expect("it has one"),
             // The default learner with the same number of decisions as on the path.
-            None => own.learning_with(default_for(worlds[0].learner().decisions())),
+            None => world.learning_with(default_for(worlds[0].learner().decisions())),
         };
         let end = worlds.last().expect("a step");
         assert_eq!(parts(end), parts(&own), "{}", path.world);
@@ -123,7 +123,7 @@ fn a_step_is_judged_by_both_judges_on_the_same_starts() {
         .map(|judge| {
             let (world, starts) = starts(judge);
             let made =
-                letter_baselines((&world, path.switches), &starts, &quiet()).expect("not stopped");
+                letter_baselines(&world, path.switches, &starts, &quiet()).expect("not stopped");
             assert_eq!(made.judge, judge);
             made
         })

@@ -89,7 +89,7 @@ fn the_extreme_sequence_is_the_best_of_all() {
         let kept = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
         kept.then_some(-episode.robustness)
     };
-    let found = extreme(&world, (&start, 0), 1, score, &watch()).expect("one is lawful");
+    let found = extreme(&world, &start, 0, 1, score, &watch()).expect("one is lawful");
     let decisions = world.bench().clock().decisions();
     let mut bench = world.bench();
     for first in 0..3 {
@@ -103,5 +103,5 @@ fn the_extreme_sequence_is_the_best_of_all() {
             }
         }
     }
-    assert!(extreme(&world, (&start, 0), 1, |_| None, &watch()).is_none());
+    assert!(extreme(&world, &start, 0, 1, |_| None, &watch()).is_none());
 }

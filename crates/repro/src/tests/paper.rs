@@ -63,7 +63,7 @@ fn a_row_of_the_paper_is_the_mean_of_its_seeds() {
         count: 2,
         starts: 0,
     };
-    let measured = measure_paper_row(&row, (two, 40), &quiet()).expect("not stopped");
+    let measured = measure_paper_row(&row, two, 40, &quiet()).expect("not stopped");
     assert_eq!(measured.reached.len(), 2);
     let starts = test_starts(&world, 0, 40, &quiet()).expect("not stopped");
     for (at, reached) in measured.reached.iter().enumerate() {
