@@ -150,10 +150,9 @@ impl PlanDir {
     /// Returns an error if a file cannot be read.
     pub(crate) fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
         let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
-        let missing =
-            |piece: &CampaignPiece| -> Result<bool, RunError> { Ok(self.read(piece)?.is_err()) };
+        let is_missing = |piece| Ok(self.read(piece)?.is_err());
         // Reading includes the hash of each file, so it is done in parallel.
-        let missing: Result<Vec<bool>, RunError> = pieces.par_iter().map(missing).collect();
+        let missing: Result<Vec<bool>, RunError> = pieces.par_iter().map(is_missing).collect();
         let pairs = pieces.into_iter().zip(missing?);
         Ok(pairs
             .filter_map(|(piece, missing)| missing.then_some(piece))
@@ -345,8 +344,8 @@ impl PlanDir {
             }
             Work::Starts { unit, starts } => {
                 let stage = self.stage(*unit)?;
-                let trivial =
-                    (&self.trivial[stage.unit.world]).of(starts, (&self.plan, stage.world), &own);
+                let blocks = &self.trivial[stage.unit.world];
+                let trivial = blocks.of(starts, &self.plan, stage.world, &own);
                 let played = stage.play(starts.clone(), trivial, &own)?;
                 let hash = stage.ado.map(|ado| ado.sha256);
                 // The fault check comes before the rows, so a faulty piece leaves no file.

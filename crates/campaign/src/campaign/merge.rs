@@ -178,9 +178,10 @@ impl PlanDir {
 
     /// Parses the rows of a piece and checks that they are its starts in order.
     fn rows_of(&self, piece: &CampaignPiece, rows: &str) -> Result<Vec<SummaryFields>, String> {
-        let parsed: Result<Vec<SummaryFields>, _> =
-            rows.lines().map(serde_json::from_str).collect();
-        let parsed: Vec<SummaryFields> = parsed.map_err(|error| format!("damaged: {error}"))?;
+        let lines = rows.lines().map(serde_json::from_str);
+        let parsed: Vec<SummaryFields> = lines
+            .collect::<Result<_, _>>()
+            .map_err(|error| format!("damaged: {error}"))?;
         let expected = match &piece.work {
             // A training has no rows.
             Work::Training(_) => 0..0,

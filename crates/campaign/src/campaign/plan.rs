@@ -260,7 +260,7 @@ impl Plan {
     /// A file with another question is foreign, whatever its name.
     pub(super) fn question(&self, work: &Work) -> String {
         let world = |position: usize| self.worlds.get(position);
-        let requested = match work {
+        let asked = match work {
             Work::Training(position) => {
                 let training = self.trainings.get(*position);
                 json!([training, training.and_then(|it| world(it.world))])
@@ -291,9 +291,8 @@ impl Plan {
             }
         };
         // The version is part of the question, since another version may play differently.
-        let requested =
-            json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": requested });
-        sha256(requested.to_string().as_bytes())
+        let question = json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": asked });
+        sha256(question.to_string().as_bytes())
     }
 
     /// Returns the text of the plan's file, with its hash.

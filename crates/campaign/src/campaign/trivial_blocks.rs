@@ -41,7 +41,8 @@ impl TrivialBlocks {
     pub(super) fn of(
         &self,
         which: &Range<usize>,
-        (plan, world): (&Plan, &Scenario),
+        plan: &Plan,
+        world: &Scenario,
         watch: &Watch<'_>,
     ) -> TrivialStarts {
         let mut found = TrivialStarts::default();
@@ -73,10 +74,10 @@ impl TrivialBlocks {
                 *known = stored;
             }
             let end = block.end.min(which.end);
+            let answers = known.as_ref().map(|starts| &starts.known);
             for start in next..end {
-                let known = known.as_ref().map(|known| &known.known);
-                let known = known.and_then(|known| known.get(start - block.start));
-                found.known.push(known.copied().flatten());
+                let answer = answers.and_then(|answers| answers.get(start - block.start));
+                found.known.push(answer.copied().flatten());
             }
             // A block without starts would never end the loop.
             next = end.max(next + 1);
@@ -116,7 +117,7 @@ mod tests {
         let want = TestStarts::tried(world, 9, points, &watch).expect("not stopped");
         let blocks = || TrivialBlocks::new(&path, plan, 0);
         let of = |blocks: &TrivialBlocks, which: Range<usize>| {
-            let found = blocks.of(&which, (plan, world), &watch);
+            let found = blocks.of(&which, plan, world, &watch);
             let known: Vec<Option<bool>> = which.map(|nth| Some(want.trivial[nth])).collect();
             assert_eq!(found.known, known);
             found.played

@@ -19,7 +19,8 @@ impl Checker {
     pub(super) fn ados(
         &mut self,
         world: usize,
-        (own, common): (&[AdoEntry], &[AdoEntry]),
+        own: &[AdoEntry],
+        common: &[AdoEntry],
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
         let mut ados = Vec::new();
         let places = [
@@ -53,19 +54,19 @@ impl Checker {
             },
             AdoEntry::Script { name, steps, then } => PlannedAdo::Script {
                 name: name.clone(),
-                actions: self.script(at, played, (steps, then))?,
+                actions: self.script(at, played, steps, then)?,
             },
             AdoEntry::Search {
                 method,
                 switches,
                 budget,
-            } => self.search(at, (method.as_deref(), *switches, *budget))?,
+            } => self.search(at, method.as_deref(), *switches, *budget)?,
             AdoEntry::Trained(dir) => return self.trained(at, world, dir),
             AdoEntry::Training {
                 seeds,
                 first_seed,
                 decisions,
-            } => return self.trainings(at, world, (*seeds, *first_seed, *decisions)),
+            } => return self.trainings(at, world, *seeds, *first_seed, *decisions),
         };
         Ok(vec![one])
     }
@@ -75,7 +76,8 @@ impl Checker {
         &self,
         at: &ValuePath,
         world: &Scenario,
-        (steps, then): (&[(String, f64)], &str),
+        steps: &[(String, f64)],
+        then: &str,
     ) -> Result<Vec<usize>, CampaignError> {
         let decision_s = world.world().clock().decision_s;
         let mut actions = Vec::new();
@@ -102,7 +104,9 @@ impl Checker {
     fn search(
         &self,
         at: &ValuePath,
-        (method, switches, budget): (Option<&str>, Option<usize>, Option<u64>),
+        method: Option<&str>,
+        switches: Option<usize>,
+        budget: Option<u64>,
     ) -> Result<PlannedAdo, CampaignError> {
         // The same default as on the command line.
         let name = method.unwrap_or("switches");
@@ -138,7 +142,9 @@ impl Checker {
         &mut self,
         at: &ValuePath,
         world: usize,
-        (seeds, first_seed, decisions): (u64, u64, Option<u64>),
+        seeds: u64,
+        first_seed: u64,
+        decisions: Option<u64>,
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
         if seeds == 0 || seeds > MAX_TRAININGS {
             let what = format!("{seeds} trainings: there are 1 to {MAX_TRAININGS}");

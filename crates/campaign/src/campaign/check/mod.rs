@@ -176,7 +176,7 @@ impl Checker {
         let mut units: Vec<Unit> = Vec::new();
         for world in 0..self.worlds.len() {
             let egos = self.egos(world, &file.egos)?;
-            let ados = self.ados(world, (&file.worlds[world].ados, &file.ados))?;
+            let ados = self.ados(world, &file.worlds[world].ados, &file.ados)?;
             let count = starts.count(&self.worlds[world].1);
             for ego in &egos {
                 units.extend(ados.iter().map(|ado| Unit {

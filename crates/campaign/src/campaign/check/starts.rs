@@ -32,7 +32,7 @@ impl Checker {
             let place = at.to("axes").to(name);
             // The grid is shared by all worlds, so each of them must contain it.
             for (world, _) in &self.worlds {
-                self.axis(&place, world, (name, lo, hi))?;
+                self.axis(&place, world, name, lo, hi)?;
             }
             // A single value needs no range, but several values must differ.
             let sane = (1..=MAX_VALUES).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
@@ -72,7 +72,9 @@ impl Checker {
         &self,
         place: &ValuePath,
         world: &Scenario,
-        (name, lo, hi): (&str, f64, f64),
+        name: &str,
+        lo: f64,
+        hi: f64,
     ) -> Result<(), CampaignError> {
         let axes = world.axes();
         let Some(axis) = axes.iter().find(|axis| axis.name == name) else {
