@@ -1,5 +1,7 @@
 //! All roads of a world, and the crossings between the paths of its agents.
 
+use std::sync::OnceLock;
+
 use super::course::{Course, OnRoad, wrapped};
 use super::placement::{Direction, Priority};
 use crate::pose::Pose;
@@ -16,12 +18,13 @@ const ON_M: f64 = 1e-6;
 pub struct RoadNetwork {
     /// The world's own road, then the named ones in file order.
     courses: Vec<Course>,
-    /// Index of the course of each agent.
-    road_of: Vec<usize>,
+    /// Place of each agent across its road.
+    travellers: Vec<Traveller>,
     /// Crossings by pair of agents, in the order in which the first reaches them.
     ///
-    /// Paths on the same road never cross.
-    crossings: Vec<Vec<Vec<Crossing>>>,
+    /// They are searched when they are first read: the search of all pairs takes
+    /// longer than an episode, and few worlds read any.
+    crossings: Vec<OnceLock<Vec<Crossing>>>,
 }
 
 /// Place of an agent across its road, for the crossings of paths.
@@ -47,28 +50,15 @@ pub struct Crossing {
 impl RoadNetwork {
     /// Builds the network of the courses on which these agents travel.
     pub fn new(courses: Vec<Course>, travellers: &[Traveller]) -> RoadNetwork {
-        let line = |i: usize| TravelLine {
-            course: courses[travellers[i].road].clone(),
-            lateral_m: travellers[i].lateral_m,
-            direction: travellers[i].direction,
-        };
-        let crossings = |a: usize| {
-            let others = (0..travellers.len()).map(|b| {
-                if travellers[a].road == travellers[b].road {
-                    Vec::new()
-                } else {
-                    line(a).crossed_by(&line(b))
-                }
-            });
-            others.collect()
+        // Paths on the same road never cross.
+        let pairs = if courses.len() == 1 {
+            0
+        } else {
+            travellers.len() * travellers.len()
         };
         RoadNetwork {
-            crossings: if courses.len() == 1 {
-                Vec::new()
-            } else {
-                (0..travellers.len()).map(crossings).collect()
-            },
-            road_of: travellers.iter().map(|traveller| traveller.road).collect(),
+            crossings: vec![OnceLock::new(); pairs],
+            travellers: travellers.to_vec(),
             courses,
         }
     }
@@ -86,13 +76,13 @@ impl RoadNetwork {
     /// Returns the course of an agent's road.
     #[inline]
     pub fn course_of(&self, agent: usize) -> &Course {
-        &self.courses[self.road_of[agent]]
+        &self.courses[self.travellers[agent].road]
     }
 
     /// Returns whether two agents are on the same road.
     #[inline]
     pub fn share_road(&self, a: usize, b: usize) -> bool {
-        self.road_of[a] == self.road_of[b]
+        self.travellers[a].road == self.travellers[b].road
     }
 
     /// Returns the road coordinates of an agent in a pose.
@@ -102,29 +92,50 @@ impl RoadNetwork {
     }
 
     /// Returns the crossings of `a` with `b`, in the order in which `a` arrives.
+    ///
+    /// Empty for an unknown agent, and for agents on the same road.
     pub fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
-        let of_a = self.crossings.get(a).and_then(|all| all.get(b));
-        of_a.map_or(&[], Vec::as_slice)
+        let agents = self.travellers.len();
+        let known = a < agents && b < agents;
+        let found = known.then(|| self.crossings.get(a * agents + b)).flatten();
+        let Some(found) = found.filter(|_| !self.share_road(a, b)) else {
+            return &[];
+        };
+        found.get_or_init(|| self.line(a).crossed_by(&self.line(b)))
+    }
+
+    /// Returns the path of an agent.
+    fn line(&self, agent: usize) -> TravelLine<'_> {
+        let Traveller {
+            road,
+            lateral_m,
+            direction,
+        } = self.travellers[agent];
+        TravelLine {
+            course: &self.courses[road],
+            lateral_m,
+            direction,
+        }
     }
 }
 
 /// A line beside a course, driven in a direction.
-struct TravelLine {
-    course: Course,
+struct TravelLine<'a> {
+    course: &'a Course,
     lateral_m: f64,
     direction: Direction,
 }
 
-impl TravelLine {
+impl TravelLine<'_> {
     /// Returns the offset of a point of the other path to the left of this path.
-    fn offset_m(&self, other: &TravelLine, s_m: f64) -> f64 {
+    fn offset_m(&self, other: &TravelLine<'_>, s_m: f64) -> f64 {
         let at = other.course.pose(s_m, other.lateral_m);
         self.course.locate(&at).lateral_m - self.lateral_m
     }
 
     /// Returns the least distance of a point of the other path, and its offset to the
     /// left of this path.
-    fn seen_m(&self, other: &TravelLine, s_m: f64) -> (f64, f64) {
+    fn seen_m(&self, other: &TravelLine<'_>, s_m: f64) -> (f64, f64) {
         let at = other.course.pose(s_m, other.lateral_m);
         let (away_m, on) = self.course.nearest(&at);
         (away_m - self.lateral_m.abs(), on.lateral_m - self.lateral_m)
@@ -133,7 +144,7 @@ impl TravelLine {
     /// Returns the crossings with another path, in driving order.
     ///
     /// Follows the other path and detects where it changes sides.
-    fn crossed_by(&self, other: &TravelLine) -> Vec<Crossing> {
+    fn crossed_by(&self, other: &TravelLine<'_>) -> Vec<Crossing> {
         let steps = (other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M;
         let steps = steps.ceil() as usize;
         let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
@@ -166,7 +177,7 @@ impl TravelLine {
     /// Returns `None` if the sign changes at a bend far from this road.
     fn crossing(
         &self,
-        other: &TravelLine,
+        other: &TravelLine<'_>,
         (mut from_m, mut to_m): (f64, f64),
         from_right: bool,
     ) -> Option<Crossing> {
