@@ -8,15 +8,15 @@ use serde_json::json;
 use super::failure::Note;
 use super::new_from_log::{self, FromLogArgs};
 use super::{Common, Exit, Failure, new_world, print_json, terminal};
-use crate::openx::import::{DroppedElements, EgoEvent, Import, ImportError, Imported};
+use crate::openx::import::{
+    DroppedElements, EgoEvent, Import, ImportError, Imported, ImportedWorld,
+};
 use crate::ron_file::{ScenarioError, file_text};
 use crate::run_dir::write_file;
 use crate::world::Scenario;
 
 /// Problems of a scenario that are printed.
-const MOST_NOTES: usize = 50;
-/// Characters of a line of a world that are printed.
-const MOST_CHARS: usize = 120;
+pub(super) const MOST_NOTES: usize = 50;
 /// Help of a problem without one of its own.
 const LIST: &str = "what is read is in docs/reference/protocols.md";
 
@@ -133,6 +133,7 @@ fn map_of(text: &String) -> Result<(String, PathBuf), Failure> {
 fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
+    new_world::text_named(&stem)?;
     let maps: Vec<_> = args.map.iter().map(map_of).collect::<Result<_, _>>()?;
     let import = Import {
         scenario: from,
@@ -152,6 +153,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         ego_events,
     } = import.read(&file_text)?;
     let mut files = Vec::new();
+    let mut refused = Vec::new();
     for world in &worlds {
         let path = named.with_file_name(format!("{}.ron", world.name));
         let file = path.display().to_string();
@@ -162,8 +164,13 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
             ));
         }
         // A text that brakecheck would refuse must not reach the disk.
-        Scenario::parse(&file, &world.text).map_err(|error| refused_world(from, &error))?;
+        if let Err(error) = Scenario::parse(&file, &world.text) {
+            refused.extend(refused_world(from, world, &error));
+        }
         files.push((path, file));
+    }
+    if !refused.is_empty() {
+        return Err(Failure::of(Exit::Input, refused));
     }
     // All checks are done, so the files of a protocol appear together.
     for ((path, _), world) in files.iter().zip(&worlds) {
@@ -217,24 +224,12 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Error of a scenario whose world is refused, in words of the scenario.
-///
-/// The world is not written, so no place in it helps.
-fn refused_world(from: &Path, error: &ScenarioError) -> Failure {
-    let from = from.display();
-    let notes = error.problems.iter().map(|problem| {
-        let help = problem.help.clone();
-        let help = help.unwrap_or_else(|| "change the numbers that lead to it".to_owned());
-        let (line, _) = error.line_column(problem.span.start);
-        let line = error.text.lines().nth(line - 1).unwrap_or_default().trim();
-        let line: String = line.chars().take(MOST_CHARS).collect();
-        let what = format!(
-            "`{from}` becomes a world that is not allowed: {}, in `{line}`",
-            problem.what
-        );
-        Note::new(&what, Some(&help))
-    });
-    Failure::of(Exit::Input, notes.collect())
+/// Problems of a scenario whose world is refused, by the elements that lead to them.
+fn refused_world(from: &Path, world: &ImportedWorld, error: &ScenarioError) -> Vec<Note> {
+    new_world::refused(error, |offset, what| match world.refused(offset, what) {
+        Some(error) => error.headline(),
+        None => format!("`{}`: {what}", from.display()),
+    })
 }
 
 /// Elements of a kind that have no effect, and where the first of them is.
@@ -255,6 +250,19 @@ impl From<ImportError> for Failure {
             let help = error.help.as_deref().unwrap_or(LIST);
             Note::new(&error.headline(), Some(help))
         });
-        Failure::of(Exit::Input, notes.collect())
+        let mut notes: Vec<Note> = notes.collect();
+        let further = error.all().count() - notes.len();
+        if further > 0 {
+            let what = format!("{further} further problems");
+            notes.push(Note::new(&what, Some("mend those above first")));
+        }
+        if let Some(part) = error.unread_part() {
+            let what = format!("not read so far: {part}");
+            notes.push(Note::new(
+                &what,
+                Some("mend the above first: this may have problems, too"),
+            ));
+        }
+        Failure::of(Exit::Input, notes)
     }
 }

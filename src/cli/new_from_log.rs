@@ -117,6 +117,7 @@ pub(super) fn run(
 /// Returns a path and its text for each world, all of them free and each world sound.
 fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<(PathBuf, String)>, Failure> {
     let mut files = Vec::new();
+    let mut refused = Vec::new();
     for world in &recorded.worlds {
         let path = folder.join(format!("{}.ron", world.name));
         let file = path.display().to_string();
@@ -127,10 +128,29 @@ fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<(PathBuf, St
             ));
         }
         // A text that brakecheck would refuse must not reach the disk.
-        Scenario::parse(&file, &world.text)?;
+        if let Err(error) = Scenario::parse(&file, &world.text) {
+            let situation = place_of(world);
+            let place = |_, what: &str| format!("{situation}: {what}");
+            refused.extend(new_world::refused(&error, place));
+        }
         files.push((path, file));
     }
-    Ok(files)
+    if refused.is_empty() {
+        Ok(files)
+    } else {
+        Err(Failure::of(Exit::Input, refused))
+    }
+}
+
+/// Place of the first situation of a world in its recording.
+fn place_of(world: &RecordedWorld) -> String {
+    match world.situations.first() {
+        Some(first) => format!(
+            "`{}`, {:.2} s after its first sample, `{}` as the ego and `{}` beside it",
+            first.source, first.time_s, first.replaced, first.planned
+        ),
+        None => format!("`{}`", world.name),
+    }
 }
 
 fn nothing(args: &FromLogArgs, kind: SituationKind, recorded: &RecordedWorlds) -> Failure {

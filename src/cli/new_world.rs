@@ -1,7 +1,13 @@
-//! Small world that `brakecheck new NAME` writes.
+//! Worlds that `brakecheck new` writes: the small one, and the problems of others.
 
 use super::Failure;
+use super::failure::Note;
+use super::new::MOST_NOTES;
+use crate::ron_file::ScenarioError;
 use crate::world::Scenario;
+
+/// Characters of a line of a world that are printed.
+const MOST_CHARS: usize = 120;
 
 /// Text of the new world, without its name.
 const WORLD: &str = include_str!("new_world.ron");
@@ -20,4 +26,24 @@ pub(super) fn text_named(name: &str) -> Result<String, Failure> {
             "at most 64 letters, digits, _ and -: files are named after it",
         )),
     }
+}
+
+/// Returns the problems of a world that is made of another file, and so is not written.
+///
+/// No place in its text helps. `in_file` states the place of the other file that leads
+/// to an offset of the text, with the problem.
+pub(super) fn refused(error: &ScenarioError, in_file: impl Fn(usize, &str) -> String) -> Vec<Note> {
+    let notes = error.problems.iter().map(|problem| {
+        let (line, _) = error.line_column(problem.span.start);
+        let line = error.text.lines().nth(line - 1).unwrap_or_default().trim();
+        let line: String = line.chars().take(MOST_CHARS).collect();
+        let what = format!(
+            "a world does not allow what this leads to: {}, in `{line}`",
+            problem.what
+        );
+        let help = problem.help.as_deref();
+        let help = help.unwrap_or("change the numbers that lead to it");
+        Note::new(&in_file(problem.span.start, &what), Some(help))
+    });
+    notes.take(MOST_NOTES).collect()
 }

@@ -4,6 +4,10 @@
 //! The places are those of the laws of OpenSCENARIO; esmini has them to one of its
 //! steps of 0.01 s.
 
+#[path = "imports/blockers.rs"]
+mod blockers;
+#[path = "imports/hostile.rs"]
+mod hostile;
 #[path = "imports/limits.rs"]
 mod limits;
 #[path = "imports/places.rs"]

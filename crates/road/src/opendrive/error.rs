@@ -1,5 +1,6 @@
 //! Import errors and their places.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,8 @@ pub struct ImportError {
     pub is_of_point: bool,
     /// True if another problem is the cause, beside which this one says nothing new.
     pub follows: bool,
+    /// Part of the files that is only read once this problem is mended.
+    pub unread: Option<&'static str>,
     /// Further problems, in the order of the file.
     pub more: Vec<ImportError>,
 }
@@ -34,12 +37,13 @@ impl fmt::Display for ImportError {
         for error in &self.more {
             write!(f, "\n{}", error.headline())?;
         }
-        Ok(())
+        self.unread_part()
+            .map_or(Ok(()), |part| write!(f, "\nnot read before that: {part}"))
     }
 }
 
 /// Problems of an import, so that one message names them all.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Blockers(Vec<ImportError>);
 
 impl Blockers {
@@ -54,6 +58,11 @@ impl Blockers {
                 None
             }
         }
+    }
+
+    /// Keeps an error.
+    pub fn add(&mut self, error: ImportError) {
+        self.keep::<()>(Err(error));
     }
 
     /// Returns whether there is no problem so far.
@@ -71,9 +80,10 @@ impl Blockers {
         if all.iter().any(|error| !error.follows) {
             all.retain(|error| !error.follows);
         }
+        let mut known = BTreeSet::new();
+        all.retain(|it| known.insert((it.what.clone(), it.file.clone(), it.element.clone())));
         let line = |error: &ImportError| error.element.as_ref().map_or(0, |it| it.1);
         all.sort_by(|a, b| (&a.file, line(a)).cmp(&(&b.file, line(b))));
-        all.dedup_by(|a, b| (&a.what, &a.file, &a.element) == (&b.what, &b.file, &b.element));
         let mut all = all.into_iter();
         let Some(mut first) = all.next() else {
             return Ok(());
@@ -95,6 +105,17 @@ impl ImportError {
     /// Returns all problems of the error, this one first.
     pub fn all(&self) -> impl Iterator<Item = &ImportError> {
         std::iter::once(self).chain(&self.more)
+    }
+
+    /// Returns the first part of the files that is only read after a problem is mended.
+    pub fn unread_part(&self) -> Option<&'static str> {
+        self.all().find_map(|error| error.unread)
+    }
+
+    /// Returns the error as one without which a part of the files is not read.
+    pub fn before(mut self, part: &'static str) -> ImportError {
+        self.unread = Some(part);
+        self
     }
 
     /// Returns the error as the effect of another problem, if it is one.
@@ -183,6 +204,7 @@ impl At {
             help: None,
             is_of_point: false,
             follows: false,
+            unread: None,
             more: Vec::new(),
         }
     }

@@ -26,6 +26,8 @@ const MOST_PER_M: f64 = 0.5;
 /// that it ends.
 const ROUND_M: f64 = 8.0;
 const BEFORE_M: f64 = 60.0;
+/// Greatest number of roads and sections of a way.
+const MOST_PARTS: usize = 10_000;
 /// Curvature in 1/m below which a piece is a line.
 const LINE_PER_M: f64 = 1e-9;
 
@@ -59,12 +61,20 @@ impl RoadMap {
         let mut all: Vec<LaneStretch> = Vec::new();
         let mut next = Some((at.road.clone(), (at.lane, at.forward), Some(at.s_m)));
         let mut left_m = reach_m;
+        let mut parts = 0;
         let mut route = route.iter().skip_while(|id| **id == at.road).peekable();
         while let Some((id, lane, from_m)) = next.take() {
             let road = self.road(asks, &id)?;
             while route.next_if(|wanted| **wanted == id).is_some() {}
             let (lane, forward) = lane;
             let (stretches, end_lane) = through(road, &id, (lane, forward), from_m);
+            // Roads without a length, or nearly so, may link to each other in a circle.
+            parts += 1 + stretches.len();
+            if parts > MOST_PARTS {
+                let what = format!("more than {MOST_PARTS} roads and sections on {reach_m:.0} m");
+                let help = "link roads of some length, in no circle of shorter ones";
+                return Err(road.node.refused(what, help));
+            }
             for stretch in stretches {
                 let stretch = stretch.cut(left_m);
                 left_m -= stretch.length_m();

@@ -1,5 +1,7 @@
 //! Lanes of roads: sections, widths and offsets along the reference line.
 
+use std::collections::BTreeSet;
+
 use super::curve::{Cubic, begun};
 use super::error::ImportError;
 use super::scope::ParameterScope;
@@ -8,6 +10,8 @@ use super::tree::XmlNode;
 /// Greatest number of lanes of a section, and of sections or offsets of a road.
 const MOST_LANES: usize = 200;
 const MOST_SECTIONS: usize = 5_000;
+/// Width in metres by which rounding may take a lane below 0.
+const SAME_M: f64 = 0.1;
 
 /// Lane of a section.
 #[derive(Clone, Debug)]
@@ -42,6 +46,29 @@ impl OpenDriveLaneSection {
     pub(crate) fn lane(&self, id: i32) -> Option<&SectionLane> {
         self.lanes.iter().find(|lane| lane.id == id)
     }
+
+    /// Refuses lanes of one number, and widths below 0 up to the end of the section.
+    fn sound(&self, node: &XmlNode, to_m: f64) -> Result<(), ImportError> {
+        let mut known = BTreeSet::new();
+        for lane in &self.lanes {
+            if !known.insert(lane.id) {
+                let what = format!("it has a second lane {}", lane.id);
+                return Err(node.refused(what, "give each lane a number of its own"));
+            }
+            let begins_m = lane.widths.iter().map(|it| it.from_m);
+            let ends_m = begins_m.clone().skip(1).chain([to_m]);
+            for (width, ends_m) in lane.widths.iter().zip(ends_m) {
+                let least_m = width
+                    .at(width.from_m)
+                    .min(width.at(ends_m.max(width.from_m)));
+                if least_m < -SAME_M {
+                    let what = format!("its lane {} has a width of {least_m:.3} m", lane.id);
+                    return Err(node.refused(what, "keep widths at 0 or above"));
+                }
+            }
+        }
+        Ok(())
+    }
 }
 
 impl RoadLanes {
@@ -49,7 +76,7 @@ impl RoadLanes {
     pub fn of(
         road: &XmlNode,
         lanes: &XmlNode,
-        refused: &mut Option<ImportError>,
+        (length_m, refused): (f64, &mut Option<ImportError>),
     ) -> Result<RoadLanes, ImportError> {
         for name in ["laneOffset", "laneSection"] {
             few(lanes, lanes.all(name).count(), (name, MOST_SECTIONS))?;
@@ -69,8 +96,23 @@ impl RoadLanes {
                 lanes: lanes.collect::<Result<_, ImportError>>()?,
             })
         });
+        let sections = sections.collect::<Result<Vec<_>, ImportError>>()?;
+        for (node, pair) in lanes.all("laneSection").skip(1).zip(sections.windows(2)) {
+            if pair[1].s_m < pair[0].s_m {
+                let what = format!("it begins at {} m, before the one ahead of it", pair[1].s_m);
+                let help = "order the sections by their `s`";
+                refused.get_or_insert_with(|| node.refused(what, help));
+            }
+        }
+        let ends_m = sections.iter().skip(1).map(|it| it.s_m);
+        let ends_m = ends_m.chain([length_m]);
+        for ((node, section), to_m) in lanes.all("laneSection").zip(&sections).zip(ends_m) {
+            if let Err(error) = section.sound(node, to_m) {
+                refused.get_or_insert(error);
+            }
+        }
         Ok(RoadLanes {
-            sections: sections.collect::<Result<_, ImportError>>()?,
+            sections,
             offsets: offsets.collect::<Result<_, ImportError>>()?,
             banks: banks.collect::<Result<_, ImportError>>()?,
         })
@@ -210,7 +252,11 @@ fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError>
 }
 
 /// Refuses an element with more parts of a name than are read.
-fn few(node: &XmlNode, count: usize, (name, most): (&str, usize)) -> Result<(), ImportError> {
+pub(super) fn few(
+    node: &XmlNode,
+    count: usize,
+    (name, most): (&str, usize),
+) -> Result<(), ImportError> {
     if count <= most {
         return Ok(());
     }

@@ -112,6 +112,12 @@ pub(crate) fn pieces_of(
         }
         pieces.extend(added);
     }
+    // A piece without a length has no place on it, and a world refuses it.
+    let first = pieces.first().copied();
+    pieces.retain(|piece| piece.length_m > 0.0);
+    if pieces.is_empty() {
+        pieces.extend(first);
+    }
     Ok(pieces)
 }
 

@@ -7,8 +7,8 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeMap;
 
 use super::curve::{Cubic, begun, self_overlap_m};
-use super::error::ImportError;
-use super::lanes::{RoadLanes, heights_of};
+use super::error::{Blockers, ImportError};
+use super::lanes::{RoadLanes, few, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
 use super::reference_line::{MEET_M, MOST_ROAD_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
@@ -18,6 +18,8 @@ use crate::pose::{Pose, wrapped};
 
 /// Greatest number of lines and arcs of all roads of a file.
 const MOST_PIECES: usize = 200_000;
+/// Greatest number of signals of a road.
+const MOST_SIGNALS: usize = 5_000;
 
 /// Road: reference line and lanes.
 #[derive(Clone, Debug)]
@@ -70,6 +72,8 @@ impl OnLane {
 #[derive(Clone, Debug, Default)]
 pub struct RoadMap {
     roads: BTreeMap<String, ImportedRoad>,
+    /// True for a file that another message refuses.
+    is_unread: bool,
     pub(crate) junctions: Junctions,
     controllers: BTreeMap<String, Vec<String>>,
 }
@@ -87,29 +91,51 @@ impl RoadMap {
     pub fn of(root: &XmlNode) -> Result<RoadMap, ImportError> {
         let mut roads: BTreeMap<String, ImportedRoad> = BTreeMap::new();
         let mut pieces = 0;
+        let mut blockers = Blockers::default();
         for node in root.all("road") {
-            let id = node.need("id")?.to_owned();
-            let road = ImportedRoad::of(node)?;
+            let id = blockers.keep(node.need("id"));
+            let road = blockers.keep(ImportedRoad::of(node));
+            let Some((id, road)) = id.zip(road) else {
+                continue;
+            };
             pieces += road.pieces.len();
             if MOST_PIECES < pieces {
                 let what = format!("the roads have more than {MOST_PIECES} lines and arcs so far");
                 let help = "cut out the roads that the scenario uses";
                 return Err(node.refused(what, help));
             }
-            if let Some(first) = roads.get(&id) {
+            if let Some(first) = roads.get(id) {
                 let what = format!(
                     "a second road `{id}`, after that of line {}",
                     first.node.line
                 );
-                return Err(node.refused(what, "give each road an id of its own"));
+                blockers.add(node.refused(what, "give each road an id of its own"));
+                continue;
             }
-            roads.insert(id, road);
+            roads.insert(id.to_owned(), road);
         }
+        let junctions = blockers.keep(Junctions::of(root));
+        let controllers = blockers.keep(controllers(root));
+        blockers.none()?;
         Ok(RoadMap {
             roads,
-            junctions: Junctions::of(root)?,
-            controllers: controllers(root)?,
+            is_unread: false,
+            junctions: junctions.unwrap_or_default(),
+            controllers: controllers.unwrap_or_default(),
         })
+    }
+
+    /// Returns the roads of a file that another message refuses: none.
+    pub fn unread() -> RoadMap {
+        RoadMap {
+            is_unread: true,
+            ..RoadMap::default()
+        }
+    }
+
+    /// Returns whether another message refuses the file.
+    pub fn is_unread(&self) -> bool {
+        self.is_unread
     }
 
     /// Returns a road by its id.
@@ -223,7 +249,8 @@ impl RoadMap {
             let known = self.roads.keys().take(10).map(String::as_str);
             let known = known.collect::<Vec<_>>().join(", ");
             let help = format!("the roads of the file: {known}");
-            asks.refused(format!("there is no road `{id}`"), &help)
+            let error = asks.refused(format!("there is no road `{id}`"), &help);
+            error.following(self.is_unread)
         })?;
         match &road.refused {
             Some(error) => Err(error.clone()),
@@ -252,6 +279,10 @@ impl ImportedRoad {
             let help = "make both the same";
             refused.get_or_insert_with(|| road.refused(what, help));
         }
+        let signals = road.all("signals").map(|it| it.children.len()).sum();
+        if let Err(error) = few(road, signals, ("signal", MOST_SIGNALS)) {
+            refused.get_or_insert(error);
+        }
         let lanes = road.inner("lanes")?;
         let mut line = ImportedRoad {
             overlaps_itself: false,
@@ -259,7 +290,7 @@ impl ImportedRoad {
             node: road.clone(),
             length_m,
             pieces,
-            lanes: RoadLanes::of(road, lanes, &mut refused)?,
+            lanes: RoadLanes::of(road, lanes, (length_m, &mut refused))?,
             heights_m: heights_of(road)?,
             links: RoadLink::both(road)?,
             is_left_hand: road.raw("rule") == Some("LHT"),

@@ -31,15 +31,16 @@ const SOON_S: f64 = 1.0;
 
 /// Reads the acts into the steps of the entities, and removes deleted entities.
 ///
-/// Returns the time in seconds at which an act stops, if one does.
+/// Returns the time in seconds at which an act stops, if one does, and the names of
+/// entities with an event that is not read, which are removed, too.
 ///
 /// `friction_scale` is that of the Init, which no act may change.
 pub(super) fn acts(
     board: &XmlNode,
     scope: &ParameterScope,
     (ground, friction_scale): (PositionContext<'_>, f64),
-    entities: &mut Vec<ImportedEntity>,
-) -> Result<Option<f64>, ImportError> {
+    (entities, blockers): (&mut Vec<ImportedEntity>, &mut Blockers),
+) -> (Option<f64>, Vec<String>) {
     let mut reader = Reader {
         ground,
         friction_scale,
@@ -52,31 +53,36 @@ pub(super) fn acts(
     };
     for story in board.all("Story") {
         let declared = story.child("ParameterDeclarations");
-        let own = ParameterScope::declared(declared, scope, &[])?;
+        let own = ParameterScope::declared(declared, scope, &[]);
+        let Some(own) = reader.blockers.keep(own) else {
+            continue;
+        };
         for act in story.all("Act") {
             let read = reader.act(act, &own);
             reader.blockers.keep(read);
         }
     }
     // Checked last, since a later act may contain the lane change.
-    let stay = reader.lanes_stay();
-    reader.blockers.keep(stay);
+    reader.lanes_stay();
     let Reader {
         scripts,
         gone,
         stop_s,
-        blockers,
+        blockers: found,
         ..
     } = reader;
-    blockers.none()?;
+    blockers.keep(found.none());
+    let is_broken = |it: &&EntityScript| it.is_broken && it.name != ground.ego.name;
+    let broken = scripts.iter().filter(is_broken);
+    let broken: Vec<String> = broken.map(|it| it.name.clone()).collect();
     for (entity, script) in entities.iter_mut().zip(scripts) {
         entity.steps = script.steps;
         entity.approach = script.approach;
         entity.gap_m = script.gap_m;
         entity.placed = script.placed;
     }
-    entities.retain(|it| !gone.contains(&it.name));
-    Ok(stop_s.is_finite().then_some(stop_s))
+    entities.retain(|it| !gone.contains(&it.name) && !broken.contains(&it.name));
+    (stop_s.is_finite().then_some(stop_s), broken)
 }
 
 struct Reader<'a> {
@@ -97,8 +103,8 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
-        let actions = moving(context.event, (context.actors, context.scope), self.ground)?;
-        if actions.is_empty() {
+        let (actions, is_read) = self.moving(context.event, (context.actors, context.scope));
+        if actions.is_empty() && is_read {
             return Ok(());
         }
         self.blockers.keep(happens_once(context));
@@ -106,14 +112,20 @@ impl Reader<'_> {
         for (kind, inner) in &actions {
             match kind.name.as_str() {
                 "PrivateAction" => moved.push(*inner),
-                "GlobalAction" => self.global(context, inner)?,
+                "GlobalAction" => {
+                    let read = self.global(context, inner);
+                    self.blockers.keep(read);
+                }
                 _ => {
-                    return Err(kind.refused(
-                        "an action of this kind is not read",
-                        "leave it out: what moves anybody is a `PrivateAction`",
-                    ));
+                    let help = "leave it out: what moves anybody is a `PrivateAction`";
+                    let what = "an action of this kind is not read";
+                    self.blockers.add(kind.refused(what, help));
                 }
             }
+        }
+        if !is_read {
+            self.leave_unread(context, &moved);
+            return Ok(());
         }
         if moved.is_empty() {
             return Ok(());
@@ -126,21 +138,24 @@ impl Reader<'_> {
                 if !self.ground.ego.is_left {
                     let help = "--leave-ego leaves its events to your controller and lists them";
                     let what = "the ego has a motion of its own";
-                    return Err(moved[0].refused(what, help));
+                    self.blockers.add(moved[0].refused(what, help));
+                    continue;
                 }
                 self.ground.ego.leave(context.event);
                 continue;
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);
-            let known = known.ok_or_else(|| {
+            let Some(known) = known else {
                 let help = "name an entity that the Init places";
-                let error = context
-                    .event
-                    .refused(format!("no agent is called `{actor}`"), help);
-                error.following(self.ground.unplaced.contains(actor))
-            })?;
+                let what = format!("no agent is called `{actor}`");
+                let error = context.event.refused(what, help);
+                let follows = self.ground.unplaced.contains(actor);
+                self.blockers.add(error.following(follows));
+                self.probe(None, context, &moved);
+                continue;
+            };
             if self.scripts[known].is_broken {
-                self.probe(known, context, &moved);
+                self.probe(Some(known), context, &moved);
                 continue;
             }
             let read = self.step(known, context, &moved);
@@ -154,13 +169,30 @@ impl Reader<'_> {
         Ok(())
     }
 
+    /// Goes on without an event that has an action that is not read.
+    fn leave_unread(&mut self, context: &EventContext<'_>, actions: &[&XmlNode]) {
+        for actor in context.actors {
+            let known = self.scripts.iter().position(|it| it.name == *actor);
+            self.probe(known, context, actions);
+            if let Some(known) = known {
+                self.scripts[known].is_broken = true;
+            }
+        }
+        // What waits for the event is no problem of its own.
+        let elements = StoryElement::of("event", context.event);
+        self.begun.extend(elements.map(|it| (it, context.begins_s)));
+    }
+
     /// Reads an event of an entity for its problems only.
     ///
     /// The steps before it are not known, so its place among them is not checked.
-    fn probe(&mut self, who: usize, context: &EventContext<'_>, actions: &[&XmlNode]) {
+    fn probe(&mut self, who: Option<usize>, context: &EventContext<'_>, actions: &[&XmlNode]) {
         let known = (self.ground, &self.begun[..]);
         let start = starts(context.event, context.scope, context.begins_s, known);
         self.blockers.keep(start);
+        let Some(who) = who else {
+            return;
+        };
         let mut step = ImportedStep::default();
         // These need the place and the speed that the entity has by then.
         let depends = |action: &XmlNode| {
@@ -172,6 +204,25 @@ impl Reader<'_> {
             let read = self.action(who, context, action, true, &mut step);
             self.blockers.keep(read);
         }
+    }
+
+    /// Actions of an event that move an entity, each with its containing element, and
+    /// whether all are read.
+    fn moving<'a>(
+        &mut self,
+        event: &'a XmlNode,
+        (actors, scope): (&[String], &ParameterScope),
+    ) -> (Vec<(&'a XmlNode, &'a XmlNode)>, bool) {
+        let is_free = !actors.iter().any(|it| self.ground.is_steered(it));
+        let mut all = Vec::new();
+        let mut is_read = true;
+        for action in event.all("Action") {
+            match self.blockers.keep(moving(action, scope, is_free)) {
+                Some(action) => all.extend(action),
+                None => is_read = false,
+            }
+        }
+        (all, is_read)
     }
 
     fn global(&mut self, context: &EventContext<'_>, it: &XmlNode) -> Result<(), ImportError> {
@@ -261,31 +312,25 @@ impl Reader<'_> {
     }
 }
 
-/// Actions of an event that move an entity, each with its containing element.
+/// An action that moves an entity, with its containing element, or `None` for others.
 fn moving<'a>(
-    event: &'a XmlNode,
-    (actors, scope): (&[String], &ParameterScope),
-    ground: PositionContext<'_>,
-) -> Result<Vec<(&'a XmlNode, &'a XmlNode)>, ImportError> {
-    let is_free = !actors.iter().any(|it| ground.is_steered(it));
-    let mut moving = Vec::new();
-    for action in event.all("Action") {
-        // A second one would be lost without a word.
-        if let Some(further) = action.children.get(1) {
-            let help = "give each its own `Action` in this event";
-            return Err(further.refused("an `Action` with more than one part is not read", help));
-        }
-        // An action without content does nothing.
-        let kind = action.children.first();
-        let Some(kind) = kind.filter(|it| !it.children.is_empty()) else {
-            continue;
-        };
-        let inner = kind.only()?;
-        if !is_still(inner, scope, is_free)? {
-            moving.push((kind, inner));
-        }
+    action: &'a XmlNode,
+    scope: &ParameterScope,
+    is_free: bool,
+) -> Result<Option<(&'a XmlNode, &'a XmlNode)>, ImportError> {
+    // A second one would be lost without a word.
+    if let Some(further) = action.children.get(1) {
+        let help = "give each its own `Action` in this event";
+        return Err(further.refused("an `Action` with more than one part is not read", help));
     }
-    Ok(moving)
+    // An action without content does nothing.
+    let kind = action.children.first();
+    let Some(kind) = kind.filter(|it| !it.children.is_empty()) else {
+        return Ok(None);
+    };
+    let inner = kind.only()?;
+    let is_still = is_still(inner, scope, is_free)?;
+    Ok((!is_still).then_some((kind, inner)))
 }
 
 /// Whether actions of an event act along the path and across it.

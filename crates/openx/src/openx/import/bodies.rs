@@ -3,7 +3,7 @@
 //! A file states boxes and axles. Masses and springs that it omits get typical
 //! values.
 
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::sim::Body;
@@ -28,6 +28,8 @@ pub(super) struct ImportedBody {
     pub most_mps: f64,
     /// Greatest acceleration and deceleration, in m/s².
     pub most_mps2: (f64, f64),
+    /// Place of the body in the files.
+    pub at: At,
 }
 
 impl ImportedBody {
@@ -129,6 +131,7 @@ impl ImportedBody {
             width_m,
             front_m,
             on_foot,
+            at: entity.at(),
         })
     }
 

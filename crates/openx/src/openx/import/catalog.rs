@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::dropped::DropLog;
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::files::Files;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
@@ -24,21 +24,23 @@ pub(super) struct Catalogs {
     /// Log of the elements of catalog entries that have no effect.
     dropped: Rc<DropLog>,
     read: RefCell<BTreeMap<String, Rc<XmlNode>>>,
+    /// Problems of the list of directories.
+    blockers: Blockers,
 }
 
 impl Catalogs {
-    pub(super) fn of(
-        root: &XmlNode,
-        beside: &Path,
-        dropped: Rc<DropLog>,
-    ) -> Result<Catalogs, ImportError> {
+    pub(super) fn of(root: &XmlNode, beside: &Path, dropped: Rc<DropLog>) -> Catalogs {
         let mut directories = Vec::new();
+        let mut blockers = Blockers::default();
         for location in root
             .child("CatalogLocations")
             .into_iter()
             .flat_map(|it| &it.children)
         {
-            let directory = location.inner("Directory")?.need("path")?;
+            let path = location.inner("Directory").and_then(|it| it.need("path"));
+            let Some(directory) = blockers.keep(path) else {
+                continue;
+            };
             directories.push(beside.join(directory));
             // Some players begin every path beside the scenario.
             let relative = directory.trim_start_matches('/');
@@ -46,11 +48,17 @@ impl Catalogs {
                 directories.push(beside.join(relative));
             }
         }
-        Ok(Catalogs {
+        Catalogs {
             directories,
             dropped,
             read: RefCell::default(),
-        })
+            blockers,
+        }
+    }
+
+    /// Returns the problems of the list of directories.
+    pub(super) fn sound(&self) -> Result<(), ImportError> {
+        self.blockers.clone().none()
     }
 
     /// Counts an element of any file that has no effect.

@@ -42,8 +42,11 @@ pub(super) struct Concrete {
     pub road_ends_m: f64,
     /// Time at which the file ends the run, if it states a time alone.
     pub stop_s: Option<f64>,
-    /// Place of the file, for later errors.
-    pub at: At,
+    /// Places of the end of the run, and of the ego's Init.
+    pub ends_at: At,
+    pub ego_at: At,
+    /// Entities that have a problem, and are left out.
+    pub unread: Vec<String>,
 }
 
 impl Concrete {
@@ -52,7 +55,7 @@ impl Concrete {
         let mut far = Vec::new();
         let others = self.entities.iter().filter(|it| !it.is_ego);
         for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
-            let left_m = self.station(&entity.placed)?.y_m;
+            let left_m = self.station(&entity.placed, &entity.at)?.y_m;
             let middle_m = self.lane_at(left_m) * self.lane_width_m;
             let is_far = |left_m: f64| MOST_ASIDE_M < left_m.abs();
             // It may stand beside the way of somebody who crosses the ego's road.
@@ -74,9 +77,10 @@ impl Concrete {
     ///
     /// # Errors
     ///
-    /// Returns an error for a place on another road than a bent one of the ego.
-    pub(super) fn in_frame(&self, placed: &Placed) -> Result<Pose, ImportError> {
-        let refused = |what: String| self.at.error(what);
+    /// Returns an error for a place on another road than a bent one of the ego. `at` is
+    /// the element that states the place.
+    pub(super) fn in_frame(&self, placed: &Placed, at: &At) -> Result<Pose, ImportError> {
+        let refused = |what: String| at.error(what);
         match &self.frame {
             RoadFrame::Straight(origin) => Ok(origin.sees(&placed.spot)),
             RoadFrame::Along(way) => Ok(match &placed.way {
@@ -141,22 +145,31 @@ impl Concrete {
     ///
     /// # Errors
     ///
-    /// Returns an error for a place on another road than a bent one of the ego.
-    pub(super) fn station(&self, placed: &Placed) -> Result<Pose, ImportError> {
+    /// Returns an error for a place on another road than a bent one of the ego. `at` is
+    /// the element that states the place.
+    pub(super) fn station(&self, placed: &Placed, at: &At) -> Result<Pose, ImportError> {
         let way = match &self.frame {
             // Places on the ego's own way have their station there.
             RoadFrame::Along(way) if !self.is_on_road(placed) => way,
-            _ => return self.in_frame(placed),
+            _ => return self.in_frame(placed, at),
         };
         let course = way
             .course()
-            .map_err(|what| self.at.error(what).helped(FOLDS))?;
-        let at = course.locate(&placed.spot);
+            .map_err(|what| self.ego_at.error(what).helped(FOLDS))?;
+        let on = course.locate(&placed.spot);
         Ok(Pose {
-            x_m: at.s_m,
-            y_m: at.lateral_m,
-            heading_rad: at.heading_rad,
+            x_m: on.s_m,
+            y_m: on.lateral_m,
+            heading_rad: on.heading_rad,
         })
+    }
+
+    /// Place of the ego's road in its file, or of the ego without one.
+    pub(super) fn road_at(&self) -> At {
+        let ego = self.entities.iter().find(|it| it.is_ego);
+        let lane = ego.and_then(|it| it.placed.lane.as_ref());
+        let road = lane.and_then(|at| self.roads.get(&at.road));
+        road.map_or_else(|| self.ego_at.clone(), |road| road.node.at())
     }
 
     /// Greatest curvature of the ego's lane 0, in 1/m.

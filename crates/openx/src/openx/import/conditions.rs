@@ -57,10 +57,9 @@ pub(super) fn formula(
         let found = all.iter().find(|it| it.entity.name == name);
         let what = format!("no agent is called `{name}`");
         found.ok_or_else(|| {
-            watch
-                .at
-                .error(what)
-                .helped("name an entity that the Init places")
+            let error = watch.at.error(what);
+            let error = error.helped("name an entity that the Init places");
+            error.following(concrete.unread.iter().any(|it| it == name))
         })
     };
     let target = match &watch.measure {
@@ -289,7 +288,7 @@ impl ConditionQuantity {
                 if concrete.bends_most_per_m() > STRAIGHT_PER_M {
                     return refused("a distance to a place on a bend is not read");
                 }
-                let place = concrete.station(place)?;
+                let place = concrete.station(place, &watch.at)?;
                 let along = format!("({} - {})", at.0, tidy(place.x_m));
                 let aside = format!("({} - {})", at.1, tidy(place.y_m));
                 let off = (who.spot.x_m - place.x_m, who.spot.y_m - place.y_m);

@@ -6,6 +6,8 @@
 
 use std::fmt::Write as _;
 
+use crate::opendrive::error::{At, ImportError};
+
 /// Greatest number of worlds of an import.
 pub(super) const MOST_WORLDS: usize = 1_000;
 
@@ -18,6 +20,17 @@ pub struct ImportedWorld {
     pub text: String,
     /// Indices in the variation file of its points, in the order of its table.
     pub points: Vec<usize>,
+    /// Elements of the files from which its parts come, by the offsets at which they begin.
+    places: Vec<(usize, At)>,
+}
+
+impl ImportedWorld {
+    /// Returns a problem of the text, from an offset on, as one of the element of the
+    /// files that leads to it.
+    pub fn refused(&self, offset: usize, what: &str) -> Option<ImportError> {
+        let begun = self.places.iter().rev().find(|(from, _)| *from <= offset);
+        begun.map(|(_, at)| at.error(what))
+    }
 }
 
 /// Part of a draft.
@@ -36,6 +49,8 @@ enum DraftPart {
     /// Greatest and least value of all points.
     Most(f64),
     Least(f64),
+    /// Element of the files from which what follows comes.
+    Mark(At),
 }
 
 /// Text with holes.
@@ -67,6 +82,11 @@ impl Draft {
             Some(DraftPart::Text(before)) => before.push_str(text),
             _ => self.parts.push(DraftPart::Text(text.to_owned())),
         }
+    }
+
+    /// States the element of the files from which what follows comes.
+    pub(super) fn mark(&mut self, at: &At) {
+        self.parts.push(DraftPart::Mark(at.clone()));
     }
 
     pub(super) fn hole(&mut self, axis: &str, value: f64) {
@@ -105,16 +125,12 @@ impl Draft {
                 },
             ) => a == b && m == n,
             (DraftPart::Most(_), DraftPart::Most(_))
-            | (DraftPart::Least(_), DraftPart::Least(_)) => true,
+            | (DraftPart::Least(_), DraftPart::Least(_))
+            | (DraftPart::Mark(_), DraftPart::Mark(_)) => true,
             _ => false,
         };
         let same_length = self.parts.len() == other.parts.len();
         same_length && self.parts.iter().zip(&other.parts).all(is_same)
-    }
-
-    /// Returns true if the longer of both runs ends before an entity leaves its road.
-    fn ends_with(&self, other: &Draft) -> bool {
-        self.until_s.max(other.until_s) <= self.leaves_s.min(other.leaves_s)
     }
 }
 
@@ -126,6 +142,24 @@ pub(super) fn tidy(value: f64) -> f64 {
     tidy + 0.0
 }
 
+/// Drafts that share a world.
+struct DraftGroup {
+    drafts: Vec<(usize, Draft)>,
+    /// Longest run of them, and earliest departure of an entity.
+    until_s: f64,
+    leaves_s: f64,
+}
+
+impl DraftGroup {
+    /// Returns true for a draft of the same text whose run, as the longest of the
+    /// others, ends before an entity of any of them leaves its road.
+    fn fits(&self, draft: &Draft) -> bool {
+        let until_s = self.until_s.max(draft.until_s);
+        let ends = until_s <= self.leaves_s.min(draft.leaves_s);
+        ends && self.drafts[0].1.is_like(draft)
+    }
+}
+
 /// Groups drafts into worlds, each with the points that share it.
 ///
 /// Several worlds are numbered from 1. Returns `None` for more than [`MOST_WORLDS`].
@@ -134,30 +168,36 @@ pub(super) fn worlds(
     source: &str,
     drafts: Vec<(usize, Draft)>,
 ) -> Option<Vec<ImportedWorld>> {
-    let mut groups: Vec<Vec<(usize, Draft)>> = Vec::new();
+    let mut groups: Vec<DraftGroup> = Vec::new();
     for (index, draft) in drafts {
-        let fits = |group: &&mut Vec<(usize, Draft)>| {
-            // The comparison with every member is needed: the longest run of a
-            // group must end before the earliest departure of any member.
-            group[0].1.is_like(&draft) && group.iter().all(|(_, it)| it.ends_with(&draft))
-        };
         let is_full = groups.len() == MOST_WORLDS;
-        let group = groups.iter_mut().find(fits);
+        let group = groups.iter_mut().find(|group| group.fits(&draft));
         match group {
-            Some(group) => group.push((index, draft)),
+            Some(group) => {
+                group.until_s = group.until_s.max(draft.until_s);
+                group.leaves_s = group.leaves_s.min(draft.leaves_s);
+                group.drafts.push((index, draft));
+            }
             None if is_full => return None,
-            None => groups.push(vec![(index, draft)]),
+            None => groups.push(DraftGroup {
+                until_s: draft.until_s,
+                leaves_s: draft.leaves_s,
+                drafts: vec![(index, draft)],
+            }),
         }
     }
     let several = 1 < groups.len();
-    let worlds = groups.iter().zip(1..).map(|(group, number)| {
+    let groups = groups.iter().map(|group| &group.drafts);
+    let worlds = groups.zip(1..).map(|(group, number)| {
         let name = if several {
             format!("{name}_{number}")
         } else {
             name.to_owned()
         };
+        let (text, places) = written(&name, source, group);
         ImportedWorld {
-            text: written(&name, source, group),
+            text,
+            places,
             points: group.iter().map(|(index, _)| *index).collect(),
             name,
         }
@@ -165,8 +205,8 @@ pub(super) fn worlds(
     Some(worlds.collect())
 }
 
-/// RON text of the world of a group of points.
-fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
+/// RON text of the world of a group of points, with the elements of its parts.
+fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> (String, Vec<(usize, At)>) {
     let mut text = format!(
         "// Imported by `brakecheck new --from`.\n\
          // The ego coasts as the protocol assumes: `brakecheck eval` with `--ego` or `-- COMMAND` tests yours.\n\
@@ -174,6 +214,7 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
          ego pass?\",\n    source: {source:?},\n"
     );
     let mut axes: Vec<(String, Vec<f64>)> = Vec::new();
+    let mut places = Vec::new();
     for (i, part) in group[0].1.parts.iter().enumerate() {
         // All drafts of a group have the same parts, so the index fits all of
         // them.
@@ -181,7 +222,7 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
             DraftPart::Hole { value, .. } | DraftPart::Most(value) | DraftPart::Least(value) => {
                 Some(value)
             }
-            DraftPart::Text(_) => None,
+            DraftPart::Text(_) | DraftPart::Mark(_) => None,
         });
         let (least, most) = values.clone().fold(
             (f64::INFINITY, f64::NEG_INFINITY),
@@ -190,6 +231,10 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
         // Writing to a string cannot fail.
         let _ = match part {
             DraftPart::Text(part) => write!(text, "{part}"),
+            DraftPart::Mark(at) => {
+                places.push((text.len(), at.clone()));
+                Ok(())
+            }
             DraftPart::Most(_) => write!(text, "{}", decimal(tidy(most))),
             DraftPart::Least(_) => write!(text, "{}", decimal(tidy(least))),
             DraftPart::Hole { .. } if least == most => write!(text, "{}", decimal(least)),
@@ -217,7 +262,7 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
         text.push_str("        ],\n    ),\n");
     }
     text.push_str(")\n");
-    text
+    (text, places)
 }
 
 /// Number with a decimal point, as in the RON files of the repository.

@@ -84,6 +84,8 @@ pub(super) struct ImportedStep {
     pub laws: Vec<ImportedLaw>,
     /// True if the next step may begin while a law across the path goes on.
     pub overlaps: bool,
+    /// Place of its event in the file, unless it is one of the Init.
+    pub at: Option<At>,
 }
 
 /// ConditionQuantity that a condition compares with a value.

@@ -56,7 +56,7 @@ fn course(concrete: &Concrete) -> Result<Course, ImportError> {
         pieces: concrete.pieces(f64::INFINITY),
     };
     let course = way.course();
-    course.map_err(|what| concrete.at.error(what).helped(FOLDS))
+    course.map_err(|what| concrete.ego_at.error(what).helped(FOLDS))
 }
 
 /// Clear length between the box of an entity and that of the ego behind it.

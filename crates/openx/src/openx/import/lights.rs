@@ -13,6 +13,8 @@ use crate::opendrive::tree::XmlNode;
 /// Step in seconds in which the end of schedules grows, so that points share a world.
 const STEP_S: f64 = 60.0;
 
+/// Greatest number of such steps.
+const MOST_STEPS: f64 = 200.0;
 /// Least duration of a cycle, and greatest of a phase.
 const LEAST_CYCLE_S: f64 = 0.5;
 const MOST_PHASE_S: f64 = 1e6;
@@ -212,7 +214,8 @@ impl LightCycle {
 impl ImportedLight {
     /// Returns the light in the form of a world file.
     pub(super) fn text(&self, until_s: f64) -> String {
-        let until_s = (until_s / STEP_S).ceil() * STEP_S;
+        // A world refuses longer runs.
+        let until_s = (until_s / STEP_S).ceil().min(MOST_STEPS) * STEP_S;
         let schedule = self.cycle.schedule(until_s).into_iter();
         let schedule: Vec<String> = schedule
             .map(|(at_s, phase)| format!("({:?}, {})", tidy(at_s), word(phase)))

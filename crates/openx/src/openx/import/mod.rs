@@ -11,6 +11,7 @@
 
 mod acts;
 mod bodies;
+mod bounds;
 mod catalog;
 mod concrete;
 mod conditions;
@@ -48,8 +49,11 @@ pub use request::Import;
 
 use std::path::Path;
 
-use crate::opendrive::error::At;
+use crate::opendrive::error::{At, Blockers};
 use scenario::Protocol;
+
+/// Number of points that are read once one is refused, to name their problems, too.
+const MOST_REFUSED_POINTS: usize = 20;
 
 /// Returns the points of a variation file, in the order of execution.
 ///
@@ -87,6 +91,9 @@ impl Import<'_> {
         };
         let mut drafts = Vec::new();
         let mut broken = 0;
+        let mut blockers = Blockers::default();
+        let mut refused_points = 0;
+        let mut unread = None;
         let wanted = |index: usize| self.only.is_none_or(|only| only == index);
         if let Some(only) = self.only.filter(|only| points.len() <= *only) {
             let what = format!("there is no point {only}: there are {}", points.len());
@@ -99,26 +106,40 @@ impl Import<'_> {
             .filter(|(index, _)| wanted(*index))
         {
             let at = |error: ImportError| error.at_point(index, &point.0);
-            let scope = protocol.scope(point).map_err(at)?;
-            if let Some(error) = protocol.broken(&scope).map_err(at)? {
-                if self.skips_broken {
-                    broken += 1
-                } else {
-                    return Err(at(error));
-                }
-                continue;
+            if !blockers.is_empty() {
+                refused_points += 1;
             }
-            // The constraints of the file do not cover an ego whose lane leads
-            // off the road.
-            let concrete = match protocol.at(&scope, files).map_err(at) {
-                Err(error) if error.is_of_point && self.skips_broken => {
+            // Points of one file mostly have the same problems.
+            if MOST_REFUSED_POINTS < refused_points {
+                unread = Some("the later points");
+                break;
+            }
+            let Some(scope) = blockers.keep(protocol.scope(point).map_err(at)) else {
+                continue;
+            };
+            match blockers.keep(protocol.broken(&scope).map_err(at)) {
+                Some(None) => {}
+                Some(Some(_)) if self.skips_broken => {
                     broken += 1;
                     continue;
                 }
-                concrete => concrete?,
-            };
-            drafts.push((index, world::draft(&concrete, self.ado).map_err(at)?));
+                Some(Some(error)) => {
+                    blockers.add(at(error));
+                    continue;
+                }
+                None => continue,
+            }
+            // The constraints of the file do not cover an ego whose lane leads
+            // off the road.
+            match protocol.draft_at(&scope, files, self.ado).map_err(at) {
+                Err(error) if error.is_of_point && self.skips_broken => broken += 1,
+                drafted => drafts.extend(blockers.keep(drafted).map(|draft| (index, draft))),
+            }
         }
+        blockers.none().map_err(|error| match unread {
+            Some(part) => error.before(part),
+            None => error,
+        })?;
         if drafts.is_empty() {
             let error =
                 At::file(self.scenario).error("every point breaks a constraint of the file");
@@ -133,7 +154,7 @@ impl Import<'_> {
             dropped.push(DroppedElements {
                 kind: "what happens behind the end of a road",
                 file: self.scenario.to_owned(),
-                line: protocol.ends_line(),
+                line: protocol.ends().line,
                 count: cut,
             });
         }

@@ -6,7 +6,7 @@ use super::dropped::{DropLog, time_s, times};
 use super::entity::{ImportedEntity, ImportedLaw};
 use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
 use super::places::{Placed, PositionContext};
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
@@ -21,6 +21,10 @@ const STILL: [&str; 8] = [
     "VariableAction",
     "VisibilityAction",
 ];
+/// Problem of an action of the Init, and a fix.
+const NO_INIT: &str = "an action of this kind is not read in Init";
+const PLACES: &str =
+    "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events";
 /// Longitudinal actions that an Init may contain.
 const FIRST: [&str; 2] = ["SpeedAction", "LongitudinalDistanceAction"];
 /// Attributes that hand the motion of an entity to a controller.
@@ -75,11 +79,14 @@ pub(super) fn present(
     init: &XmlNode,
     objects: &[&XmlNode],
     (absent, catalogs): (&[String], &Catalogs),
-) -> Result<Vec<XmlNode>, ImportError> {
+    blockers: &mut Blockers,
+) -> Vec<XmlNode> {
     let mut present: Vec<XmlNode> = init.all("Private").cloned().collect();
     let global = init.all("GlobalAction");
     for action in global.filter_map(|it| it.child("EntityAction")) {
-        let name = action.need("entityRef")?;
+        let Some(name) = blockers.keep(action.need("entityRef")) else {
+            continue;
+        };
         let is_its = |it: &XmlNode| it.raw("entityRef") == Some(name);
         let Some(added) = action.child("AddEntityAction") else {
             present.retain(|it| !is_its(it));
@@ -98,13 +105,15 @@ pub(super) fn present(
         }
     }
     for object in objects {
-        let name = object.need("name")?;
+        let Some(name) = blockers.keep(object.need("name")) else {
+            continue;
+        };
         let is_known = present.iter().any(|it| it.raw("entityRef") == Some(name));
         if !is_known && !absent.iter().any(|it| it == name) {
             catalogs.note("entities that are never placed", object);
         }
     }
-    Ok(present)
+    present
 }
 
 /// Returns the initial place of an entity, and the roads of its route.
@@ -115,52 +124,27 @@ pub(super) fn begins(
     scope: &ParameterScope,
     ground: PositionContext<'_>,
 ) -> Result<(Placed, Vec<String>), ImportError> {
-    let mut at = None;
-    let name = private.need("entityRef")?;
-    let is_left = ground.ego.is_left && ground.ego.name == name;
+    let mut first = FirstPlace {
+        private,
+        name: private.need("entityRef")?,
+        at: None,
+        routes: Vec::new(),
+    };
     // A later place may be relative to an earlier one of the same entity.
     let mut placed = ground.placed.clone();
-    // Routes are checked last, since the place may follow in the file.
-    let mut routes = Vec::new();
+    let mut blockers = Blockers::default();
     // An action without content does nothing.
     let actions = private.all("PrivateAction");
     for it in actions.filter_map(|it| it.children.first()) {
-        placed.extend(at.clone().map(|at| (name.to_owned(), at)));
+        placed.extend(first.at.clone().map(|at| (first.name.to_owned(), at)));
         let ground = PositionContext {
             placed: &placed,
             ..ground
         };
-        match it.name.as_str() {
-            "TeleportAction" => at = Some(ground.place(it.inner("Position")?, scope)?),
-            "RoutingAction" => {
-                let it = it.only()?;
-                match it.name.as_str() {
-                    "AssignRouteAction" => routes.push(it),
-                    "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
-                        Ok(on) if !(is_left && on.turns()) => at = Some(on),
-                        Err(error) if !is_left => return Err(error),
-                        _ => {
-                            ground.ego.leave(private);
-                            at = on_first(it, scope, ground).ok().or(at);
-                        }
-                    },
-                    _ if is_left => ground.ego.leave(private),
-                    _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
-                }
-            }
-            "LongitudinalAction" => match it.only()? {
-                it if FIRST.contains(&it.name.as_str()) => {}
-                _ if is_left => ground.ego.leave(private),
-                it => {
-                    let help = "state the speed with which it starts, as a step, in a SpeedAction";
-                    return Err(it.refused("an action of this kind is not read in Init", help));
-                }
-            },
-            _ if is_still(it, scope, !ground.is_steered(name))? => {}
-            _ if is_left => ground.ego.leave(private),
-            _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
-        }
+        blockers.keep(first.read(it, scope, ground));
     }
+    blockers.none()?;
+    let FirstPlace { at, routes, .. } = first;
     // An entity that the Init adds has a place and nothing else.
     let at = at.ok_or_else(|| {
         private.refused(
@@ -173,6 +157,58 @@ pub(super) fn begins(
         turns = ground.turns_of(route, scope, &at)?;
     }
     Ok((at, turns))
+}
+
+/// Place of an entity, as far as its Init is read.
+struct FirstPlace<'a> {
+    private: &'a XmlNode,
+    name: &'a str,
+    at: Option<Placed>,
+    /// Routes, which are checked last, since the place may follow in the file.
+    routes: Vec<&'a XmlNode>,
+}
+
+impl<'a> FirstPlace<'a> {
+    /// Reads an action of the Init.
+    fn read(
+        &mut self,
+        it: &'a XmlNode,
+        scope: &ParameterScope,
+        ground: PositionContext<'_>,
+    ) -> Result<(), ImportError> {
+        let is_left = ground.ego.is_left && ground.ego.name == self.name;
+        match it.name.as_str() {
+            "TeleportAction" => self.at = Some(ground.place(it.inner("Position")?, scope)?),
+            "RoutingAction" => {
+                let it = it.only()?;
+                match it.name.as_str() {
+                    "AssignRouteAction" => self.routes.push(it),
+                    "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
+                        Ok(on) if !(is_left && on.turns()) => self.at = Some(on),
+                        Err(error) if !is_left => return Err(error),
+                        _ => {
+                            ground.ego.leave(self.private);
+                            self.at = on_first(it, scope, ground).ok().or(self.at.take());
+                        }
+                    },
+                    _ if is_left => ground.ego.leave(self.private),
+                    _ => return Err(it.refused(NO_INIT, PLACES)),
+                }
+            }
+            "LongitudinalAction" => match it.only()? {
+                it if FIRST.contains(&it.name.as_str()) => {}
+                _ if is_left => ground.ego.leave(self.private),
+                it => {
+                    let help = "state the speed with which it starts, as a step, in a SpeedAction";
+                    return Err(it.refused(NO_INIT, help));
+                }
+            },
+            _ if is_still(it, scope, !ground.is_steered(self.name))? => {}
+            _ if is_left => ground.ego.leave(self.private),
+            _ => return Err(it.refused(NO_INIT, PLACES)),
+        }
+        Ok(())
+    }
 }
 
 /// Speed in m/s with which an entity begins on a trajectory with times, if it has one.
@@ -244,8 +280,9 @@ fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item =
 pub(super) fn first_speed_mps(
     private: &XmlNode,
     scope: &ParameterScope,
-    (before, body): (&[ImportedEntity], &ImportedBody),
+    (before, body, unplaced): (&[ImportedEntity], Option<&ImportedBody>, &[String]),
 ) -> Result<(f64, Option<ImportedLaw>), ImportError> {
+    let most_mps = body.map_or(f64::INFINITY, |it| it.most_mps);
     let mut speed_mps = 0.0;
     let mut ramp = None;
     for action in longitudinal(private, "SpeedAction") {
@@ -256,8 +293,8 @@ pub(super) fn first_speed_mps(
             let mut speeds = Speeds {
                 name: private.need("entityRef")?.to_owned(),
                 now_mps: Some(speed_mps),
-                most_mps: body.most_mps,
-                most_mps2: body.most_mps2,
+                most_mps,
+                most_mps2: body.map_or((f64::INFINITY, f64::INFINITY), |it| it.most_mps2),
             };
             let law = speed(action, scope, &mut speeds, |_| None)?;
             if ramp.replace(law).is_some() {
@@ -278,14 +315,16 @@ pub(super) fn first_speed_mps(
                         let what = format!("`{name}` is not placed before");
                         let help = "write an `AbsoluteTargetSpeed`, or place it before";
                         let of_mps = of_mps(&name);
-                        of_mps.ok_or_else(|| target.refused(what, help))? + value_mps
+                        let refused = || target.refused(what, help);
+                        let error = || refused().following(unplaced.contains(&name));
+                        of_mps.ok_or_else(error)? + value_mps
                     }
                 }
             }
             _ => return Err(unknown_target(target)),
         };
         // A body is never faster than its greatest speed.
-        speed_mps = speed_mps.min(body.most_mps);
+        speed_mps = speed_mps.min(most_mps);
     }
     if 0.0 <= speed_mps {
         Ok((speed_mps, ramp))
@@ -338,28 +377,26 @@ pub(super) fn friction_scale(
     ground: PositionContext<'_>,
 ) -> Result<f64, ImportError> {
     let mut scale = 1.0;
+    let mut blockers = Blockers::default();
     for global in init.all("GlobalAction") {
-        let action = global.only()?;
+        let Some(action) = blockers.keep(global.only()) else {
+            continue;
+        };
         match action.name.as_str() {
             "EnvironmentAction" => {
-                scale = friction_of(action, scope, ground)?.unwrap_or(scale);
+                let own = blockers.keep(friction_of(action, scope, ground));
+                scale = own.flatten().unwrap_or(scale);
             }
             // Signals have no effect, and entities are added and deleted before.
             "VariableAction" | "EntityAction" | "InfrastructureAction" => {}
-            _ => {
-                return Err(action.refused(
-                    "an action of this kind is not read in Init",
-                    "leave it out, or make it an event",
-                ));
-            }
+            _ => blockers.add(action.refused(NO_INIT, "leave it out, or make it an event")),
         }
     }
-    if let Some(user) = init.child("UserDefinedAction") {
-        return Err(user.refused(
-            "an action of this kind is not read in Init",
-            "leave it out: its meaning is not in the file",
-        ));
+    for user in init.all("UserDefinedAction") {
+        let help = "leave it out: its meaning is not in the file";
+        blockers.add(user.refused(NO_INIT, help));
     }
+    blockers.none()?;
     Ok(scale)
 }
 

@@ -20,6 +20,8 @@ const SAME_RAD: f64 = 1e-6;
 const SAME_M: f64 = 1e-6;
 /// Greatest distance in metres of a place from the origin.
 const MOST_PLACE_M: f64 = 1e8;
+/// Greatest number of routes and trajectories whose places are on one another.
+const MOST_DEPTH: usize = 4;
 /// Sine of the least turn of a route that is not straight.
 const TURNED_SINE: f64 = 0.1;
 /// Angle in radians between a lane and a straight route from which on the road bends.
@@ -65,6 +67,8 @@ pub(super) struct PositionContext<'a> {
     pub turns_relative: bool,
     /// Elements whose kind and name another element of the storyboard has, too.
     pub ambiguous: &'a [StoryElement],
+    /// Number of places that refer to each other so far.
+    pub depth: usize,
 }
 
 impl PositionContext<'_> {
@@ -79,7 +83,16 @@ impl PositionContext<'_> {
         position: &XmlNode,
         scope: &ParameterScope,
     ) -> Result<Placed, ImportError> {
-        let placed = self.read_place(position, scope)?;
+        if MOST_DEPTH < self.depth {
+            let what = "its places refer to each other in a circle";
+            let help = "place what it follows in the world or on lanes";
+            return Err(position.refused(what, help));
+        }
+        let within = PositionContext {
+            depth: self.depth + 1,
+            ..*self
+        };
+        let placed = within.read_place(position, scope)?;
         let far_m = placed.spot.x_m.abs().max(placed.spot.y_m.abs());
         // Also rejects NaN.
         if far_m <= MOST_PLACE_M {
@@ -114,7 +127,11 @@ impl PositionContext<'_> {
             "RelativeLanePosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref().filter(|at| at.lane != 0);
-                let at = at.ok_or_else(|| it.refused("what it is relative to is on no lane", "place that by a `LanePosition`"))?;
+                let at = at.ok_or_else(|| {
+                    let help = "place that by a `LanePosition`";
+                    let error = it.refused("what it is relative to is on no lane", help);
+                    error.following(self.roads.is_unread())
+                })?;
                 let by_lane = it.raw("dsLane").is_some();
                 let along_m = scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
                 let line = self.roads.road(it, &at.road)?;
@@ -138,7 +155,11 @@ impl PositionContext<'_> {
             "RelativeRoadPosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref();
-                let at = at.ok_or_else(|| it.refused("what it is relative to is on no road", "place that by a `LanePosition` or a `RoadPosition`"))?;
+                let at = at.ok_or_else(|| {
+                    let help = "place that by a `LanePosition` or a `RoadPosition`";
+                    let error = it.refused("what it is relative to is on no road", help);
+                    error.following(self.roads.is_unread())
+                })?;
                 let s_m = at.s_m + scope.number(it, "ds")?;
                 let flat = self.roads.road(it, &at.road)?.lanes.flat(at.s_m).0;
                 let t_m = at.t_m / flat + scope.number(it, "dt")?;
@@ -478,7 +499,8 @@ impl PositionContext<'_> {
         let roads = stops.iter().map(|stop| {
             road(stop).ok_or_else(|| {
                 let help = "place its waypoints on lanes";
-                assigned.refused("a route that turns off to no road is not read", help)
+                let error = assigned.refused("a route that turns off to no road is not read", help);
+                error.following(self.roads.is_unread())
             })
         });
         roads.collect()

@@ -23,10 +23,11 @@ pub(super) fn plan(
 ) -> Result<(), ImportError> {
     let name = &it.name;
     if let Some(approach) = &it.entity.approach {
-        let ego = concrete.station(&approach.ego)?;
+        let at = &it.entity.at;
+        let ego = concrete.station(&approach.ego, at)?;
         let here = match it.path {
-            EntityPath::Own(..) => concrete.in_frame(&approach.here)?,
-            _ => concrete.station(&approach.here)?,
+            EntityPath::Own(..) => concrete.in_frame(&approach.here, at)?,
+            _ => concrete.station(&approach.here, at)?,
         };
         // Places are those of reference points, and worlds state fronts.
         let here_m = match it.path {
@@ -99,6 +100,7 @@ fn step_of(
     // Names of axes start with the entity and the number of the step, so they are
     // unique.
     let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
+    draft.mark(step.at.as_ref().unwrap_or(&it.entity.at));
     draft.text(&format!("\n                ({when}"));
     if step.after_s != 0.0 {
         draft.text("after_s: ");

@@ -9,6 +9,8 @@ use crate::opendrive::tree::XmlNode;
 
 /// Greatest number of points.
 const MAX_POINTS: usize = 100_000;
+/// Greatest number of values that all points set together.
+const MAX_VALUES: usize = 2_000_000;
 /// Help about distributions.
 const KINDS: &str = "write a `DistributionSet`, a `DistributionRange` or a `ValueSetDistribution`";
 
@@ -44,6 +46,13 @@ pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, 
             if MAX_POINTS < points.len() * values.len() {
                 let help = "split the file, or lengthen its steps";
                 return Err(axis.refused(format!("more than {MAX_POINTS} points"), help));
+            }
+            let longest = values.iter().map(Vec::len).max().unwrap_or(0);
+            let values_each = longest + points.first().map_or(0, |point| point.0.len());
+            if MAX_VALUES < points.len() * values.len() * values_each {
+                let help = "split the file, or set fewer parameters";
+                let what = format!("more than {MAX_VALUES} values of all points");
+                return Err(axis.refused(what, help));
             }
             let product = points.iter().flat_map(|point| {
                 values.iter().map(|value| {

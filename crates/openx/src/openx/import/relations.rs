@@ -1,9 +1,11 @@
 //! Relations between the entities and the elements of a file.
 
+use std::collections::BTreeSet;
+
 use crate::opendrive::tree::XmlNode;
 
 /// Element of a storyboard, as conditions refer to it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct StoryElement {
     /// Kind: `act`, `maneuver`, `event`, `action`, ….
     pub kind: String,
@@ -22,21 +24,33 @@ impl StoryElement {
 
 /// Orders the entities of an Init so that each follows those to which it is relative.
 pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
-    fn refers_to(node: &XmlNode, name: &str) -> bool {
-        let here = node.name != "Private" && node.raw("entityRef") == Some(name);
-        here || node.children.iter().any(|child| refers_to(child, name))
+    fn name(it: &XmlNode) -> &str {
+        it.raw("entityRef").unwrap_or_default()
     }
-    let mut left = privates.to_vec();
+    fn references<'a>(node: &'a XmlNode, all: &mut BTreeSet<&'a str>) {
+        if node.name != "Private" {
+            all.extend(node.raw("entityRef"));
+        }
+        node.children
+            .iter()
+            .for_each(|child| references(child, all));
+    }
+    // Searched once: a search for every pair of many entities takes minutes.
+    let referring = privates.iter().map(|it| {
+        let mut all = BTreeSet::new();
+        references(it, &mut all);
+        (*it, all)
+    });
+    let mut left: Vec<(&XmlNode, BTreeSet<&str>)> = referring.collect();
     let mut all = Vec::new();
     while !left.is_empty() {
-        let name = |it: &XmlNode| it.raw("entityRef").unwrap_or_default().to_owned();
-        let is_free = |it: &&XmlNode| {
-            let mut others = left.iter().filter(|other| name(other) != name(it));
-            !others.any(|other| refers_to(it, &name(other)))
+        let is_free = |(it, to): &(&XmlNode, BTreeSet<&str>)| {
+            let mut others = left.iter().filter(|(other, _)| name(other) != name(it));
+            !others.any(|(other, _)| to.contains(name(other)))
         };
         // Places that refer to each other in a circle are refused later.
         let next = left.iter().position(is_free).unwrap_or(0);
-        all.push(left.remove(next));
+        all.push(left.remove(next).0);
     }
     all
 }
@@ -93,13 +107,13 @@ pub(super) fn ambiguous(board: &XmlNode) -> Vec<StoryElement> {
     }
     let mut all = Vec::new();
     elements(board, &mut all);
-    let mut known: Vec<StoryElement> = Vec::new();
+    let mut known: BTreeSet<StoryElement> = BTreeSet::new();
     let mut twice = Vec::new();
     for element in all {
         if known.contains(&element) {
             twice.push(element);
         } else {
-            known.push(element);
+            known.insert(element);
         }
     }
     twice

@@ -23,7 +23,7 @@ pub(super) fn ends_s(
     for it in all.iter().filter(|it| !it.entity.is_ego) {
         let encounter_s = match &it.entity.approach {
             Some(approach) => {
-                let ego = concrete.station(&approach.ego)?;
+                let ego = concrete.station(&approach.ego, &it.entity.at)?;
                 // The ego coasts, so it arrives at a time that is known in
                 // advance.
                 (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
@@ -53,19 +53,21 @@ pub(super) fn ends_s(
     Ok(concrete.stop_s.or(until_s))
 }
 
-/// Time in seconds at which the first entity leaves its road.
-pub(super) fn first_leaves_s(
+/// Time in seconds at which the first entity leaves its road, and that entity.
+///
+/// The time is infinite if none ever does.
+pub(super) fn first_leaves_s<'a>(
     concrete: &Concrete,
-    all: &[EntityInFrame],
+    all: &'a [EntityInFrame<'a>],
     (ego_front_m, ego_mps): (f64, f64),
-) -> Result<f64, ImportError> {
-    let mut first_s = f64::INFINITY;
+) -> Result<(f64, Option<&'a EntityInFrame<'a>>), ImportError> {
+    let mut first = (f64::INFINITY, None);
     for it in all {
         let on_foot = it.entity.body.on_foot;
         let ahead_m = |placed| road_ahead_m(concrete, placed, on_foot);
         let own_s = match &it.entity.approach {
             Some(approach) => {
-                let ego = concrete.station(&approach.ego)?;
+                let ego = concrete.station(&approach.ego, &it.entity.at)?;
                 let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
                 // Pedestrians stop at the end of their path.
                 if on_foot && approach.here.way.is_some() {
@@ -76,11 +78,11 @@ pub(super) fn first_leaves_s(
             None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
         };
         // A standing entity never leaves, even from the end of a road.
-        if own_s.is_finite() {
-            first_s = first_s.min(own_s);
+        if own_s.is_finite() && own_s < first.0 {
+            first = (own_s, Some(it));
         }
     }
-    Ok(first_s)
+    Ok(first)
 }
 
 /// Distance in metres to the end of an entity's road, in its direction.

@@ -1,14 +1,16 @@
 //! Scenario file, and how its content is read at one point.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::acts::acts;
 use super::bodies::ImportedBody;
+use super::bounds::few;
 use super::catalog::Catalogs;
 use super::concrete::Concrete;
+use super::draft::Draft;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
@@ -19,12 +21,16 @@ use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
 use super::relations::{absent, ambiguous, changed_parameters, ordered, steered};
 use super::request::Import;
-use crate::opendrive::error::{At, Blockers, ImportError};
+use super::world::draft;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
 
+/// Parts of a file that are not read without its ego, and without its roads.
+const REST: &str = "the rest of the scenario";
+const ROADS: &str = "places and motion on the roads";
 /// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
 
@@ -43,36 +49,17 @@ pub(super) struct Protocol {
     maps: Vec<(String, PathBuf)>,
 }
 
-/// Greatest numbers of elements of a kind, each far beyond what a world can hold.
-const MOST: [(&str, usize); 8] = [
-    ("ScenarioObject", 500),
-    ("Private", 500),
-    ("Event", 1_000),
-    ("Condition", 5_000),
-    ("Vertex", 20_000),
-    ("ClothoidSplineSegment", 2_000),
-    ("Waypoint", 2_000),
-    ("Phase", 5_000),
-];
-
-/// Refuses a file with more elements of a kind than are read in reasonable time.
-fn few(root: &XmlNode) -> Result<(), ImportError> {
-    fn count<'a>(node: &'a XmlNode, counts: &mut [usize; MOST.len()]) -> Option<&'a XmlNode> {
-        if let Some(kind) = MOST.iter().position(|(name, _)| *name == node.name) {
-            counts[kind] += 1;
-            if MOST[kind].1 < counts[kind] {
-                return Some(node);
-            }
-        }
-        node.children.iter().find_map(|child| count(child, counts))
-    }
-    let Some(first_too_many) = count(root, &mut [0; MOST.len()]) else {
-        return Ok(());
-    };
-    let most = MOST.iter().find(|(name, _)| *name == first_too_many.name);
-    let most = most.map_or(0, |(_, most)| *most);
-    let what = format!("more than {most} elements of this kind");
-    Err(first_too_many.refused(what, "split the scenario"))
+/// What the Init of a scenario says, beside its roads and entities.
+struct BegunScenario<'a> {
+    /// `Private` of the ego.
+    asks: &'a XmlNode,
+    init: &'a XmlNode,
+    privates: &'a [&'a XmlNode],
+    /// Factor on the friction of all roads.
+    scale: f64,
+    stop_s: Option<f64>,
+    /// Entities that have a problem.
+    unread: Vec<String>,
 }
 
 impl Protocol {
@@ -92,7 +79,7 @@ impl Protocol {
         let dropped = Rc::new(DropLog::default());
         dropped.look(&root);
         Ok(Protocol {
-            catalogs: Catalogs::of(&root, beside, Rc::clone(&dropped))?,
+            catalogs: Catalogs::of(&root, beside, Rc::clone(&dropped)),
             dropped,
             path: path.to_owned(),
             roads: RefCell::default(),
@@ -108,11 +95,11 @@ impl Protocol {
         self.ego.events()
     }
 
-    /// Line of the file's StopTrigger.
-    pub(super) fn ends_line(&self) -> usize {
+    /// Element that ends the run: the StopTrigger, or the whole file.
+    pub(super) fn ends(&self) -> &XmlNode {
         let board = self.root.child("Storyboard");
         let stop = board.and_then(|it| it.child("StopTrigger"));
-        stop.unwrap_or(&self.root).line
+        stop.unwrap_or(&self.root)
     }
 
     /// Returns true if an `Orientation` without a type is relative.
@@ -165,89 +152,154 @@ impl Protocol {
         }))
     }
 
-    /// Returns the scenario with the given parameters.
+    /// Returns the world of the scenario with the given parameters, as a text with holes.
     ///
     /// # Errors
     ///
-    /// Returns an error with file and element for unsupported content.
-    pub(super) fn at(
+    /// Returns all problems with file and element as one error.
+    pub(super) fn draft_at(
         &self,
         scope: &ParameterScope,
         files: Files<'_>,
-    ) -> Result<Concrete, ImportError> {
-        let roads = self.road_map(scope, files)?;
-        let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
-        let mut entities: Vec<ImportedEntity> = Vec::new();
-        let init = self
-            .root
-            .inner("Storyboard")?
-            .inner("Init")?
-            .inner("Actions")?;
+        ado: Option<&str>,
+    ) -> Result<Draft, ImportError> {
+        let mut blockers = Blockers::default();
+        let concrete = self.at(scope, files, &mut blockers);
+        // With problems it is a part of the scenario, which may have more of them.
+        let drafted = concrete.and_then(|it| blockers.keep(draft(&it, ado)));
+        blockers.none()?;
+        drafted.ok_or_else(|| self.root.refused("it is not read", "report this file"))
+    }
+
+    /// Returns the scenario, or the part of it that has no problem so far.
+    ///
+    /// It is `None` without roads or without an ego, since all else refers to them.
+    fn at(
+        &self,
+        scope: &ParameterScope,
+        files: Files<'_>,
+        blockers: &mut Blockers,
+    ) -> Option<Concrete> {
+        let (board, init, objects) = blockers.keep(self.parts())?;
+        let unread = |error: ImportError| error.before(ROADS);
+        let roads = blockers.keep(self.road_map(scope, files).map_err(unread));
+        let roads = roads.unwrap_or_else(|| Rc::new(RoadMap::unread()));
+        blockers.keep(self.catalogs.sound());
         let changed = changed_parameters(&self.root);
-        let objects = self.root.inner("Entities")?;
-        let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
         let absent = absent(init);
-        let privates = motion::present(init, &objects, (&absent, &self.catalogs))?;
+        let privates = motion::present(init, &objects, (&absent, &self.catalogs), blockers);
         let privates: Vec<&XmlNode> = privates.iter().collect();
         let steered = steered(&self.root, &objects);
-        let ambiguous = ambiguous(self.root.inner("Storyboard")?);
-        let turns_relative = self.turns_relative();
-        let mut blockers = Blockers::default();
-        let mut unplaced: Vec<String> = Vec::new();
+        let ambiguous = ambiguous(board);
+        let nowhere = BTreeMap::new();
+        let ground = PositionContext {
+            roads: &roads,
+            catalogs: &self.catalogs,
+            files,
+            placed: &nowhere,
+            unplaced: &[],
+            ego: &self.ego,
+            changed: &changed,
+            steered: &steered,
+            absent: &absent,
+            turns_relative: self.turns_relative(),
+            ambiguous: &ambiguous,
+            depth: 0,
+        };
+        let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
+        let mut entities: Vec<ImportedEntity> = Vec::new();
+        let mut unread: Vec<String> = Vec::new();
         for begun in ordered(&privates) {
             let ground = PositionContext {
-                roads: &roads,
-                catalogs: &self.catalogs,
-                files,
                 // An entity cannot refer to a later one.
                 placed: &placed,
-                unplaced: &unplaced,
-                ego: &self.ego,
-                changed: &changed,
-                steered: &steered,
-                absent: &absent,
-                turns_relative,
-                ambiguous: &ambiguous,
+                unplaced: &unread,
+                ..ground
             };
             match blockers.keep(self.entity(begun, scope, (ground, &objects[..], &entities[..]))) {
                 Some(entity) => {
                     placed.insert(entity.name.clone(), entity.placed.clone());
                     entities.push(entity);
                 }
-                None => unplaced.extend(begun.raw("entityRef").map(str::to_owned)),
+                None => unread.extend(begun.raw("entityRef").map(str::to_owned)),
             }
         }
         let ground = PositionContext {
-            roads: &roads,
-            catalogs: &self.catalogs,
-            files,
             placed: &placed,
-            unplaced: &unplaced,
-            ego: &self.ego,
-            changed: &changed,
-            steered: &steered,
-            absent: &absent,
-            turns_relative,
-            ambiguous: &ambiguous,
+            unplaced: &unread,
+            ..ground
         };
-        let board = self.root.inner("Storyboard")?;
         let scale = blockers.keep(motion::friction_scale(init, scope, ground));
-        let read = acts(board, scope, (ground, scale.unwrap_or(1.0)), &mut entities);
-        let acts_stop_s = blockers.keep(read).flatten();
-        blockers.none()?;
         let scale = scale.unwrap_or(1.0);
-        let ego = entities.iter().find(|it| it.is_ego);
+        let (acts_stop_s, broken) = acts(board, scope, (ground, scale), (&mut entities, blockers));
+        // The road of the ego decides: one world has one friction and one speed
+        // limit.
+        let stop_s = blockers.keep(motion::stop_s(board, scope, &self.dropped));
+        let stop_s = stop_s.flatten().into_iter().chain(acts_stop_s);
+        let stop_s = stop_s.reduce(f64::min);
+        unread.extend(broken);
         let asks = privates
             .iter()
             .find(|it| it.raw("entityRef") == Some(&self.ego.name));
-        let (Some(_), Some(asks)) = (ego, asks) else {
-            return Err(self.no_ego(&objects));
+        let Some(asks) = asks else {
+            blockers.add(self.no_ego(&objects));
+            return None;
         };
-        // The road of the ego decides: one world has one friction and one speed
-        // limit.
-        let stop_s = motion::stop_s(board, scope, &self.dropped)?;
-        let stop_s = stop_s.into_iter().chain(acts_stop_s);
-        let stop_s = stop_s.reduce(f64::min);
+        if roads.is_unread() || unread.contains(&self.ego.name) {
+            return None;
+        }
+        let begun = BegunScenario {
+            asks,
+            init,
+            privates: &privates,
+            scale,
+            stop_s,
+            unread,
+        };
+        let concrete = self.concrete(begun, scope, (roads, entities));
+        blockers.keep(concrete)
+    }
+
+    /// Returns the storyboard, its Init and the entities.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a missing part, and for a file without the ego.
+    fn parts(&self) -> Result<(&XmlNode, &XmlNode, Vec<&XmlNode>), ImportError> {
+        let unread = |error: ImportError| error.before(REST);
+        let board = self.root.inner("Storyboard").map_err(unread)?;
+        let init = board.inner("Init").and_then(|it| it.inner("Actions"));
+        let objects = self.root.inner("Entities").map_err(unread)?;
+        let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
+        // Whether a motion is read depends on whether it is that of the ego.
+        let is_ego = |it: &&XmlNode| it.raw("name") == Some(&self.ego.name);
+        if !objects.iter().any(is_ego) {
+            return Err(unread(self.no_ego(&objects)));
+        }
+        let mut known = BTreeSet::new();
+        let second = objects.iter().find(|it| !known.insert(it.raw("name")));
+        if let Some(second) = second.filter(|it| it.raw("name").is_some()) {
+            let help = "give each entity a name of its own";
+            return Err(unread(second.refused("a second entity of this name", help)));
+        }
+        Ok((board, init.map_err(unread)?, objects))
+    }
+
+    /// Returns the scenario in the frame of its ego.
+    fn concrete(
+        &self,
+        begun: BegunScenario<'_>,
+        scope: &ParameterScope,
+        (roads, mut entities): (Rc<RoadMap>, Vec<ImportedEntity>),
+    ) -> Result<Concrete, ImportError> {
+        let BegunScenario {
+            asks,
+            init,
+            privates,
+            scale,
+            stop_s,
+            unread,
+        } = begun;
         let FrameOfEgo {
             frame,
             zero_m,
@@ -258,11 +310,12 @@ impl Protocol {
         let ego = entities.iter().find(|it| it.is_ego);
         let ego = ego.ok_or_else(|| asks.refused("the ego is deleted", DELETED))?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
-        let friction = roads.friction(road)? * scale;
+        let mut blockers = Blockers::default();
+        let friction = blockers.keep(roads.friction(road)).unwrap_or(1.0) * scale;
         if !FRICTIONS.contains(&friction) {
             let what = format!("a friction of {friction} is outside of 0.01 ..= 2");
             let help = "change the frictionScaleFactor, or the friction of the material";
-            return Err(init.refused(what, help));
+            blockers.add(init.refused(what, help));
         }
         if drive.is_none() {
             // A trajectory has no heights of its own.
@@ -274,18 +327,22 @@ impl Protocol {
                 .iter()
                 .find(|it| it.raw("entityRef") == Some(&entity.name));
             let kind = "the direction of a lane for pedestrians that face across it";
-            self.dropped.note(kind, private.unwrap_or(asks));
+            self.dropped.note(kind, private.unwrap_or(&asks));
         }
         let (drive, left_m) = drive.unwrap_or_default();
-        let passed = roads.lane_signals(asks, &drive, left_m)?;
+        let passed = blockers.keep(roads.lane_signals(asks, &drive, left_m));
+        let passed = passed.unwrap_or_default();
         // A world has one speed limit, or none.
         let limit_mps = roads.limit_mps(road).unwrap_or_else(|_| {
             self.dropped.note("speed limits that change", asks);
             None
         });
+        let grades = blockers.keep(roads.lane_grades(asks, &drive, left_m));
+        let lights = blockers.keep(lights(&self.root, scope, (&roads, &passed), &self.dropped));
+        blockers.none()?;
         let mut concrete = Concrete {
-            grades: roads.lane_grades(asks, &drive, left_m)?,
-            lights: lights(&self.root, scope, (&roads, &passed), &self.dropped)?,
+            grades: grades.unwrap_or_default(),
+            lights: lights.unwrap_or_default(),
             friction,
             limit_mps,
             frame,
@@ -293,7 +350,9 @@ impl Protocol {
             lanes,
             lane_width_m,
             stop_s,
-            at: At::file(self.root.file()),
+            ends_at: self.ends().at(),
+            ego_at: asks.at(),
+            unread,
             entities,
             road_ends_m: f64::INFINITY,
             roads,
@@ -304,7 +363,7 @@ impl Protocol {
                 .find(|it| it.raw("entityRef") == Some(&name));
             self.dropped.note(
                 "entities that stand far from the road",
-                private.unwrap_or(asks),
+                private.unwrap_or(&asks),
             );
             concrete.entities.retain(|it| it.name != name);
         }
@@ -335,13 +394,9 @@ impl Protocol {
         let body = blockers.keep(self.body(object, scope, ground.files));
         let body = body.map(|body| body.beside(before.iter().map(|it| &it.body)));
         let begins = blockers.keep(motion::begins(begun, scope, ground));
-        let (Some(body), Some((placed, route))) = (body, begins) else {
-            return Err(blockers
-                .none()
-                .err()
-                .unwrap_or_else(|| begun.error("it is not read")));
-        };
-        let (speed_mps, ramp) = motion::first_speed_mps(begun, scope, (before, &body))?;
+        let known = (before, body.as_ref(), ground.unplaced);
+        let first = blockers.keep(motion::first_speed_mps(begun, scope, known));
+        let (speed_mps, ramp) = first.unwrap_or_default();
         let is_ego = name == self.ego.name;
         // The trajectory of an ego that is left states the speed with which it begins.
         let timed_mps = motion::timed_mps(begun, scope, ground);
@@ -349,7 +404,7 @@ impl Protocol {
         let speed_mps = timed_mps.unwrap_or(speed_mps);
         if is_ego && ramp.is_some() && !self.ego.is_left {
             let help = "--leave-ego leaves its events to your controller and lists them";
-            return Err(begun.refused("the ego begins with a change of speed", help));
+            blockers.add(begun.refused("the ego begins with a change of speed", help));
         }
         if is_ego && ramp.is_some() {
             self.ego.leave(begun);
@@ -358,11 +413,20 @@ impl Protocol {
             laws: vec![law],
             ..ImportedStep::default()
         });
+        let gap_m = blockers.keep(motion::first_gap_m(
+            begun,
+            scope,
+            (speed_mps, &self.ego.name),
+        ));
+        blockers.none()?;
+        let (Some(body), Some((placed, route))) = (body, begins) else {
+            return Err(begun.refused("it is not read", "report this file"));
+        };
         Ok(ImportedEntity {
             name: name.to_owned(),
             is_ego,
             body,
-            gap_m: motion::first_gap_m(begun, scope, (speed_mps, &self.ego.name))?,
+            gap_m: gap_m.flatten(),
             placed,
             speed_mps,
             steps: first.into_iter().collect(),

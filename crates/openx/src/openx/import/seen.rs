@@ -91,7 +91,7 @@ pub(super) fn seen<'a>(
     concrete: &Concrete,
     entity: &'a ImportedEntity,
 ) -> Result<EntityInFrame<'a>, ImportError> {
-    let spot = concrete.in_frame(&entity.placed)?;
+    let spot = concrete.in_frame(&entity.placed, &entity.at)?;
     let refused = |what: String| entity.at.error(what);
     let moves = entity.moves();
     // A pedestrian walks in the direction of its path, whatever its own
@@ -102,7 +102,7 @@ pub(super) fn seen<'a>(
                 spot: on.way.begins,
                 ..entity.placed.clone()
             };
-            concrete.in_frame(&placed)?.heading_rad
+            concrete.in_frame(&placed, &entity.at)?.heading_rad
         }
         _ => spot.heading_rad,
     };

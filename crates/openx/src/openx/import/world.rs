@@ -50,7 +50,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     let mut all: Vec<EntityInFrame> = all.collect();
     blockers.none()?;
     let ego = all.iter().position(|it| it.entity.is_ego);
-    let ego = ego.ok_or_else(|| concrete.at.error("the ego is deleted").helped(DELETED))?;
+    let ego = ego.ok_or_else(|| concrete.ego_at.error("the ego is deleted").helped(DELETED))?;
     let (ego_front_m, ego_mps) = (
         all[ego].spot.x_m + all[ego].entity.body.front_m,
         all[ego].entity.speed_mps,
@@ -59,7 +59,12 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     place_by_gaps(concrete, &mut all, ego)?;
     let ego_at = (ego_front_m, ego_mps);
     // A run ends before an entity that moves as in the file leaves its road.
-    let leaves_s = first_leaves_s(concrete, &all, ego_at)?;
+    let (leaves_s, leaver) = first_leaves_s(concrete, &all, ego_at)?;
+    if let Some(leaver) = leaver.filter(|_| leaves_s < SAMPLE_S) {
+        let help = "place it farther from the end of its road, or let it drive slower";
+        let what = format!("it leaves its road after {:.3} s", leaves_s.max(0.0));
+        return Err(leaver.entity.at.error(what).helped(help));
+    }
     let known_s = ends_s(concrete, &all, ego_at)?;
     // A run lasts at least one second, even if the file ends it earlier.
     let requested_s = known_s.unwrap_or(USUAL_S).max(1.0);
@@ -76,6 +81,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         None => Draft::of(0.0, f64::INFINITY),
     };
     draft.is_cut = concrete.stop_s.is_some_and(|stop_s| until_s < stop_s);
+    draft.mark(&concrete.ends_at);
     draft.text("    clock: (horizon_s: ");
     match known_s {
         Some(_) => draft.most(until_s),
@@ -89,6 +95,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         ", sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
          judge: UntilContact,\n"
     ));
+    draft.mark(&concrete.road_at());
     road(&mut draft, concrete, &all, until_s);
     if !concrete.grades.is_empty() {
         draft.text(&format!("    grades: {},\n", grade_list(&concrete.grades)));
@@ -113,6 +120,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         blockers.keep(agent(&mut draft, concrete, &all, it, ado, &mut triggers));
     }
     blockers.none()?;
+    draft.mark(&concrete.ego_at);
     for light in &concrete.lights {
         draft.text(&light.text(until_s));
     }
@@ -212,32 +220,34 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
         EntityPath::Own(begins, on) => Some((it, begins, on)),
         _ => None,
     });
-    let ways: Vec<String> = ways
-        .map(|(it, begins, on)| {
-            // The width of a path with corners is below their radius.
-            let width = if on.way.has_corners() {
-                format!(", lane_width_m: {PATH_M:?}")
-            } else {
-                String::new()
-            };
-            // A path without pieces is a straight road.
-            let pieces = if on.way.pieces.is_empty() {
-                String::new()
-            } else {
-                format!(", pieces: [{}]", bends(&on.way.pieces))
-            };
-            format!(
-                "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){width}{pieces}),\n",
-                it.name,
-                tidy(begins.x_m),
-                tidy(begins.y_m),
-                begins.heading_rad
-            )
-        })
-        .collect();
-    if !ways.is_empty() {
-        draft.text(&format!("    roads: {{\n{}    }},\n", ways.concat()));
+    let ways: Vec<_> = ways.collect();
+    if ways.is_empty() {
+        return;
     }
+    draft.text("    roads: {\n");
+    for (it, begins, on) in ways {
+        // The width of a path with corners is below their radius.
+        let width = if on.way.has_corners() {
+            format!(", lane_width_m: {PATH_M:?}")
+        } else {
+            String::new()
+        };
+        // A path without pieces is a straight road.
+        let pieces = if on.way.pieces.is_empty() {
+            String::new()
+        } else {
+            format!(", pieces: [{}]", bends(&on.way.pieces))
+        };
+        draft.mark(&it.entity.at);
+        draft.text(&format!(
+            "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){width}{pieces}),\n",
+            it.name,
+            tidy(begins.x_m),
+            tidy(begins.y_m),
+            begins.heading_rad
+        ));
+    }
+    draft.text("    },\n");
 }
 
 /// Pieces in the form of a world file.
@@ -265,6 +275,7 @@ fn bodies(draft: &mut Draft, all: &[EntityInFrame]) {
         // Agents may share a body.
         if !known.contains(&body.name.as_str()) {
             known.push(&body.name);
+            draft.mark(&body.at);
             draft.text(&format!("        \"{}\": {},\n", body.name, body.ron));
         }
     }
@@ -291,6 +302,7 @@ fn agent(
         _ => it.spot.x_m + it.front_along_m(),
     };
     let left_m = it.spot.y_m + it.front_left_m();
+    draft.mark(&it.entity.at);
     // An entity that stands askew is an obstacle, which has no lane.
     if let EntityPath::Turned = it.path {
         return obstacle(draft, concrete, all, it);
@@ -405,11 +417,12 @@ fn obstacle(
     let front = match &it.entity.placed.way {
         Some(on) if on.is_lane && shares_road => {
             let spot = it.entity.placed.spot.moved(body.front_m, 0.0);
-            concrete.station(&Placed {
+            let placed = Placed {
                 spot,
                 lane: None,
                 way: None,
-            })?
+            };
+            concrete.station(&placed, &it.entity.at)?
         }
         _ => front,
     };

@@ -1,7 +1,7 @@
 //! Acts: when they begin and stop, and the events that they hold.
 
+use super::Reader;
 use super::script::EventContext;
-use super::{Reader, moving};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
@@ -16,19 +16,21 @@ impl Reader<'_> {
             let actors = group.child("Actors");
             let refs = actors.into_iter().flat_map(|it| it.all("EntityRef"));
             let names = refs.map(|it| scope.text(it, "entityRef"));
-            let names = names.collect::<Result<Vec<_>, _>>()?;
+            let names = names.map(|name| self.blockers.keep(name));
+            let names: Vec<String> = names.collect::<Vec<_>>().into_iter().flatten().collect();
             for it in &group.children {
-                let (maneuver, own) = match it.name.as_str() {
+                let read = match it.name.as_str() {
                     "Maneuver" => {
                         let declared = it.child("ParameterDeclarations");
-                        (it.clone(), ParameterScope::declared(declared, scope, &[])?)
+                        let own = ParameterScope::declared(declared, scope, &[]);
+                        own.map(|own| (it.clone(), own))
                     }
-                    "CatalogReference" => {
-                        self.ground.catalogs.entry(it, scope, self.ground.files)?
-                    }
+                    "CatalogReference" => self.ground.catalogs.entry(it, scope, self.ground.files),
                     _ => continue,
                 };
-                context.push((group, names.clone(), maneuver, own));
+                if let Some((maneuver, own)) = self.blockers.keep(read) {
+                    context.push((group, names.clone(), maneuver, own));
+                }
             }
         }
         // Weather moves no entity, so it is checked in every act that begins.
@@ -36,7 +38,8 @@ impl Reader<'_> {
         if !matches!(begins, Ok(StartTrigger::Never)) {
             for (_, _, maneuver, scope) in &context {
                 for event in maneuver.all("Event") {
-                    self.weather(event, scope)?;
+                    let read = self.weather(event, scope);
+                    self.blockers.keep(read);
                 }
             }
         }
@@ -45,9 +48,9 @@ impl Reader<'_> {
         let mut moves = false;
         for (_, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
-                let actions = moving(event, (actors, scope), self.ground)?;
+                let (actions, is_read) = self.moving(event, (actors, scope));
                 if !self.is_left(actors, &actions) {
-                    moves |= !actions.is_empty();
+                    moves |= !actions.is_empty() || !is_read;
                 } else if !matches!(begins, Ok(StartTrigger::Never)) {
                     self.ground.ego.leave(event);
                 }
@@ -61,7 +64,7 @@ impl Reader<'_> {
         }
         // What the events of an act are is read whatever the act waits for.
         let begins = self.blockers.keep(begins);
-        let is_read = begins.is_some();
+        let mut is_read = begins.is_some();
         let begins_s = match begins.unwrap_or(StartTrigger::At(0.0)) {
             StartTrigger::Never => return Ok(()),
             StartTrigger::At(at_s) => {
@@ -75,7 +78,10 @@ impl Reader<'_> {
             }
             StartTrigger::After { .. } => {
                 let help = "begin the act by a time, and its events by what they wait for";
-                return Err(act.refused("an act that waits for an element is not read", help));
+                let what = "an act that waits for an element is not read";
+                self.blockers.add(act.refused(what, help));
+                is_read = false;
+                0.0
             }
         };
         if !is_read {
@@ -83,7 +89,7 @@ impl Reader<'_> {
         }
         for (group, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
-                let actions = moving(event, (actors, scope), self.ground)?;
+                let (actions, _) = self.moving(event, (actors, scope));
                 if self.is_left(actors, &actions) {
                     continue;
                 }

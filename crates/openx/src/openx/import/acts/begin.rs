@@ -32,7 +32,12 @@ impl Reader<'_> {
             let help = "let the SynchronizeAction be the only event of the entity";
             return Err(event.refused("an event beside a meeting is not read", help));
         }
-        let Some((mut step, rest)) = self.begun_step(who, context, actions)? else {
+        let begun = self.begun_step(who, context, actions);
+        if begun.is_err() {
+            // Its actions may have problems of their own.
+            self.probe(Some(who), context, actions);
+        }
+        let Some((mut step, rest)) = begun? else {
             self.never(context);
             return Ok(());
         };
@@ -156,7 +161,10 @@ impl Reader<'_> {
         let event = context.event;
         let script = &self.scripts[who];
         let is_first = !script.has_begun;
-        let mut step = ImportedStep::default();
+        let mut step = ImportedStep {
+            at: Some(event.at()),
+            ..ImportedStep::default()
+        };
         let mut rest = None;
         let priority = event.raw("priority").unwrap_or_default();
         let replaces = context.replaces(script);

@@ -1,7 +1,6 @@
 //! Changes of lane and lateral offsets in the acts of a storyboard.
 
 use super::Reader;
-use super::script::EntityScript;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::scope::ParameterScope;
@@ -20,7 +19,7 @@ impl Reader<'_> {
         scope: &ParameterScope,
     ) -> Result<ImportedLaw, ImportError> {
         let ground = self.ground;
-        let on = own_lane(&self.scripts[who], it)?;
+        let on = self.own_lane(who, it)?;
         let target = it.inner("LaneChangeTarget")?.only()?;
         let value = scope.lane(target, "value")?;
         let to = match target.name.as_str() {
@@ -49,7 +48,7 @@ impl Reader<'_> {
         scope: &ParameterScope,
     ) -> Result<ImportedLaw, ImportError> {
         let ground = self.ground;
-        let on = own_lane(&self.scripts[who], it)?;
+        let on = self.own_lane(who, it)?;
         if it.raw("continuous").is_some_and(|value| value != "false") {
             let help = "write continuous=\"false\"";
             return Err(it.refused("an offset that is kept for ever is not read", help));
@@ -124,7 +123,7 @@ impl Reader<'_> {
         let script = &self.scripts[who];
         if name == script.name {
             // Relative to itself, with the changes so far.
-            let on = own_lane(script, target)?;
+            let on = self.own_lane(who, target)?;
             return Ok(OnLane {
                 lane: script.lane.unwrap_or(on.lane),
                 t_m: script.t_m,
@@ -136,7 +135,8 @@ impl Reader<'_> {
         let lane = lane.ok_or_else(|| {
             let help = "place it by a `LanePosition`";
             let error = target.refused(format!("`{name}` is on no lane"), help);
-            error.following(self.ground.unplaced.contains(&name))
+            let is_elsewhere = self.ground.unplaced.contains(&name);
+            error.following(is_elsewhere || self.ground.roads.is_unread())
         })?;
         let help = "name the lane by an absolute target";
         let what = format!("a lane relative to `{name}`, who changes its own, is not read");
@@ -144,8 +144,22 @@ impl Reader<'_> {
         Ok(lane)
     }
 
+    /// Lane of an entity, as far as it is known.
+    fn own_lane(&self, who: usize, it: &XmlNode) -> Result<OnLane, ImportError> {
+        let script = &self.scripts[who];
+        if script.is_cut {
+            let help = "let the event that cuts the change before it begin after its end";
+            return Err(it.refused("a lane after a change that is cut is not read", help));
+        }
+        let lane = script.placed.lane.clone();
+        lane.ok_or_else(|| {
+            let error = it.refused("it is on no lane", "place it by a `LanePosition`");
+            error.following(self.ground.roads.is_unread())
+        })
+    }
+
     /// Refuses targets that are relative to the lane of an entity that leaves it.
-    pub(super) fn lanes_stay(&self) -> Result<(), ImportError> {
+    pub(super) fn lanes_stay(&mut self) {
         let leaves = |name: &str| {
             let script = self.scripts.iter().find(|it| it.name == name);
             let laws = script.into_iter().flat_map(|it| &it.steps);
@@ -157,16 +171,8 @@ impl Reader<'_> {
                 )
             })
         };
-        let wrong = self.relative.iter().find(|(name, _)| leaves(name));
-        wrong.map_or(Ok(()), |(_, error)| Err(error.clone()))
+        let wrong = self.relative.iter().filter(|(name, _)| leaves(name));
+        let wrong: Vec<ImportError> = wrong.map(|(_, error)| error.clone()).collect();
+        wrong.into_iter().for_each(|error| self.blockers.add(error));
     }
-}
-
-fn own_lane(script: &EntityScript, it: &XmlNode) -> Result<OnLane, ImportError> {
-    if script.is_cut {
-        let help = "let the event that cuts the change before it begin after its end";
-        return Err(it.refused("a lane after a change that is cut is not read", help));
-    }
-    let lane = script.placed.lane.clone();
-    lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }

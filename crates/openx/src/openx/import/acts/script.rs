@@ -1,6 +1,6 @@
 //! Steps of one entity, and what its events allow.
 
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::ends::to_mps;
@@ -223,14 +223,16 @@ pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError
     // Once it has happened, it changes nothing when it happens again.
     let is_settled = is_alone && actions.all(|action| !is_relative(action));
     let is_settled = is_settled || comes_once(context.event);
+    let mut blockers = Blockers::default();
     for node in [context.event, context.group] {
-        let often = context
-            .scope
-            .number_or_zero(node, "maximumExecutionCount")?;
+        let often = context.scope.number_or_zero(node, "maximumExecutionCount");
+        let Some(often) = blockers.keep(often) else {
+            continue;
+        };
         if node.raw("maximumExecutionCount").is_some() && often != 1.0 && !is_settled {
             let what = format!("it is carried out {often} times: only 1 is read");
             let help = "write an event for each time, each after the end of the one before";
-            return Err(node.refused(what, help));
+            blockers.add(node.refused(what, help));
         }
     }
     let actors = context.group.child("Actors");
@@ -238,9 +240,9 @@ pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError
     if let (Some(actors), Some("true")) = (actors, selected) {
         let what = "actors who are those that trigger it are not read";
         let help = "name them by EntityRef, with selectTriggeringEntities=\"false\"";
-        return Err(actors.refused(what, help));
+        blockers.add(actors.refused(what, help));
     }
-    Ok(())
+    blockers.none()
 }
 
 /// Returns whether what an event waits for comes once, whatever its count.

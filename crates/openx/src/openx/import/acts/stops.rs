@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Reader;
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::dropped::{time_s, times};
@@ -33,36 +33,49 @@ impl Reader<'_> {
         let ego_mps = self.scripts.iter().find(|it| it.name == *ego);
         let ego_mps = ego_mps.and_then(|it| it.speeds.now_mps).unwrap_or(0.0);
         let mut first_s = f64::INFINITY;
+        let mut blockers = Blockers::default();
         for group in stop.all("ConditionGroup") {
-            let refused = || {
-                let help = "stop it by a time or a distance that the ego travels, or end \
-                            what it does by its own dynamics";
-                group.refused("an act that is stopped in this way is not read", help)
-            };
-            // It waits for what never begins.
-            if self.waits_in_vain(group, scope) {
-                continue;
-            }
-            let at_s = match times(group) {
-                // Times that never hold together never stop it.
-                Some(times) => time_s(&times, scope)?.unwrap_or(f64::INFINITY),
-                None => {
-                    let condition = group.only()?;
-                    let by = condition.child("ByEntityCondition").ok_or_else(refused)?;
-                    let who = by.inner("TriggeringEntities")?.only()?;
-                    let way = by.inner("EntityCondition")?.only()?;
-                    let is_ego =
-                        who.raw("entityRef").is_some() && scope.text(who, "entityRef")? == *ego;
-                    let is_lone = group.children.len() == 1;
-                    if !is_ego || !is_lone || way.name != "TraveledDistanceCondition" {
-                        return Err(refused());
-                    }
-                    scope.number(way, "value")? / ego_mps
-                }
-            };
-            first_s = first_s.min(at_s);
+            let at_s = blockers.keep(self.stop_of(group, scope, ego_mps));
+            first_s = first_s.min(at_s.unwrap_or(f64::INFINITY));
         }
+        blockers.none()?;
         Ok(first_s)
+    }
+
+    /// Time in seconds at which a group of conditions stops an act.
+    fn stop_of(
+        &self,
+        group: &XmlNode,
+        scope: &ParameterScope,
+        ego_mps: f64,
+    ) -> Result<f64, ImportError> {
+        let ego = &self.ground.ego.name;
+        let refused = || {
+            let help = "stop it by a time or a distance that the ego travels, or end \
+                            what it does by its own dynamics";
+            group.refused("an act that is stopped in this way is not read", help)
+        };
+        // It waits for what never begins.
+        if self.waits_in_vain(group, scope) {
+            return Ok(f64::INFINITY);
+        }
+        match times(group) {
+            // Times that never hold together never stop it.
+            Some(times) => Ok(time_s(&times, scope)?.unwrap_or(f64::INFINITY)),
+            None => {
+                let condition = group.only()?;
+                let by = condition.child("ByEntityCondition").ok_or_else(refused)?;
+                let who = by.inner("TriggeringEntities")?.only()?;
+                let way = by.inner("EntityCondition")?.only()?;
+                let is_ego =
+                    who.raw("entityRef").is_some() && scope.text(who, "entityRef")? == *ego;
+                let is_lone = group.children.len() == 1;
+                if !is_ego || !is_lone || way.name != "TraveledDistanceCondition" {
+                    return Err(refused());
+                }
+                Ok(scope.number(way, "value")? / ego_mps)
+            }
+        }
     }
 
     /// Returns true for a group with an element that never begins.

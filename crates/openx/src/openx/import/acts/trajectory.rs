@@ -141,6 +141,7 @@ impl EntityScript {
                     after_s: wait_s,
                     laws: vec![law.clone()],
                     overlaps: false,
+                    at: step.at.clone(),
                 });
             }
             // A change at a rate lasts as long as the step, and others take no time.
