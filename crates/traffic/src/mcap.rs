@@ -1,15 +1,16 @@
 //! OSI traces in MCAP.
 //!
-//! The crate `mcap` frames and parses the records. Its own decompressors are libraries in C,
-//! so chunks come whole from it and are unpacked here.
+//! The crate `mcap` frames the records. Its decompressors are libraries in C, so chunks come
+//! whole from it and are unpacked here. Its parser allocates what the length of a text says,
+//! so the few fields are read here, too.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{BufReader, Read};
 
-use mcap::records::{ChunkHeader, Record, op};
+use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{MAGIC, McapError, parse_record};
+use mcap::{MAGIC, McapError};
 
 use crate::error::ReadError;
 use crate::osi::{OsiKind, OsiTracks, read_bytes};
@@ -44,6 +45,38 @@ pub fn read_mcap(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadE
     file.tracks.bytes = MAGIC.len() as u64;
     file.records(&mut trace, None)?;
     file.finish()
+}
+
+/// Fields of a record, taken from the front.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        Some(u16::from_le_bytes(self.array()?))
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        Some(u32::from_le_bytes(self.array()?))
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        Some(u64::from_le_bytes(self.array()?))
+    }
+
+    fn text(&mut self) -> Option<String> {
+        let length = usize::try_from(self.u32()?).ok()?;
+        Some(String::from_utf8_lossy(self.bytes(length)?).into_owned())
+    }
 }
 
 /// State of the reading.
@@ -135,37 +168,39 @@ impl<'a> McapFile<'a> {
         offset: u64,
         is_in_chunk: bool,
     ) -> Result<(), ReadError> {
-        let is_read = match opcode {
-            op::SCHEMA | op::CHANNEL | op::MESSAGE => true,
-            // A chunk in a chunk would be a way to unpack without end.
-            op::CHUNK => !is_in_chunk,
-            _ => false,
-        };
-        if !is_read {
-            return Ok(());
-        }
         let place = FilePlace::Byte(offset);
-        let record = parse_record(opcode, content)
-            .map_err(|_| self.tracks.error(place, FileProblem::Record(opcode)))?;
-        match record {
-            Record::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
-            }
-            Record::Channel(it) => {
-                let schema = self.schemas.get(&it.schema_id).cloned().unwrap_or_default();
-                self.channels.insert(it.id, (schema, it.message_encoding));
-            }
-            Record::Message { header, data } => {
-                return self.message(header.channel_id, &data, offset);
-            }
-            Record::Chunk { header, data } => {
-                let records = self.unpacked(&header, &data);
+        let mut fields = Fields(content);
+        let read = match opcode {
+            op::SCHEMA => self.schema(&mut fields),
+            op::CHANNEL => self.channel(&mut fields),
+            // The sequence number and the times of logging and publishing are not needed.
+            op::MESSAGE => match (fields.u16(), fields.bytes(20)) {
+                (Some(channel), Some(_)) => return self.message(channel, fields.0, offset),
+                _ => None,
+            },
+            // A chunk in a chunk would be a way to unpack without end.
+            op::CHUNK if !is_in_chunk => {
+                let records = self.unpacked(fields);
                 let records = records.map_err(|problem| self.tracks.error(place, problem))?;
                 return self.records(&mut &*records, Some(offset));
             }
-            _ => {}
-        }
-        Ok(())
+            _ => Some(()),
+        };
+        read.ok_or_else(|| self.tracks.error(place, FileProblem::Record(opcode)))
+    }
+
+    fn schema(&mut self, fields: &mut Fields<'_>) -> Option<()> {
+        let (id, name) = (fields.u16()?, fields.text()?);
+        self.schemas.insert(id, name);
+        Some(())
+    }
+
+    fn channel(&mut self, fields: &mut Fields<'_>) -> Option<()> {
+        let (id, schema) = (fields.u16()?, fields.u16()?);
+        let (_topic, encoding) = (fields.text()?, fields.text()?);
+        let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
+        self.channels.insert(id, (schema, encoding));
+        Some(())
     }
 
     fn message(&mut self, channel: u16, message: &[u8], offset: u64) -> Result<(), ReadError> {
@@ -193,12 +228,15 @@ impl<'a> McapFile<'a> {
     }
 
     /// Returns the records of a chunk.
-    fn unpacked<'c>(
-        &mut self,
-        header: &ChunkHeader,
-        packed: &'c [u8],
-    ) -> Result<Cow<'c, [u8]>, FileProblem> {
-        let size = header.uncompressed_size;
+    fn unpacked<'c>(&mut self, mut fields: Fields<'c>) -> Result<Cow<'c, [u8]>, FileProblem> {
+        let mut parts = || {
+            let _span = fields.bytes(16)?;
+            let (size, checksum, compression) = (fields.u64()?, fields.u32()?, fields.text()?);
+            let length = usize::try_from(fields.u64()?).ok()?;
+            Some((size, checksum, compression, fields.bytes(length)?))
+        };
+        let (size, checksum, compression, packed) =
+            parts().ok_or(FileProblem::Record(op::CHUNK))?;
         if size > MOST_BYTES as u64 {
             return Err(FileProblem::TooLong(size));
         }
@@ -207,7 +245,7 @@ impl<'a> McapFile<'a> {
             let packed = packed.len() as u64;
             return Err(FileProblem::Unpacks { packed, size });
         }
-        let records = match &*header.compression {
+        let records = match &*compression {
             "" => Cow::Borrowed(packed),
             "lz4" => read_all(lz4_flex::frame::FrameDecoder::new(packed), size)?,
             "zstd" => {
@@ -222,7 +260,6 @@ impl<'a> McapFile<'a> {
             return Err(FileProblem::Cut { got, want: size });
         }
         // A checksum of 0 is none.
-        let checksum = header.uncompressed_crc;
         if checksum != 0 && checksum != crc32fast::hash(&records) {
             return Err(FileProblem::Checksum);
         }

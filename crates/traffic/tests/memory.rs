@@ -139,6 +139,9 @@ fn hostile() -> Vec<(&'static str, Read, Vec<u8>, &'static str)> {
         let _ = write!(actors, "<Vertex time='{i}'>{place}</Vertex>");
     }
     actors += "</Polyline></Trajectory></Event></ManeuverGroup></OpenSCENARIO>";
+    // The name of a schema announces 4 GB.
+    let name = record(3, &[1, 0, 0xff, 0xff, 0xff, 0xff, 0x61]);
+    let name = [b"\x89MCAP0\r\n", &name[..]].concat();
     let none = [b"\x89MCAP0\r\n", &cut[..]].concat();
     let packed = |messages: &[Vec<u8>]| mcap(&[zstd(&records(messages))]);
     vec![
@@ -153,6 +156,12 @@ fn hostile() -> Vec<(&'static str, Read, Vec<u8>, &'static str)> {
             read_osi,
             vec![0xff, 0xff, 0xff, 0x0f, 1],
             "ends early",
+        ),
+        (
+            "a text without bytes",
+            read_mcap,
+            name,
+            "too short for its fields",
         ),
         ("a record without bytes", read_mcap, none, "ends early"),
         (
