@@ -30,5 +30,7 @@ mod policies;
 mod recordings;
 #[path = "fuzz/samples.rs"]
 mod samples;
+#[path = "fuzz/serving.rs"]
+mod serving;
 #[path = "fuzz/worlds.rs"]
 mod worlds;

@@ -13,12 +13,12 @@ use super::corpus::{self, Source};
 use super::harness::{Seen, Target};
 use super::mutate::mutants;
 
-fn world(name: &str) -> Scenario {
+pub fn world(name: &str) -> Scenario {
     Scenario::load(&corpus::root().join("worlds").join(name)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// A finished run of an ado that learned nothing.
-fn run_of(world: &Scenario, dir: &Path) {
+pub fn run_of(world: &Scenario, dir: &Path) {
     let mut run = RunDir::create(dir, world, 1).expect("a new run");
     let learner = LearnerConfig::default();
     let policy = learner.build(world.spaces(), 1).policy_bundle();

@@ -26,6 +26,9 @@ impl std::fmt::Debug for Bytes {
     }
 }
 
+/// Time of a case that is taken for an endless one.
+const LONGEST: Duration = Duration::from_secs(10);
+
 /// One kind of input.
 pub struct Target {
     pub name: &'static str,
@@ -41,30 +44,46 @@ pub struct Target {
 impl Target {
     /// Checks inputs: so many as the target says, or as the environment does.
     ///
-    /// `FUZZ_SECONDS` goes on for so long, `FUZZ_SEED` takes other inputs,
-    /// `FUZZ_CASE` runs one case alone.
+    /// `FUZZ_SECONDS` goes on for so long, `FUZZ_CASES` for so many cases, `FUZZ_SEED` takes
+    /// other inputs, `FUZZ_CASE` runs one case alone. In a long run no case may take
+    /// longer than [`LONGEST`].
     pub fn run<S: Strategy>(&self, inputs: &S, check: impl Fn(&S::Value) -> Seen) {
         let seed = number("FUZZ_SEED").unwrap_or(0);
         let only = number("FUZZ_CASE");
         let seconds = number("FUZZ_SECONDS").map(Duration::from_secs);
+        let cases = number("FUZZ_CASES");
+        let is_long = seconds.is_some() || cases.is_some();
+        let mut slowest = (Duration::ZERO, 0);
         let begun = Instant::now();
         let (mut accepted, mut done) = (0, 0);
         for case in only.unwrap_or(0).. {
             let enough = match (only, seconds) {
                 (Some(only), _) => only < case,
                 (None, Some(seconds)) => seconds < begun.elapsed(),
-                (None, None) => self.cases <= case,
+                (None, None) => cases.unwrap_or(self.cases) <= case,
             };
             if enough {
                 break;
             }
-            if seconds.is_some() {
+            if is_long {
                 self.note(seed, case);
             }
+            let started = Instant::now();
             accepted += u64::from(self.case(seed, case, inputs, &check) == Seen::Accepted);
             done += 1;
+            slowest = slowest.max((started.elapsed(), case));
         }
-        println!("{}: {accepted} of {done} cases accepted", self.name);
+        let (longest, slow) = slowest;
+        println!(
+            "{}: {accepted} of {done} cases accepted, the slowest took {:.3} s",
+            self.name,
+            longest.as_secs_f64()
+        );
+        assert!(
+            !is_long || longest <= LONGEST,
+            "{}: case {slow} took {longest:?}",
+            self.name
+        );
         if only.is_none() {
             let (least, refused) = self.least_percent;
             assert!(least * done <= 100 * accepted, "too few are accepted");

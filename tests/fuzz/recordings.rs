@@ -171,62 +171,162 @@ fn any_xml_of_a_recording_or_a_map_is_refused_or_analysed() {
     });
 }
 
-/// Traces of another writer, with their readers.
-type Trace = (
-    &'static [u8],
-    fn(&[u8]) -> Result<TrafficRecording, ReadError>,
-);
+/// Damage of bytes.
+#[derive(Clone, Debug)]
+enum Damage {
+    /// A byte becomes another one, or changes by some bits.
+    Set(Index, u8),
+    Flip(Index, u8),
+    /// Eight bytes become a number, as lengths are written.
+    Number(Index, u64),
+    /// Bytes are left out, or are there twice.
+    Drop(Index, usize),
+    Double(Index, usize),
+    Truncate(Index),
+}
 
-const TRACES: [Trace; 5] = [
-    (
-        include_bytes!("../../crates/traffic/tests/data/gt.osi"),
-        |it| read_osi(it, "log.osi"),
-    ),
-    (
-        include_bytes!("../../crates/traffic/tests/data/sv.osi"),
-        |it| read_osi(it, "log.osi"),
-    ),
-    (
-        include_bytes!("../../crates/traffic/tests/data/gt_none.mcap"),
-        |it| read_mcap(it, "log.mcap"),
-    ),
-    (
-        include_bytes!("../../crates/traffic/tests/data/gt_lz4.mcap"),
-        |it| read_mcap(it, "log.mcap"),
-    ),
-    (
-        include_bytes!("../../crates/traffic/tests/data/sv_zstd.mcap"),
-        |it| read_mcap(it, "log.mcap"),
-    ),
-];
+impl Damage {
+    fn of(&self, bytes: &mut Vec<u8>) {
+        let place = |at: &Index| at.index(bytes.len().max(1)).min(bytes.len());
+        let span = |at: &Index, count: usize| place(at)..(place(at) + count).min(bytes.len());
+        match self {
+            Damage::Set(at, value) => {
+                let at = span(at, 1);
+                bytes[at].fill(*value);
+            }
+            Damage::Flip(at, bits) => {
+                let at = span(at, 1);
+                bytes[at].iter_mut().for_each(|it| *it ^= bits);
+            }
+            Damage::Number(at, number) => {
+                let at = span(at, 8);
+                let number = &number.to_le_bytes()[..at.len()];
+                bytes[at].copy_from_slice(number);
+            }
+            Damage::Drop(at, count) => {
+                let at = span(at, *count);
+                bytes.drain(at);
+            }
+            Damage::Double(at, count) => {
+                let at = span(at, *count);
+                let again = bytes[at.clone()].to_vec();
+                bytes.splice(at.start..at.start, again);
+            }
+            Damage::Truncate(at) => bytes.truncate(place(at)),
+        }
+    }
+}
+
+fn damages() -> impl Strategy<Value = Vec<Damage>> {
+    let place = any::<Index>;
+    let byte = || select(vec![0_u8, 1, 0x7f, 0x80, 0xff]);
+    let number = select(vec![0, 1, 1 << 20, 1 << 27, u64::from(u32::MAX), u64::MAX]);
+    let damage = prop_oneof![
+        6 => (place(), byte()).prop_map(|(at, value)| Damage::Set(at, value)),
+        4 => (place(), byte()).prop_map(|(at, bits)| Damage::Flip(at, bits)),
+        2 => (place(), number).prop_map(|(at, number)| Damage::Number(at, number)),
+        2 => (place(), 1..300usize).prop_map(|(at, count)| Damage::Drop(at, count)),
+        2 => (place(), 1..900usize).prop_map(|(at, count)| Damage::Double(at, count)),
+        1 => place().prop_map(Damage::Truncate),
+    ];
+    prop::collection::vec(damage, 1..5)
+}
+
+const GT_OSI: &[u8] = include_bytes!("../../crates/traffic/tests/data/gt.osi");
+const SV_OSI: &[u8] = include_bytes!("../../crates/traffic/tests/data/sv.osi");
+const PLAIN: &[u8] = include_bytes!("../../crates/traffic/tests/data/gt_none.mcap");
+const LZ4: &[u8] = include_bytes!("../../crates/traffic/tests/data/gt_lz4.mcap");
+const ZSTD: &[u8] = include_bytes!("../../crates/traffic/tests/data/sv_zstd.mcap");
 
 #[test]
-fn any_trace_is_refused_or_analysed() {
+fn any_osi_trace_is_refused_or_analysed() {
     let target = Target {
-        name: "log_trace",
-        cases: 2500,
+        name: "log_osi",
+        cases: 1200,
         shrinks: 300,
         least_percent: (5, 20),
     };
-    let edit = (
-        any::<Index>(),
-        select(vec![0_u8, 1, 0x7f, 0x80, 0xff]),
-        any::<bool>(),
-    );
-    let edits = prop::collection::vec(edit, 1..5);
-    let cut = prop::option::weighted(0.2, any::<Index>());
-    let spoilt = (0..TRACES.len(), edits, cut).prop_map(|(which, edits, cut)| {
-        let mut bytes = TRACES[which].0.to_vec();
-        for (at, value, flips) in edits {
-            let at = at.index(bytes.len());
-            bytes[at] = if flips { bytes[at] ^ value } else { value };
-        }
-        if let Some(cut) = cut {
-            bytes.truncate(cut.index(bytes.len()));
-        }
-        (which, Bytes(bytes))
+    let spoilt = (select(vec![GT_OSI, SV_OSI]), damages()).prop_map(|(good, damages)| {
+        let mut bytes = good.to_vec();
+        damages.iter().for_each(|it| it.of(&mut bytes));
+        Bytes(bytes)
     });
-    target.run(&spoilt, |(which, bytes)| used(TRACES[*which].1(&bytes.0)));
+    target.run(&spoilt, |bytes| used(read_osi(&bytes.0[..], "log.osi")));
+}
+
+/// Returns the records in the first chunk of a file whose chunks are not compressed.
+fn records_of_chunk(file: &[u8]) -> &[u8] {
+    let number = |at: usize| u64::from_le_bytes(file[at..at + 8].try_into().expect("8")) as usize;
+    let mut at = 8;
+    while file[at] != 0x06 {
+        at += 9 + number(at + 1);
+    }
+    // Two instants, a size, a checksum, an empty text and a length.
+    let from = at + 9 + 16 + 8 + 4 + 4 + 8;
+    &file[from..from + number(from - 8)]
+}
+
+/// Returns a file of one chunk with these records, so that their damage has no checksum.
+///
+/// Both compressions may store bytes as they are.
+fn with_records(records: &[u8], compression: &str) -> Vec<u8> {
+    let size = records.len() as u32;
+    let packed = match compression {
+        "lz4" => {
+            let head = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x40, 0x82];
+            let length = (size | 0x8000_0000).to_le_bytes();
+            [&head[..], &length, records, &[0; 4]].concat()
+        }
+        "zstd" => {
+            let head = [0x28, 0xb5, 0x2f, 0xfd, 0, 0x58];
+            let last = (size << 3 | 1).to_le_bytes();
+            [&head[..], &last[..3], records].concat()
+        }
+        _ => records.to_vec(),
+    };
+    let content = [
+        &[0; 16][..],
+        &u64::from(size).to_le_bytes(),
+        &[0; 4],
+        &(compression.len() as u32).to_le_bytes(),
+        compression.as_bytes(),
+        &(packed.len() as u64).to_le_bytes(),
+        &packed,
+    ]
+    .concat();
+    let record = |kind: u8, content: &[u8]| {
+        [&[kind][..], &(content.len() as u64).to_le_bytes(), content].concat()
+    };
+    let (chunk, end) = (record(0x06, &content), record(0x0f, &[0; 4]));
+    [b"\x89MCAP0\r\n", &chunk[..], &end].concat()
+}
+
+#[test]
+fn any_mcap_trace_is_refused_or_analysed() {
+    let target = Target {
+        name: "log_mcap",
+        cases: 1200,
+        shrinks: 300,
+        least_percent: (5, 20),
+    };
+    let whole = (select(vec![PLAIN, LZ4, ZSTD]), damages()).prop_map(|(good, damages)| {
+        let mut bytes = good.to_vec();
+        damages.iter().for_each(|it| it.of(&mut bytes));
+        Bytes(bytes)
+    });
+    let inside = (select(vec!["", "lz4", "zstd"]), damages()).prop_map(|(compression, damages)| {
+        let mut records = records_of_chunk(PLAIN).to_vec();
+        damages.iter().for_each(|it| it.of(&mut records));
+        Bytes(with_records(&records, compression))
+    });
+    // What is not damaged is read, so that the refused ones are refused for their damage.
+    for compression in ["", "lz4", "zstd"] {
+        let good = with_records(records_of_chunk(PLAIN), compression);
+        assert_eq!(used(read_mcap(&good[..], "log.mcap")), Seen::Accepted);
+    }
+    target.run(&prop_oneof![1 => whole, 2 => inside], |bytes| {
+        used(read_mcap(&bytes.0[..], "log.mcap"))
+    });
 }
 
 #[test]
