@@ -98,7 +98,7 @@ pub(crate) fn train_ado<'py>(
         let what = format!("`against={:?}` is not known", options.against);
         wrong(what, "known: nominal, wide")
     })?;
-    let goals = options.goals.as_ref().map(|goals| {
+    let parsed = options.goals.as_ref().map(|goals| {
         let goal = |word: &String| {
             word.to_lowercase().parse::<TrainingGoal>().map_err(|_| {
                 let what = format!("unknown training goal {word:?}");
@@ -107,7 +107,7 @@ pub(crate) fn train_ado<'py>(
         };
         goals.iter().map(goal).collect::<PyResult<Vec<_>>>()
     });
-    let goals = goals.transpose()?;
+    let goals = parsed.transpose()?;
     let per_ado = options
         .per_ado
         .as_deref()
@@ -263,11 +263,11 @@ pub(crate) fn eval_world<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let nominal = world.0.clone();
     let egos = egos(&nominal, options.ego.as_ref().map(|ego| ego.bind(py)))?;
-    let drawn = (options.starts, options.seed);
+    let (seed, count) = (options.seed, options.starts);
     let Some(act) = &options.ado else {
         let switches = options.switches.unwrap_or_else(|| usual_switches(&egos));
         let rows = running.watched(py, move |watch| {
-            let table = untrained(&nominal, &egos, drawn, switches, watch)?;
+            let table = untrained(&nominal, &egos, seed, count, switches, watch)?;
             Ok(table.map(|table| table.rows))
         })?;
         return objects(py, &something(rows)?);
@@ -282,7 +282,7 @@ pub(crate) fn eval_world<'py>(
     let rows = running.watched(py, move |watch| {
         let policy = &*acting;
         consent(&nominal, &egos)?;
-        let Some(starts) = test_starts(&nominal, drawn.1, drawn.0, watch) else {
+        let Some(starts) = test_starts(&nominal, seed, count, watch) else {
             return Ok(None);
         };
         let mut rows = Vec::new();

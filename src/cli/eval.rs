@@ -6,18 +6,18 @@ use super::eval_args::EvalArgs;
 use super::run_under_test::{RunUnderTest, Supplement, is_world, rows_of};
 use super::test_args::note_program_costs;
 use super::{
-    Exit, Failure, exit_of, interrupted_early, load_world, points, population, print_json,
+    Exit, Failure, exit_of, interrupted_early, load_world, placed, points, population, print_json,
     progress, table, theorems,
 };
 use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
-use crate::experiment::{Watch, on_plant};
+use crate::experiment::Watch;
 use crate::search::usual_switches;
 use crate::theorems::admits_theorems;
 
 /// Refuses options that require a trained ado.
 fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failure> {
     let test = &args.test;
-    let given = [
+    let options = [
         (!test.ado.is_empty(), "--ado"),
         (test.tries > 1, "--tries"),
         (test.temperature.is_some(), "--temperature"),
@@ -26,7 +26,7 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
         (test.keep.dir().is_some() && !has_points, "--keep"),
         (args.theorems, "--theorems"),
     ];
-    let given: Vec<&str> = given
+    let given: Vec<&str> = options
         .iter()
         .filter(|(is_given, _)| *is_given)
         .map(|(_, option)| *option)
@@ -52,9 +52,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let has_points = world.has_points();
     world = test.traffic.limited(world)?;
     refuse_options_of_runs(args, has_points)?;
-    if let Some(plant) = test.plant {
-        world = on_plant(&world, plant)?;
-    }
+    world = placed(world, test.plant)?;
     if has_points {
         return points::run(args, &world);
     }
@@ -62,9 +60,9 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let live = args.open_live(&world)?;
     let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
-    let starts = (test.starts, test.seed);
     let switches = test.search.unwrap_or_else(|| usual_switches(&egos));
-    let Some(baselines) = untrained(&world, &egos, starts, switches, &watch)? else {
+    let Some(baselines) = untrained(&world, &egos, test.seed, test.starts, switches, &watch)?
+    else {
         drop(bar);
         return interrupted_early(&test.common);
     };
@@ -96,7 +94,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let egos = args.test.traffic.levels(args.ego.find(&tested.nominal)?);
     let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");
-    let watch = tested.watch((&bar, &live), egos.len());
+    let watch = tested.watch(&bar, &live, egos.len());
     let Some(mut evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);
     };

@@ -84,12 +84,12 @@ mod tests {
     #[test]
     fn every_verb_draws_as_many_starts_unless_told_otherwise() {
         let program = Cli::command();
-        let drawing = program.get_subcommands().filter_map(|verb| {
+        let verbs = program.get_subcommands().filter_map(|verb| {
             let mut arguments = verb.get_arguments();
             let starts = arguments.find(|argument| argument.get_id() == "starts")?;
             Some((verb.get_name(), starts.get_default_values().to_vec()))
         });
-        let drawing: Vec<_> = drawing.collect();
+        let drawing: Vec<_> = verbs.collect();
         assert_eq!(drawing.len(), 6, "{drawing:?}");
         for (verb, values) in &drawing {
             assert_eq!(values, &["300"], "{verb}");

@@ -85,9 +85,9 @@ struct ExcerptWindow {
 impl ExcerptWindow {
     /// Adds a line of the file, which begins there at the byte `at`.
     fn line(&mut self, line: &str, at: usize) {
-        let words = line.strip_suffix('\n').unwrap_or(line);
+        let ended = line.strip_suffix('\n').unwrap_or(line);
         // A carriage return would let a terminal overwrite the line.
-        let words = words.strip_suffix('\r').unwrap_or(words);
+        let words = ended.strip_suffix('\r').unwrap_or(ended);
         let mistake = self.start.clamp(at, at + words.len()) - at;
         let before = words[..mistake].char_indices().rev();
         let first = match before.clone().nth(MOST_CHARS - CHARS_BEFORE) {

@@ -121,7 +121,8 @@ impl KeepArgs {
     /// Keeps counterexamples, by default the worst, as the step after those of the egos.
     pub(super) fn last_step<T, E>(
         &self,
-        (common, egos): (&Common, usize),
+        common: &Common,
+        egos: usize,
         keep: impl FnOnce(&Path, KeepSettings, &Watch<'_>) -> Result<T, E>,
     ) -> Result<(), Failure>
     where

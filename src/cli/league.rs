@@ -13,8 +13,10 @@ use crate::world::Scenario;
 pub(super) fn train(
     world: &Scenario,
     path: &Path,
-    (request, resume): (&LeagueRequest<'_>, bool),
-    (common, audience): (&Common, Option<&dyn Audience>),
+    request: &LeagueRequest<'_>,
+    resume: bool,
+    common: &Common,
+    audience: Option<&dyn Audience>,
 ) -> Result<Exit, Failure> {
     let bar = progress::bar(common, "");
     let watch = bar.watch().shown_to(audience);

@@ -261,9 +261,9 @@ fn read(
     time: Option<&str>,
 ) -> Result<(TrafficRecording, String), Failure> {
     let (name, rows) = (file.display().to_string(), open(file)?);
-    let format = file.extension().and_then(OsStr::to_str).unwrap_or_default();
+    let ending = file.extension().and_then(OsStr::to_str).unwrap_or_default();
     // Some recorders write endings in capitals.
-    let format = format.to_ascii_lowercase();
+    let format = ending.to_ascii_lowercase();
     if !matches!(&*format, "xosc" | "osi" | "mcap" | "xml") {
         return read_rows(file, rows, map, time);
     }
@@ -343,8 +343,8 @@ fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
         recording.distance_km(),
     ))?;
     log_reading::note(analysis, map);
-    let lanes = analysis.frame.carriageways.iter().enumerate();
-    let lanes = lanes.flat_map(|(i, carriageway)| {
+    let carriageways = analysis.frame.carriageways.iter().enumerate();
+    let lanes = carriageways.flat_map(|(i, carriageway)| {
         carriageway.lanes.iter().enumerate().map(move |(k, lane)| {
             [
                 format!("{i}"),

@@ -59,9 +59,10 @@ use strum::{EnumMessage, VariantArray};
 pub use failure::{ErrorReport, Exit, Failure};
 use terminal::{CommandLine, Common};
 
-use crate::experiment::NeutralRule;
+use crate::experiment::{NeutralRule, on_plant};
 use crate::report::TextTable;
 use crate::run_dir::{Row, RunDir, RunError};
+use crate::sim::PlantKind;
 use crate::world::Scenario;
 
 /// Can a car that keeps every rule still make yours crash?
@@ -251,6 +252,14 @@ fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
     } else {
         world
     })
+}
+
+/// Returns a world on the plant to test on, if one is requested.
+fn placed(world: Scenario, plant: Option<PlantKind>) -> Result<Scenario, Failure> {
+    match plant {
+        Some(plant) => Ok(on_plant(&world, plant)?),
+        None => Ok(world),
+    }
 }
 
 /// Notes odd content of a world, with its place in the file.

@@ -8,10 +8,10 @@ use super::eval_args::EvalArgs;
 use super::run_under_test::refuse_world;
 use super::test_args::note_program_costs;
 use super::{
-    Common, Exit, Failure, exit_of, finished, interrupted_early, open_run, print_json, progress,
-    table, terminal,
+    Common, Exit, Failure, exit_of, finished, interrupted_early, open_run, placed, print_json,
+    progress, table, terminal,
 };
-use crate::experiment::{Audience, EgoUnderTest, on_plant};
+use crate::experiment::{Audience, EgoUnderTest};
 use crate::population::{
     DistinctOutcome, DistinctRequest, PopulationDir, PopulationResults, PopulationTest,
     train_distinct,
@@ -27,8 +27,10 @@ const LISTED: usize = 20;
 pub(super) fn train(
     world: &Scenario,
     path: &Path,
-    (request, resume): (&DistinctRequest<'_>, bool),
-    (common, audience): (&Common, Option<&dyn Audience>),
+    request: &DistinctRequest<'_>,
+    resume: bool,
+    common: &Common,
+    audience: Option<&dyn Audience>,
 ) -> Result<Exit, Failure> {
     let bar = progress::bar(common, "");
     let watch = bar.watch().shown_to(audience);
@@ -155,12 +157,8 @@ fn ego(args: &EvalArgs, members: &[RunDir]) -> Result<EgoUnderTest, Failure> {
     let first = members
         .first()
         .ok_or(crate::population::PopulationError::NoMember)?;
-    let world = first.scenario()?;
-    let world = match test.plant {
-        Some(plant) => on_plant(&world, plant)?,
-        None => world,
-    };
-    let world = test.traffic.limited(world)?;
+    let on_plant = placed(first.scenario()?, test.plant)?;
+    let world = test.traffic.limited(on_plant)?;
     let mut egos = test.traffic.levels(args.ego.find(&world)?);
     if egos.len() != 1 {
         return Err(Failure::input(

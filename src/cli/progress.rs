@@ -282,9 +282,9 @@ fn style(shared: &Arc<SharedProgress>) -> ProgressStyle {
             let _ = write!(text, ", about {left_s} s left");
         }
     };
-    let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {counts}");
+    let parsed = ProgressStyle::with_template("{msg:<32} {wide_bar} {counts}");
     // Invariant: the template is sound.
-    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = parsed.unwrap_or_else(|_| ProgressStyle::default_bar());
     style.with_key("counts", counts)
 }
 

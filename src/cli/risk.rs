@@ -8,10 +8,10 @@ use serde_json::json;
 use super::number_args::{count, positive};
 use super::test_args::EgoArgs;
 use super::{
-    Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, terminal,
+    Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, placed,
+    print_json, progress, terminal,
 };
-use crate::experiment::{EgoUnderTest, consent_to, on_plant};
+use crate::experiment::{EgoUnderTest, consent_to};
 use crate::risk::{
     KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic, ValueKind,
 };
@@ -86,11 +86,7 @@ pub(super) struct RiskArgs {
 }
 
 pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
-    let world = load_world(&args.world, &args.common)?;
-    let world = match args.plant {
-        Some(plant) => on_plant(&world, plant)?,
-        None => world,
-    };
+    let world = placed(load_world(&args.world, &args.common)?, args.plant)?;
     let traffic = traffic(args, &world)?;
     let egos = egos(args, &world)?;
     // Egos may be programs, which start only with consent.

@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
-use super::{Failure, open_run, print_json, progress, table};
+use super::{Failure, open_run, placed, print_json, progress, table};
 use crate::adversary::AdoKind;
 use crate::evaluation::{Evaluation, EvaluationTable, summarise};
-use crate::experiment::{EgoUnderTest, Watch, on_plant};
+use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{AdversaryId, Row, RunDir};
 use crate::world::Scenario;
 
@@ -56,12 +56,8 @@ impl<'a> RunUnderTest<'a> {
         let run = open_run(path, &test.common)?;
         // A run without a trained ado is refused before anything is played.
         run.policy_bundle()?;
-        let world = run.scenario()?;
-        let nominal = match test.plant {
-            Some(plant) => on_plant(&world, plant)?,
-            None => world,
-        };
-        let nominal = test.traffic.limited(nominal)?;
+        let on_plant = placed(run.scenario()?, test.plant)?;
+        let nominal = test.traffic.limited(on_plant)?;
         test.traffic.keep_one(test.keep.dir())?;
         keeps_something(test)?;
         can_learn(test, &nominal)?;
@@ -82,7 +78,8 @@ impl<'a> RunUnderTest<'a> {
     /// Returns the watch of an evaluation of so many egos.
     pub(super) fn watch<'b>(
         &self,
-        (bar, live): (&'b progress::Bar, &'b Live),
+        bar: &'b progress::Bar,
+        live: &'b Live,
         egos: usize,
     ) -> Watch<'b> {
         let watch = bar.watch().first_of(self.test.keep.steps(egos));
@@ -161,7 +158,7 @@ impl<'a> RunUnderTest<'a> {
     /// Keeps counterexamples if asked to: the step after as many as there are egos.
     pub(super) fn keep(&self, evaluated: &EvaluationTable<'_>, egos: usize) -> Result<(), Failure> {
         let keep = |dir: &Path, settings, watch: &Watch<'_>| evaluated.keep(dir, settings, watch);
-        self.test.keep.last_step((&self.test.common, egos), keep)
+        self.test.keep.last_step(&self.test.common, egos, keep)
     }
 }
 

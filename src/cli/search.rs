@@ -1,6 +1,6 @@
 //! `brakecheck search`: action sequences per start, without learning.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -13,11 +13,11 @@ use super::number_args::{STARTS, count, start_count};
 use super::test_args::{EgoArgs, note_program_costs};
 use super::traffic_args::TrafficArgs;
 use super::{
-    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
-    progress, table,
+    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, placed,
+    print_json, progress, table,
 };
 use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
-use crate::experiment::{EgoUnderTest, on_plant};
+use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{Row, RunDir, Stored};
 use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings, usual_switches};
 use crate::sim::PlantKind;
@@ -106,10 +106,8 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     drop(bar);
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
-    let step = (&args.common, egos.len());
-    args.keep.last_step(step, |dir, settings, watch| {
-        searched.keep(dir, settings, watch)
-    })?;
+    let keep = |dir: &Path, settings, watch: &Watch<'_>| searched.keep(dir, settings, watch);
+    args.keep.last_step(&args.common, egos.len(), keep)?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
 }
 
@@ -124,11 +122,8 @@ fn worlds(args: &SearchArgs, run: Option<&RunDir>) -> Result<(Scenario, Scenario
             (world.clone(), world)
         }
     };
-    let nominal = args.traffic.declared(nominal)?;
-    match args.plant {
-        Some(plant) => Ok((world, on_plant(&nominal, plant)?)),
-        None => Ok((world, nominal)),
-    }
+    let in_traffic = args.traffic.declared(nominal)?;
+    Ok((world, placed(in_traffic, args.plant)?))
 }
 
 fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
@@ -165,11 +160,13 @@ fn stored(
     if !args.method.takes(MethodOption::From) {
         return Ok(None);
     }
-    let from = args.from.as_ref();
-    let from = from.map(|from| open_run(from, &args.common)).transpose()?;
+    let path = args.from.as_ref();
+    let from = path.map(|path| open_run(path, &args.common)).transpose()?;
     // `--from` takes precedence over the searched run.
-    let run = from.as_ref().or(run);
-    Ok(run.map(|run| counterexamples_for(run, egos)).transpose()?)
+    let source = from.as_ref().or(run);
+    Ok(source
+        .map(|source| counterexamples_for(source, egos))
+        .transpose()?)
 }
 
 /// Success after fewer simulations, one line per search.

@@ -32,8 +32,9 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         }
     }
     if let Some(file) = &args.junit {
-        let results = checked.iter();
-        let results = results.map(|it| (&*it.analysis.recording.name, &it.results[..]));
+        let results = checked
+            .iter()
+            .map(|it| (&*it.analysis.recording.name, &it.results[..]));
         write_file(file, recorded_rules_junit(results).as_bytes())?;
     }
     if !args.prints_json() {
@@ -206,9 +207,9 @@ fn worst_instant(analysis: &Analysis, rule: &RuleResult) -> Option<String> {
     let worst = rule.worst.as_ref()?;
     let sample = (worst.time_s / analysis.recording.dt_s).round() as usize;
     let lead = worst.lead.as_ref();
-    let lead = lead.map_or(String::new(), |lead| format!(" behind {lead}"));
+    let behind = lead.map_or(String::new(), |lead| format!(" behind {lead}"));
     let title = format!(
-        "{}: ρ = {:.2} at {:.2} s, {}{lead}",
+        "{}: ρ = {:.2} at {:.2} s, {}{behind}",
         rule.rule, worst.robustness, worst.time_s, worst.id
     );
     svg_instant(analysis, worst.track, sample, &title)

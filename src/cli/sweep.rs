@@ -41,7 +41,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     let egos = sweep.egos(&tested.nominal)?;
     let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");
-    let watch = tested.watch((&bar, &live), egos.len());
+    let watch = tested.watch(&bar, &live, egos.len());
     let Some(evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);
     };

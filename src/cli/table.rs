@@ -94,8 +94,8 @@ pub(super) fn remarks(rows: &[Row]) -> String {
                     let share = percent(share);
                     format!("; on {share} of the starts a rule broke between failure and contact")
                 });
-            let unjudged = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
-            let unjudged = unjudged.map_or(String::new(), |of| {
+            let partly = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
+            let unjudged = partly.map_or(String::new(), |of| {
                 let sample = of.judged + of.not_judged;
                 let unjudged = of.not_judged;
                 format!("; reference drivers cannot judge {unjudged} of {sample} successes")
@@ -127,8 +127,8 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         let mut ados = row.violations.iter().map(|broken| &broken.ado);
         let first = ados.next();
         if ados.any(|ado| Some(ado) != first) {
-            let broken: Vec<String> = row.violations.iter().map(ToString::to_string).collect();
-            let broken = broken.join("; ");
+            let rules: Vec<String> = row.violations.iter().map(ToString::to_string).collect();
+            let broken = rules.join("; ");
             text.push_str(&format!(
                 "\nrule violations: {}, {}: {broken}",
                 row.ego, row.ado
@@ -346,7 +346,7 @@ fn partials(rows: &[Row]) -> String {
 fn uncounted(rows: &[Row]) -> String {
     // With a single ego its name would only repeat.
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
-    let named = rows.iter().filter_map(|row| {
+    let counts = rows.iter().filter_map(|row| {
         let (uncounted, starts) = (row.uncounted.filter(|count| *count > 0)?, row.starts);
         let name = if one_ego {
             row.ado.to_string()
@@ -355,7 +355,7 @@ fn uncounted(rows: &[Row]) -> String {
         };
         Some(format!("{name} {uncounted} of {starts}"))
     });
-    let named: Vec<String> = named.collect();
+    let named: Vec<String> = counts.collect();
     if named.is_empty() {
         String::new()
     } else {
@@ -473,7 +473,7 @@ mod tests {
     use crate::run_dir::{Partial, SuccessContacts};
     use brakecheck_sim::severity::Side;
 
-    fn row(ego: &str, ado: &str, (successes, starts): (usize, usize)) -> Row {
+    fn row(ego: &str, ado: &str, successes: usize, starts: usize) -> Row {
         let at_most = (successes == 0).then(|| crate::stats::at_most(starts));
         let row = serde_json::json!({
             "world": "w", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego, "ado": ado,
@@ -490,8 +490,8 @@ mod tests {
     fn tables_fit_a_terminal_and_their_columns_are_explained() {
         let long = "an ego whose name does not end as soon as one would wish";
         let rows = [
-            row(long, "best constant", (250, 284)),
-            row("nominal", "search", (0, 50)),
+            row(long, "best constant", 250, 284),
+            row("nominal", "search", 0, 50),
         ];
         let text = super::rows(&rows);
         for line in text
@@ -515,7 +515,7 @@ mod tests {
 
     #[test]
     fn an_interrupted_row_has_counts_and_bounds_and_no_interval() {
-        let mut row = row("nominal", "search", (19, 19));
+        let mut row = row("nominal", "search", 19, 19);
         row.partial = Some(Partial {
             decided: 20,
             of: 100,
@@ -536,7 +536,7 @@ mod tests {
 
     #[test]
     fn successes_are_described_beside_their_rate() {
-        let mut row = row("nominal", "trained", (278, 300));
+        let mut row = row("nominal", "trained", 278, 300);
         row.specification = "always (ego.ado.gap >= 0.2)".to_owned();
         row.counts = Some("only a contact of the moving ego".to_owned());
         row.success_contacts = Some(SuccessContacts {
@@ -572,13 +572,13 @@ mod tests {
     #[test]
     fn a_row_without_success_says_how_much_there_may_be_after_all() {
         // 1 − 0.05^(1/284) is 1.0493 %.
-        let some = [row("nominal", "trained", (250, 284))];
+        let some = [row("nominal", "trained", 250, 284)];
         assert_eq!(bounds(&some), "");
         let none = [
-            row("nominal", "hold", (0, 284)),
-            row("nominal", "trained", (250, 284)),
-            row("nominal", "random", (0, 284)),
-            row("nominal", "search", (0, 50)),
+            row("nominal", "hold", 0, 284),
+            row("nominal", "trained", 250, 284),
+            row("nominal", "random", 0, 284),
+            row("nominal", "search", 0, 50),
         ];
         assert_eq!(
             bounds(&none),
@@ -587,10 +587,7 @@ mod tests {
              \nsearch (m): no success in 50, so such an adversary succeeds on at most 5.9 % of \
              starts like these (one-sided 95 % bound); others may succeed on more"
         );
-        let two_egos = [
-            row("nominal", "hold", (0, 100)),
-            row("van", "hold", (0, 100)),
-        ];
+        let two_egos = [row("nominal", "hold", 0, 100), row("van", "hold", 0, 100)];
         assert_eq!(
             bounds(&two_egos),
             "\nhold on nominal, hold on van: no success in 100, so such an adversary succeeds on at \

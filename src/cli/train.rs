@@ -140,8 +140,8 @@ fn train_population(args: &TrainArgs, world: &Scenario, members: usize) -> Resul
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
     let path = output(args, world);
-    let shown = (&args.common, live.audience());
-    population::train(world, &path, (&request, args.resume), shown)
+    let (common, audience) = (&args.common, live.audience());
+    population::train(world, &path, &request, args.resume, common, audience)
 }
 
 /// Trains egos and ados by alternating responses.
@@ -150,8 +150,8 @@ fn train_league(args: &TrainArgs, world: &Scenario, rounds: usize) -> Result<Exi
     let request = LeagueRequest::new(request(args, from.as_ref()), rounds);
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
-    let shown = (&args.common, live.audience());
-    league::train(world, &output(args, world), (&request, args.resume), shown)
+    let (path, audience) = (output(args, world), live.audience());
+    league::train(world, &path, &request, args.resume, &args.common, audience)
 }
 
 /// Returns the run directory.

@@ -94,7 +94,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     }
     match &args.output {
         _ if args.live.is_given() => stream(args, &replayed),
-        Some(output) if is_picture => draw(args, (first, ego), output),
+        Some(output) if is_picture => draw(args, first, &ego, output),
         _ => recording(args, first),
     }?;
     Ok(Exit::Done)
@@ -133,8 +133,8 @@ fn of_training(
 ) -> Result<(Vec<Replayed>, String), Failure> {
     consent_to(&[EgoUnderTest::nominal(&run.scenario()?)])?;
     let name = args.what.display();
-    let ego = run.manifest().ego.as_ref();
-    let ego = ego.map_or("nominal", |ego| ego.name.as_str()).to_owned();
+    let tested = run.manifest().ego.as_ref();
+    let ego = tested.map_or("nominal", |ego| ego.name.as_str());
     let number = args.episode.as_deref().unwrap_or("0");
     let Some(number) = number.parse::<usize>().ok() else {
         return Err(Failure::input(
@@ -150,7 +150,7 @@ fn of_training(
             "number 0 is its newest; try again after its next checkpoint",
         ));
     }
-    Ok((newest, ego))
+    Ok((newest, ego.to_owned()))
 }
 
 /// Writes all counterexamples as one recording.
@@ -205,14 +205,10 @@ fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
 }
 
 /// Writes the picture.
-fn draw(
-    args: &ViewArgs,
-    (replayed, ego): (&Replayed, String),
-    output: &Path,
-) -> Result<(), Failure> {
+fn draw(args: &ViewArgs, replayed: &Replayed, ego: &str, output: &Path) -> Result<(), Failure> {
     let mut drivers = ReferenceDriver::VARIANTS.iter().copied();
     let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
-    let svg = picture(replayed, &ego, beside)?;
+    let svg = picture(replayed, ego, beside)?;
     write_file(output, svg.as_bytes())?;
     let file = output.display().to_string();
     if args.json {
@@ -227,9 +223,9 @@ fn draw(
 
 /// Writes the recording and prints its path.
 fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
-    let name = replayed.path.with_extension("rrd");
-    let name = name.file_name().map(PathBuf::from).unwrap_or(name);
-    let output = args.output.clone().unwrap_or(name);
+    let beside = replayed.path.with_extension("rrd");
+    let here = beside.file_name().map(PathBuf::from).unwrap_or(beside);
+    let output = args.output.clone().unwrap_or(here);
     let (file, bytes, samples) = record(replayed, &output)?;
     if args.json {
         print_json(&json!({ "file": file, "bytes": bytes, "samples": samples }))

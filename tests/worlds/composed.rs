@@ -119,7 +119,7 @@ fn placed_ados_are_evaluated_together_and_without_each() {
     }
     let egos = [EgoUnderTest::nominal(&world)];
     let watch = Watch::unwatched();
-    let table = untrained(&world, &egos, (40, 7), 1, &watch);
+    let table = untrained(&world, &egos, 7, 40, 1, &watch);
     let rows = table.expect("it runs").expect("not stopped").rows;
     let captions: Vec<&str> = rows.iter().map(|row| row.ado.caption()).collect();
     assert_eq!(captions, ["composed"]);
@@ -140,7 +140,7 @@ fn placed_ados_are_evaluated_together_and_without_each() {
     trained(dir.path());
     let world = read(dir.path(), &two).expect("a world");
     let egos = [EgoUnderTest::nominal(&world)];
-    let table = untrained(&world, &egos, (40, 7), 1, &watch);
+    let table = untrained(&world, &egos, 7, 40, 1, &watch);
     let rows = table.expect("it runs").expect("not stopped").rows;
     let captions: Vec<&str> = rows.iter().map(|row| row.ado.caption()).collect();
     assert_eq!(captions, ["composed", "without blocker", "without second"]);

@@ -56,12 +56,9 @@ pub(super) fn table(scenario: &Scenario) -> String {
 /// A signal's name and meaning with `A` and `B` for the agents in its name.
 fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
     let parts: Vec<&str> = name.split('.').collect();
-    let owners = parts
-        .iter()
-        .take_while(|part| agents.contains(part))
-        .count();
+    let leading = parts.iter().take_while(|part| agents.contains(part));
     // The last part is the quantity.
-    let owners = owners.min(2).min(parts.len() - 1);
+    let owners = leading.count().min(2).min(parts.len() - 1);
     let letters = ["A", "B"];
     let renamed = |word: &str| {
         let owner = parts[..owners].iter().position(|part| *part == word);

@@ -198,11 +198,10 @@ impl From<&RegressionError> for Failure {
         match error {
             RegressionError::Kept(error) => Failure::from(error),
             RegressionError::NoSuchEgo { name, known, .. } => {
-                let known = known.iter().map(String::as_str);
-                let known = std::iter::once("nominal").chain(known);
+                let egos = std::iter::once("nominal").chain(known.iter().map(String::as_str));
                 let help = format!(
                     "{}; or name a RON file with a `Change`",
-                    guessed(name, "known", known)
+                    guessed(name, "known", egos)
                 );
                 Failure::input(error.to_string(), help)
             }

@@ -25,7 +25,8 @@ pub struct BaselineTable {
 pub fn untrained(
     nominal: &Scenario,
     egos: &[EgoUnderTest],
-    (count, seed): (usize, u64),
+    seed: u64,
+    count: usize,
     switches: usize,
     watch: &Watch<'_>,
 ) -> Result<Option<BaselineTable>, EgoError> {

@@ -294,8 +294,8 @@ impl Gate {
 
     /// Decides the gate for some reasons, of which any closes it.
     pub fn decided(mut self, on: &[GateOn]) -> DecidedGate {
-        let alone = self.without_adversary.take();
-        let alone = alone.map(|alone| Box::new(alone.decided(on)));
+        let undecided = self.without_adversary.take();
+        let alone = undecided.map(|gate| Box::new(gate.decided(on)));
         let closes_alone = |on: &GateOn| alone.as_ref().is_some_and(|it| it.closed_by.contains(on));
         let requested = requested(on);
         let mut closed_by: Vec<GateOn> = requested
@@ -503,8 +503,8 @@ impl DecidedGate {
     pub fn decision(&self) -> String {
         let reason = |on: &GateOn| {
             let alone = self.without_adversary.as_ref();
-            let alone = alone.map_or(0, |alone| alone.gate.closing(*on));
-            let starts = match (self.gate.closing(*on), alone) {
+            let closing_alone = alone.map_or(0, |alone| alone.gate.closing(*on));
+            let starts = match (self.gate.closing(*on), closing_alone) {
                 (some, 0) => some.to_string(),
                 (some, alone) => format!("{some}, and without an adversary {alone},"),
             };

@@ -227,8 +227,8 @@ impl EvaluatedEgo {
         let scenario = self.scenario();
         let axes = scenario.axes().into_iter().map(|axis| axis.name);
         let (start, _) = &self.neutral.starts.starts[index];
-        let verdict = self.neutral.results[index].as_ref();
-        let verdict = verdict.and_then(|result| result.verdict.as_ref());
+        let result = self.neutral.results[index].as_ref();
+        let verdict = result.and_then(|result| result.verdict.as_ref());
         PointResult {
             point: index,
             start: axes.zip(start.0.iter().copied()).collect(),

@@ -159,10 +159,8 @@ impl<'a> ReportRequest<'a> {
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));
-            if self
-                .changed(report, &*policy, (&egos, &starts), watch)?
-                .is_none()
-            {
+            let changed = self.changed(report, &*policy, &egos, &starts, watch)?;
+            if changed.is_none() {
                 return Ok(None);
             }
         } else {
@@ -179,7 +177,8 @@ impl<'a> ReportRequest<'a> {
         &self,
         report: &mut Report<'_>,
         policy: &dyn Policy,
-        (egos, starts): (&[EgoUnderTest], &TestStarts),
+        egos: &[EgoUnderTest],
+        starts: &TestStarts,
         watch: &Watch<'_>,
     ) -> Result<Option<()>, EvaluationError> {
         let (_, seed) = self.starts;

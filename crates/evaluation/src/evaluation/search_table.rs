@@ -97,7 +97,7 @@ impl SearchCampaign<'_> {
             let mut searched = search(&request, watch);
             searched.row.fails_alone = alone;
             if let Some(trained) = &trained
-                && let Some(mut row) = trained.row(ego, (&searched, &own), watch)
+                && let Some(mut row) = trained.row(ego, &searched, &own, watch)
             {
                 row.fails_alone = alone;
                 evens.extend(trained.break_even(&request, &searched, &row, watch));
@@ -137,7 +137,8 @@ impl Trained<'_> {
     fn row(
         &self,
         ego: &EgoUnderTest,
-        (searched, starts): (&Searched, &TestStarts),
+        searched: &Searched,
+        starts: &TestStarts,
         watch: &Watch<'_>,
     ) -> Option<Row> {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
