@@ -42,11 +42,10 @@ impl PythonPolicy {
             Ok((act.clone_ref(py), obs.unbind()))
         };
         call(None, ask, move |answer| {
-            let action = answer
+            let number = answer
                 .call_method0("__index__")
                 .or_else(|_| answer.call_method0("item"));
-            let action = action.and_then(|action| action.extract::<usize>());
-            match action {
+            match number.and_then(|number| number.extract::<usize>()) {
                 Ok(action) if action < actions => Ok(action),
                 _ => Err(wrong(
                     format!("the ado answered {}", answer.repr()?),

@@ -289,8 +289,8 @@ impl RawBench {
             let played = interruptible(py, play, |_| Ok(()))?;
             return played.ok_or_else(|| in_use("this environment"));
         }
-        let mut playing = self.lock()?;
-        let playing = &mut *playing;
+        let mut locked = self.lock()?;
+        let playing = &mut *locked;
         let played = py.detach(|| work(playing));
         check_interrupted()?;
         Ok(played)

@@ -160,9 +160,11 @@ impl RawReplayed {
 
 /// Name of an ego, without folder and extension where a file describes it.
 fn stem(name: &str) -> String {
-    let file = name.strip_suffix(".ron");
-    let file = file.map(|file| file.rsplit(std::path::is_separator).next().unwrap_or(file));
-    file.unwrap_or(name).to_owned()
+    let Some(file) = name.strip_suffix(".ron") else {
+        return name.to_owned();
+    };
+    let last = file.rsplit(std::path::is_separator).next();
+    last.unwrap_or(file).to_owned()
 }
 
 fn driver_of(name: &str) -> PyResult<ReferenceDriver> {

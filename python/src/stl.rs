@@ -166,17 +166,17 @@ impl RawFormula {
         let named = |(name, boolean, _): &Column<'_>| (name.clone(), *boolean);
         let whole = schema(columns.iter().map(named), dt_s)?;
         // What the formula does not read may be of any length, and hold a NaN.
-        let read: Vec<&Column<'_>> = self
+        let mentioned: Vec<&Column<'_>> = self
             .bind(&whole)?
             .signals()
             .into_iter()
             .map(|at| &columns[at])
             .collect();
         // A formula that reads nothing still needs to know how many samples.
-        let read = if read.is_empty() {
+        let read = if mentioned.is_empty() {
             columns.iter().collect()
         } else {
-            read
+            mentioned
         };
         let schema = Arc::new(schema(read.iter().map(|column| named(column)), dt_s)?);
         let monitor = self.bind(&schema)?;

@@ -43,10 +43,11 @@ impl Groups {
     }
 
     fn at(&mut self, at: usize) -> PyResult<(&mut Group, usize)> {
-        let group = self.all.get_mut(at / SHARE);
-        let group = group.filter(|group| at % SHARE < group.len());
-        let group = group.map(|group| (group, at % SHARE));
-        group.ok_or_else(|| wrong(format!("there is no environment {at}"), "count from 0"))
+        let (group, within) = (self.all.get_mut(at / SHARE), at % SHARE);
+        group
+            .filter(|group| within < group.len())
+            .map(|group| (group, within))
+            .ok_or_else(|| wrong(format!("there is no environment {at}"), "count from 0"))
     }
 }
 
@@ -252,8 +253,8 @@ impl RawVector {
             let played = interruptible(py, play, |_| Ok(()))?;
             played.ok_or_else(|| in_use("these environments"))?;
         } else {
-            let mut groups = self.lock()?;
-            let groups = &mut *groups;
+            let mut locked = self.lock()?;
+            let groups = &mut *locked;
             py.detach(|| groups.each(&Arc::default(), &work));
         }
         check_interrupted()
