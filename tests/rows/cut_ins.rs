@@ -12,6 +12,8 @@ struct Passage {
     ado_lanes: [usize; 2],
     /// Distance of the ado's front from the ego's front, which stays.
     ahead_m: f64,
+    /// Distance of the ado from the middle of its lane, to the left.
+    aside_m: f64,
     /// Speeds that the signals state, of the ego and of the ado at each sample.
     ego_mps: f64,
     ado_mps: fn(u32) -> f64,
@@ -23,6 +25,7 @@ impl Passage {
             ego_lanes,
             ado_lanes,
             ahead_m: 20.0,
+            aside_m: 0.0,
             ego_mps: 20.0,
             ado_mps: |_| 20.0,
         }
@@ -41,13 +44,14 @@ impl Passage {
         for sample in 0..SAMPLES {
             let mut row = vec![0.0; bench.schema().len()];
             let share = f64::from(sample) / f64::from(SAMPLES - 1);
-            for (name, ahead_m, [from, to], speed_mps) in [
-                ("ego", 0.0, self.ego_lanes, self.ego_mps),
-                ("ado", self.ahead_m, self.ado_lanes, (self.ado_mps)(sample)),
+            let ado_m = [self.ahead_m, self.aside_m];
+            for (name, [ahead_m, aside_m], [from, to], speed_mps) in [
+                ("ego", [0.0; 2], self.ego_lanes, self.ego_mps),
+                ("ado", ado_m, self.ado_lanes, (self.ado_mps)(sample)),
             ] {
                 let [from_m, to_m] = [from, to].map(|lane| road.lane_middle_m(lane));
                 row[column(&format!("{name}.x"))] = ahead_m + f64::from(sample);
-                row[column(&format!("{name}.y"))] = from_m + share * (to_m - from_m);
+                row[column(&format!("{name}.y"))] = from_m + share * (to_m - from_m) + aside_m;
                 row[column(&format!("{name}.speed"))] = speed_mps;
             }
             trace.push(&row).expect("finite");
@@ -179,4 +183,18 @@ fn an_episode_is_as_rare_as_its_rarest_ado() {
         assert_eq!(known.ado, braking, "{known}");
         assert!(known.per_1000_km.is_some(), "{known}");
     }
+}
+
+/// The line between two lanes is in neither of them.
+#[test]
+fn an_ado_on_the_line_is_not_in_the_lane_of_the_ego() {
+    let starts = [1.74, 1.75, 1.76, -1.74, -1.75].map(|aside_m| {
+        let passage = Passage {
+            aside_m,
+            ..Passage::of_lanes([0, 0], [0, 0])
+        };
+        let (driven, _) = passage.driven(SAMPLES as usize);
+        driven.expect("it").start.is_some()
+    });
+    assert_eq!(starts, [true, false, false, true, false]);
 }

@@ -172,7 +172,7 @@ fn no_covered_counterexample_is_lost_in_any_shipped_world() {
             }
         }
     }
-    assert!(0 < covered, "the theorem is not vacuous");
+    assert!(covered > 0, "the theorem is not vacuous");
 }
 
 #[test]
@@ -199,8 +199,13 @@ fn bounds_on_the_distance_hold_on_starts_they_have_not_seen() {
     assert_eq!(carried.refused[0].ego, "noisy");
     for row in &carried.rows {
         let sharper = row.sharper.as_ref().expect("an invariant");
-        assert!(100 < row.pairs && row.misses + sharper.misses == 0);
+        assert!(row.pairs > 100 && row.misses + sharper.misses == 0);
         assert!(row.forecast.as_promised && sharper.forecast.as_promised);
+        // Both are calibrated on the same starts, one bound for the depth and each rule.
+        assert!(row.forecast.calibration > 100, "{row:?}");
+        assert_eq!(sharper.forecast.calibration, row.forecast.calibration);
+        assert_eq!(row.forecast.quantiles.len(), 1);
+        assert_eq!(sharper.forecast.quantiles.len(), 3);
         if row.ego == "nearly" {
             assert!(row.pairs / 2 < row.covered, "{row:?}");
             assert!(row.forecast.precision > Some(0.95));
@@ -217,10 +222,11 @@ fn bounds_on_the_distance_hold_on_starts_they_have_not_seen() {
 /// A judge of whole runs has no counterexample before their end.
 #[test]
 fn a_witness_of_a_whole_run_has_a_margin_at_its_end_only() {
-    let text = include_str!("../../worlds/acc.ron");
-    let text = text.replace("judge: UntilViolation", "judge: WholeRun");
-    let world = Scenario::parse("whole.ron", &text).expect("a world");
-    let world = world.on(PlantKind::Kinematic);
+    let text =
+        include_str!("../../worlds/acc.ron").replace("judge: UntilViolation", "judge: WholeRun");
+    let world = Scenario::parse("whole.ron", &text)
+        .expect("a world")
+        .on(PlantKind::Kinematic);
     let (mut bench, horizon) = (world.bench(), world.bench().clock().samples());
     let mut seen = 0;
     for index in 0..400 {
@@ -241,11 +247,11 @@ fn a_witness_of_a_whole_run_has_a_margin_at_its_end_only() {
                 (witness.samples, witness.tau),
                 (horizon, witness.tau_at_verdict)
             );
-            assert!(0.0 < witness.tau);
+            assert!(witness.tau > 0.0);
             seen += 1;
         }
     }
-    assert!(0 < seen, "{seen}");
+    assert!(seen > 0, "{seen}");
 }
 
 /// Distances of a run that is the witness itself, deeper, or shorter.
@@ -321,8 +327,9 @@ fn worlds_in_which_some_violations_do_not_count_are_refused() {
         "judge: UntilViolation,",
         "judge: UntilContact, counts: Contact(closing_mps: 1.0),",
     );
-    let nominal = Scenario::parse("counting.ron", &text).expect("a world");
-    let nominal = nominal.on(PlantKind::Kinematic);
+    let nominal = Scenario::parse("counting.ron", &text)
+        .expect("a world")
+        .on(PlantKind::Kinematic);
     let starts = test_starts(&nominal, 7, 2, &watch()).expect("not stopped");
     let request = TheoremsRequest {
         nominal: &nominal,
