@@ -212,6 +212,23 @@ fn a_side_is_where_the_normal_points() {
     }
 }
 
+/// Exactly at 45° and 135° a flank is touched, and straight ahead and back no flank.
+#[test]
+fn a_corner_belongs_to_the_flank() {
+    for (normal, side) in [
+        ([0.5, 0.5], Side::Left),
+        ([0.5, -0.5], Side::Right),
+        ([-0.5, 0.5], Side::Left),
+        ([-0.5, -0.5], Side::Right),
+        ([1.0, -0.0], Side::Front),
+        ([-1.0, -0.0], Side::Rear),
+    ] {
+        let ego = ("sedan", at(0.0, 0.0, 0.0, 20.0));
+        let it = impact(ego, ("sedan", at(4.0, 0.0, 0.0, 10.0)), normal, 5.0);
+        assert_eq!(it.ego_side, side, "{normal:?}");
+    }
+}
+
 /// The kind for two headings, with the normal out of the ego's front, left or rear.
 #[test]
 fn a_kind_is_decided_by_both_sides_and_the_headings() {
