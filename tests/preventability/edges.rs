@@ -124,8 +124,11 @@ fn the_grip_of_the_ego_s_tyres_bounds_its_braking() {
                  track_m: 1.56, front_overhang_m: 0.92, wheel_radius_m: 0.33, power_w: 1e5, \
                  grip: 0.4), length_m: 4.54, width_m: 1.8, height_m: 1.45, mass_kg: 1500.0, \
                  com_height_m: 0.55) }, plant: Kinematic, ";
-    let text = text.replacen("plant: Kinematic, ", slick, 1);
-    let text = text.replacen("body: \"sedan\"", "body: \"slick\"", 1);
+    let text = text.replacen("plant: Kinematic, ", slick, 1).replacen(
+        "body: \"sedan\"",
+        "body: \"slick\"",
+        1,
+    );
     let slick = Scenario::parse("slick.ron", &text).unwrap_or_else(|error| panic!("{error}"));
     let stands = Car {
         x_m: 4.54 + 46.0,
@@ -172,4 +175,29 @@ fn a_replay_keeps_the_rules_if_its_ados_keep_them() {
             assert!(!outcome.avoided || robustness > -0.5, "{outcome:?}");
         }
     }
+}
+
+/// Without danger a driver takes the speed of the recorded ego at once, up to its limit.
+#[test]
+fn a_driver_without_danger_keeps_up_with_the_recorded_speed() {
+    let ego = Car {
+        speed_mps: 10.0,
+        accel_mps2: 1.0,
+        ..CAR
+    };
+    // It is slower from the start, and 100 m ahead.
+    let ahead = Car {
+        x_m: 4.54 + 100.0,
+        speed_mps: 9.9,
+        ..CAR
+    };
+    let mut replayer = lanes(0.9).replayer().expect("driven");
+    let known = replayer.assess(&motion([ego, ahead, FAR], 14.0, ["ego", "ado"]), None);
+    assert_eq!(known.handover_s, Some(0.0));
+    // At 10 m/s no driver would ever come near.
+    let reacted: Vec<_> = known.handover.values().map(|it| it.reacted_s).collect();
+    assert!(
+        reacted.iter().any(|it| it.is_some_and(|it| it < 14.0)),
+        "{reacted:?}"
+    );
 }
