@@ -57,7 +57,7 @@ impl Figures {
         let lengths = |s: &&str| s.split_whitespace().count();
         let sentences: Vec<&str> = sentences(&text)
             .into_iter()
-            .filter(|s| 3 < lengths(s))
+            .filter(|s| lengths(s) > 3)
             .collect();
         let all = sentences.len().max(1) as f64;
         let opening = sentences.iter().filter(|s| opens_with(s, &OPENINGS));
@@ -77,7 +77,7 @@ impl Figures {
     /// Returns the figures that miss their targets.
     fn missed(&self) -> Vec<&'static str> {
         let targets = [
-            ("you: 5 or more", 5.0 <= self.you),
+            ("you: 5 or more", self.you >= 5.0),
             ("semicolons: 4 or fewer", self.semicolons <= 4.0),
             ("somebody, nobody, whoever: 0.1", self.somebody <= 0.1),
             ("tell, told: 0.3", self.tell <= 0.3),
@@ -96,13 +96,15 @@ fn prose(markdown: &str) -> String {
     let text = markdown.split("```").step_by(2).collect::<Vec<_>>();
     let is_row = |line: &&str| {
         let line = line.trim();
-        1 < line.len() && line.starts_with('|') && line.ends_with('|')
+        line.len() > 1 && line.starts_with('|') && line.ends_with('|')
     };
     let text = text.join(" ");
     let lines: Vec<&str> = text.lines().filter(|line| !is_row(line)).collect();
     let text = lines.join("\n");
-    let parts = text.split('`').enumerate();
-    let parts = parts.map(|(n, part)| if n % 2 == 0 { part } else { "CODE" });
+    let parts = text
+        .split('`')
+        .enumerate()
+        .map(|(n, part)| if n % 2 == 0 { part } else { "CODE" });
     let text = parts.collect::<String>();
     let mut rest = text.as_str();
     let mut out = String::new();
@@ -198,7 +200,7 @@ impl Comments {
 #[test]
 fn a_task_is_described_on_a_short_page() {
     let pages = below(&root().join("docs/guide"), "md");
-    assert!(10 < pages.len(), "{pages:?}");
+    assert!(pages.len() > 10, "{pages:?}");
     for page in pages {
         let words = words(&prose(&read(&page)));
         assert!(words <= GUIDE_WORDS, "{}: {words} words", page.display());
@@ -241,7 +243,7 @@ fn comments_state_nouns_and_reasons() {
     let questions = comments.questions as f64 / comments.docs as f64;
     assert!(questions <= QUESTION_SHARE, "{comments:?}");
     let share = comments.plain as f64 / comments.code as f64;
-    assert!(COMMENT_SHARE <= share, "{comments:?}");
+    assert!(share >= COMMENT_SHARE, "{comments:?}");
 }
 
 #[test]
@@ -258,7 +260,7 @@ fn planted_text_misses_its_targets() {
         "What it is you see.",
         &"word ".repeat(40),
     ] {
-        assert!(0 < missed(planted), "{planted}");
+        assert!(missed(planted) > 0, "{planted}");
     }
     for kept in [
         "`told; what`",

@@ -44,7 +44,7 @@ fn motion(case: &Value, side: f64) -> Vec<LaneBody> {
             "weave" => of("a_amp") * (core::f64::consts::TAU * t / of("a_period")).cos(),
             "following" => {
                 let since = t - of("t_brake");
-                let braking = -1e-9 <= since && since < of("duration") - 1e-9;
+                let braking = since >= -1e-9 && since < of("duration") - 1e-9;
                 let ramp = if of("jerk") == 0.0 {
                     f64::INFINITY
                 } else {
@@ -132,7 +132,7 @@ fn run(
     for (i, other) in others.iter().enumerate() {
         outcome.speeds.push(ego.speed_mps);
         let (dx, dy) = (other.x_m - ego.x_m, (other.y_m - ego.y_m).abs());
-        if dy < ego.width_m && 0.0 < dx {
+        if dy < ego.width_m && dx > 0.0 {
             let gap = dx - ego.length_m;
             outcome.min_gap = Some(outcome.min_gap.map_or(gap, |least| least.min(gap)));
         }
@@ -153,7 +153,7 @@ fn run(
             ttc: TtcReading::Magnitude,
         };
         if ego.x_m <= other.x_m {
-            if encounter.clearance_m() <= 0.0 && 2.0 < encounter.ttc_s() {
+            if encounter.clearance_m() <= 0.0 && encounter.ttc_s() > 2.0 {
                 outcome.large_ttc = outcome.large_ttc.or(Some(i));
             }
             let now = FsmDriver::default().satisfaction(&encounter);
@@ -196,8 +196,7 @@ fn published(case: &Value, side: f64, drives: Box<dyn DriverModel>) -> Outcome {
     let (dt, given) = (number(case, "dt"), &case["in"]);
     let model = name_of(case);
     let lane_width_m = given["lane_width"].as_f64().unwrap_or(3.5);
-    let driver = Reflexes::new(Boxed(drives), dt, lane_width_m);
-    let mut driver = driver.reading(TtcReading::Magnitude);
+    let mut driver = Reflexes::new(Boxed(drives), dt, lane_width_m).reading(TtcReading::Magnitude);
     let scenario = case["scenario"].as_str();
     // Where the event itself is the danger, for those that look at cut-ins.
     let event = matches!(scenario, Some("following" | "cut_out"));
@@ -242,7 +241,7 @@ fn differences_of(case: &Value, side: f64, drives: Box<dyn DriverModel>) -> Vec<
         ("t_contact", time(contact)),
         ("impact_speed", contact.map(|_| out.impact_mps)),
         ("t_unsafe", time(out.unsafe_at)),
-        ("t_brake", time(drops.iter().position(|drop| 0.5 < *drop))),
+        ("t_brake", time(drops.iter().position(|drop| *drop > 0.5))),
         ("min_gap", out.min_gap),
         (
             "peak_decel",
@@ -264,7 +263,7 @@ fn differences_of(case: &Value, side: f64, drives: Box<dyn DriverModel>) -> Vec<
         wrong.extend(differs(want, "t_large_ttc", time(out.large_ttc)));
     }
     if let Some(profile) = want["speed_profile"].as_array() {
-        let far = |(a, b): (&f64, &Value)| TOLERANCE < (a - b.as_f64().unwrap_or(f64::NAN)).abs();
+        let far = |(a, b): (&f64, &Value)| (a - b.as_f64().unwrap_or(f64::NAN)).abs() > TOLERANCE;
         if profile.len() != out.speeds.len() || out.speeds.iter().zip(profile).any(far) {
             wrong.push("speed_profile".to_owned());
         }
@@ -440,7 +439,7 @@ fn every_constant_is_held_by_a_case() {
             broken += usize::from(!differences_of(case, 1.0, model).is_empty());
         }
         println!("{of:?} {name}: {broken}");
-        assert!(0 < broken, "{of:?} {name}");
+        assert!(broken > 0, "{of:?} {name}");
     }
 }
 

@@ -30,8 +30,13 @@ fn kept_counterexamples_replay_bit_for_bit() {
 fn signals_that_were_added_later_are_not_recorded_into_their_rows() {
     for kept in kept().kept() {
         let world = kept.counterexample.scenario(&kept.path).expect("a world");
-        let now = world.world().schema().signals().iter();
-        let now: Vec<&str> = now.map(|signal| signal.name.as_str()).collect();
+        let now: Vec<&str> = world
+            .world()
+            .schema()
+            .signals()
+            .iter()
+            .map(|signal| signal.name.as_str())
+            .collect();
         assert_eq!(kept.counterexample.signals, now, "{}", name(kept));
     }
 }
@@ -49,8 +54,9 @@ fn recorded(kept: &SavedCounterexample) -> (Scenario, Trace) {
     let stored = trace_of_csv(&csv, None).expect("samples");
     let schema = world.world().schema();
     let mut trace = Trace::new(Arc::clone(schema));
-    let columns = schema.signals().iter();
-    let columns: Vec<&[f64]> = columns
+    let columns: Vec<&[f64]> = schema
+        .signals()
+        .iter()
         .map(|signal| stored.signal(&signal.name).expect("recorded"))
         .collect();
     for sample in 0..stored.len() {
@@ -80,7 +86,7 @@ fn every_one_violates_the_specification_with_every_rule_kept_until_then() {
         assert!(!book.rules.is_empty(), "{name}");
         for rule in &book.rules {
             let margin = rule.monitor.robustness(&trace, &mut scratch);
-            assert!(0.0 < margin, "{name}: `{}` {margin}", rule.name);
+            assert!(margin > 0.0, "{name}: `{}` {margin}", rule.name);
         }
         // No sample earlier the verdict was open, unless it waits for the contact.
         if world.rulebook().judge == JudgeKind::UntilContact {

@@ -122,7 +122,7 @@ fn a_crash_is_recorded_with_everything_about_it() {
             components.iter().any(|name| name == component),
             "{entity} has {components:?}"
         );
-        if 1 < rows {
+        if rows > 1 {
             assert_eq!(
                 timelines,
                 &["sim_time", "step", "until_contact"],
@@ -321,8 +321,8 @@ fn log_lines(bytes: &[u8]) -> Vec<(f64, String)> {
 
 #[test]
 fn bodies_move_on_after_the_contact_and_its_events_are_lines_of_the_log() {
-    let text = include_str!("../worlds/acc.ron");
-    let text = text.replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,");
+    let text = include_str!("../worlds/acc.ron")
+        .replace("plant: Rigid,", "plant: Rigid, after_contact_s: 1.5,");
     let world = Scenario::parse("acc.ron", &text).unwrap();
     let episode = crash(&world);
     let contact_s = episode.contact.as_ref().expect("a crash").time_s;
@@ -542,10 +542,10 @@ fn a_watched_training_writes_the_same_bytes() {
     }
     assert_eq!(files[0], files[1]);
     let end = live.finish().expect("not ended before");
-    assert!(end.error.is_none() && 0 < end.shown, "{end:?}");
+    assert!(end.error.is_none() && end.shown > 0, "{end:?}");
     let bytes = pipe.bytes();
     let decisions = times(&bytes, "/world/ego", "decisions");
-    assert!(decisions.is_sorted() && 0 < decisions[0], "{decisions:?}");
+    assert!(decisions.is_sorted() && decisions[0] > 0, "{decisions:?}");
     assert!(!times(&bytes, "/learning/loss", "decisions").is_empty());
 }
 

@@ -247,7 +247,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             if segment.ident == "Some" {
                 self.expression(it, "None".to_string());
             } else if let Some(other) = other_extreme(&segment.ident.to_string())
-                && 1 < path.path.segments.len()
+                && path.path.segments.len() > 1
             {
                 let text = self.replaced(it, segment.ident.span().byte_range(), other);
                 self.expression(it, text);

@@ -99,8 +99,10 @@ fn main() -> Fallible<()> {
     let paths = if options.each { options.files.len() } else { 1 };
     let count = options.count * paths;
     let draw = if options.each {
-        let rooms = options.files.iter();
-        let rooms = rooms.map(|room| Ok(draw(all_mutants(&root, from_ref(room))?, options.seed)));
+        let rooms = options
+            .files
+            .iter()
+            .map(|room| Ok(draw(all_mutants(&root, from_ref(room))?, options.seed)));
         in_turn(rooms.collect::<Fallible<_>>()?)
     } else {
         draw(all_mutants(&root, &options.files)?, options.seed)
@@ -133,8 +135,11 @@ fn main() -> Fallible<()> {
         only: only_of(&options.suites),
     };
     fs::create_dir_all(&stage.scratch)?;
-    let names = built.programs.keys().chain(&options.suites);
-    let names = names.chain(&options.skip);
+    let names = built
+        .programs
+        .keys()
+        .chain(&options.suites)
+        .chain(&options.skip);
     let parts: Vec<&String> = [&built.fingerprint].into_iter().chain(names).collect();
     let state = digest(&parts);
     let suites = rehearsed(&stage, &built, &output.join(format!("suites-{state}.json")))?;
@@ -197,10 +202,10 @@ fn draw(files: Vec<Vec<Drawn>>, seed: u64) -> Vec<Drawn> {
 
 /// The first of every draw, then the second of every draw, and so on.
 fn in_turn(draws: Vec<Vec<Drawn>>) -> Vec<Drawn> {
-    let turns = draws
+    let mut turns: Vec<(usize, Drawn)> = draws
         .into_iter()
-        .flat_map(|draw| draw.into_iter().enumerate());
-    let mut turns: Vec<(usize, Drawn)> = turns.collect();
+        .flat_map(|draw| draw.into_iter().enumerate())
+        .collect();
     // Stable, so the paths keep their order within a turn.
     turns.sort_by_key(|(turn, _)| *turn);
     let numbered = (1..).zip(turns);
@@ -236,11 +241,17 @@ fn judged(
     let text = fs::read_to_string(results).unwrap_or_default();
     // A line that was cut off by an interruption is no outcome.
     let lines = text.lines().filter_map(|l| serde_json::from_str(l).ok());
-    let known = lines.filter(|outcome: &Outcome| outcome.state == state);
-    let known: BTreeMap<u32, Outcome> = known.map(|it| (it.drawn.id, it)).collect();
+    let known: BTreeMap<u32, Outcome> = lines
+        .filter(|outcome: &Outcome| outcome.state == state)
+        .map(|it| (it.drawn.id, it))
+        .collect();
     let asked = |it: &&Drawn| options.only.is_empty() || options.only.contains(&it.id);
-    let left = built.mutants.iter().filter(asked);
-    let left: Vec<&Drawn> = left.filter(|it| !known.contains_key(&it.id)).collect();
+    let left: Vec<&Drawn> = built
+        .mutants
+        .iter()
+        .filter(asked)
+        .filter(|it| !known.contains_key(&it.id))
+        .collect();
     let mut file = OpenOptions::new().create(true).append(true).open(results)?;
     if !text.is_empty() && !text.ends_with('\n') {
         writeln!(file)?;

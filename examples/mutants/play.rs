@@ -76,8 +76,11 @@ impl Stage {
             Ending::Failed(test) => return Err(format!("{name}: {test} fails unchanged").into()),
             Ending::TooLong => return Err(format!("{name} takes more than an hour").into()),
         }
-        let reached = std::fs::read_to_string(&list).unwrap_or_default();
-        let mut reached: Vec<u32> = reached.lines().filter_map(|id| id.parse().ok()).collect();
+        let mut reached: Vec<u32> = std::fs::read_to_string(&list)
+            .unwrap_or_default()
+            .lines()
+            .filter_map(|id| id.parse().ok())
+            .collect();
         reached.sort_unstable();
         reached.dedup();
         Ok(Suite {

@@ -189,26 +189,27 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     }
     let written = files.iter().zip(&worlds);
     if args.json {
-        let dropped = dropped.iter().map(|it| {
-            let file = it.file.display().to_string();
-            json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
-        });
-        let dropped: Vec<_> = dropped.collect();
-        let ego_events = ego_events.iter().map(
+        let dropped: Vec<_> = dropped
+            .iter()
+            .map(|it| {
+                let file = it.file.display().to_string();
+                json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
+            })
+            .collect();
+        let ego_events: Vec<_> = ego_events.iter().map(
             |it| json!({ "name": it.name, "file": it.file.display().to_string(), "line": it.line }),
-        );
-        let ego_events: Vec<_> = ego_events.collect();
-        let written =
-            written.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
-        let written: Vec<_> = written.collect();
+        ).collect();
+        let written: Vec<_> = written
+            .map(|((_, file), world)| json!({ "file": file, "points": world.points }))
+            .collect();
         print_json(
             &json!({ "worlds": written, "broken": broken, "dropped": dropped, "ego_events": ego_events }),
         )
     } else {
-        let lines = written
-            .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));
-        let mut lines: Vec<String> = lines.collect();
-        if 0 < broken {
+        let mut lines: Vec<String> = written
+            .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()))
+            .collect();
+        if broken > 0 {
             lines.push(format!(
                 "left out {broken} points that the file itself does not allow"
             ));
@@ -246,11 +247,14 @@ fn dropped_line(dropped: &DroppedElements) -> String {
 
 impl From<ImportError> for Failure {
     fn from(error: ImportError) -> Failure {
-        let notes = error.all().take(MOST_NOTES).map(|error| {
-            let help = error.help.as_deref().unwrap_or(LIST);
-            Note::new(&error.headline(), Some(help))
-        });
-        let mut notes: Vec<Note> = notes.collect();
+        let mut notes: Vec<Note> = error
+            .all()
+            .take(MOST_NOTES)
+            .map(|error| {
+                let help = error.help.as_deref().unwrap_or(LIST);
+                Note::new(&error.headline(), Some(help))
+            })
+            .collect();
         let further = error.all().count() - notes.len();
         if further > 0 {
             let what = format!("{further} further problems");

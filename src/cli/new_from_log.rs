@@ -245,8 +245,7 @@ fn pet_s(situation: &SituationPlan) -> Option<f64> {
 }
 
 fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<Exit, Failure> {
-    let worlds = recorded.worlds.iter().zip(files);
-    let worlds = worlds.map(|(world, (_, file))| {
+    let worlds = recorded.worlds.iter().zip(files).map(|(world, (_, file))| {
         let situations = world.situations.iter().map(|it| {
             json!({
                 "recording": it.source, "time_s": it.time_s,

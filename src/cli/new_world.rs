@@ -35,14 +35,23 @@ pub(super) fn text_named(name: &str) -> Result<String, Failure> {
 pub(super) fn refused(error: &ScenarioError, in_file: impl Fn(usize, &str) -> String) -> Vec<Note> {
     let notes = error.problems.iter().map(|problem| {
         let (line, _) = error.line_column(problem.span.start);
-        let line = error.text.lines().nth(line - 1).unwrap_or_default().trim();
-        let line: String = line.chars().take(MOST_CHARS).collect();
+        let line: String = error
+            .text
+            .lines()
+            .nth(line - 1)
+            .unwrap_or_default()
+            .trim()
+            .chars()
+            .take(MOST_CHARS)
+            .collect();
         let what = format!(
             "a world does not allow what this leads to: {}, in `{line}`",
             problem.what
         );
-        let help = problem.help.as_deref();
-        let help = help.unwrap_or("change the numbers that lead to it");
+        let help = problem
+            .help
+            .as_deref()
+            .unwrap_or("change the numbers that lead to it");
         Note::new(&in_file(problem.span.start, &what), Some(help))
     });
     notes.take(MOST_NOTES).collect()

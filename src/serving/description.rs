@@ -12,8 +12,7 @@ use crate::world::Scenario;
 pub(super) fn hello(scenario: &Scenario) -> Value {
     let world = scenario.world();
     let clock = world.clock();
-    let actions = 0..world.spaces().actions;
-    let actions = actions.map(|action| {
+    let actions = (0..world.spaces().actions).map(|action| {
         json!({
             "label": world.action_label(action),
             "ados": actions_of(world, action),

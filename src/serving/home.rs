@@ -201,16 +201,16 @@ impl Controller for MotionTracker {
         // The speed of the next sample, and a little of the distance behind.
         let behind_m = now.s_m - own.s_m;
         let speed_mps = then.speed_mps + CORRECTION_PER_S * behind_m;
-        let wish_mps2 = (speed_mps - own.speed_mps) / sample_s;
-        let wish_mps2 = wish_mps2.clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2);
+        let wish_mps2 =
+            ((speed_mps - own.speed_mps) / sample_s).clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2);
         // The inverse of the lag a' = u + (a − u) e^(−dt/τ).
-        let decay = if 0.0 < self.lag_s {
+        let decay = if self.lag_s > 0.0 {
             libm::exp(-sample_s / self.lag_s)
         } else {
             0.0
         };
-        let accel_mps2 = (wish_mps2 - self.arriving_mps2 * decay) / (1.0 - decay);
-        let accel_mps2 = accel_mps2.clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2);
+        let accel_mps2 = ((wish_mps2 - self.arriving_mps2 * decay) / (1.0 - decay))
+            .clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2);
         self.arriving_mps2 = accel_mps2 + (self.arriving_mps2 - accel_mps2) * decay;
         let aside_mps = (then.lateral_m - now.lateral_m) / sample_s
             + CORRECTION_PER_S * (now.lateral_m - own.lateral_m);

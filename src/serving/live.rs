@@ -226,8 +226,8 @@ impl LiveEpisode {
         if self.bench.is_done() {
             return Err("the episode is over: reset".to_owned());
         }
-        let given = IndexMap::<String, GivenState>::deserialize(request);
-        let given = given.map_err(|error| format!("`sample`: {error}"))?;
+        let given = IndexMap::<String, GivenState>::deserialize(request)
+            .map_err(|error| format!("`sample`: {error}"))?;
         let mut states = vec![None; self.agents.len()];
         let before = self.bench.bodies();
         let sample_s = self.bench.clock().sample_s;
@@ -259,15 +259,18 @@ impl LiveEpisode {
 
     /// Returns the agents, the decision and the judgement at this sample.
     pub(super) fn answer(&self, world: &Scenario) -> Map<String, Value> {
-        let bodies = self.agents.iter().zip(self.bench.bodies());
-        let bodies = bodies.map(|(name, body)| {
-            let BodyState { pose, .. } = body.state;
-            let state = json!({
-                "x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad,
-                "speed_mps": body.state.speed_mps, "accel_mps2": body.state.accel_mps2,
+        let bodies = self
+            .agents
+            .iter()
+            .zip(self.bench.bodies())
+            .map(|(name, body)| {
+                let BodyState { pose, .. } = body.state;
+                let state = json!({
+                    "x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad,
+                    "speed_mps": body.state.speed_mps, "accel_mps2": body.state.accel_mps2,
+                });
+                (name.clone(), state)
             });
-            (name.clone(), state)
-        });
         let samples = self.bench.trace().len().saturating_sub(1);
         let mut answer = Map::new();
         let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
@@ -289,8 +292,11 @@ impl LiveEpisode {
     /// Returns the margins, and the verdict once it is final.
     fn judgement(&self, world: &Scenario) -> Map<String, Value> {
         let margins = self.bench.margins();
-        let rules = world.rules().iter().zip(&margins.rules);
-        let rules = rules.map(|(rule, margin)| (rule.name.clone(), json!(margin)));
+        let rules = world
+            .rules()
+            .iter()
+            .zip(&margins.rules)
+            .map(|(rule, margin)| (rule.name.clone(), json!(margin)));
         let mut answer = Map::new();
         let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
         add("robustness", json!(margins.spec));

@@ -355,7 +355,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
 
 /// Parses a line. `None`: it is blank.
 fn message(text: &str) -> Result<Option<ServeRequest>, String> {
-    if LONGEST < text.len() as u64 {
+    if text.len() as u64 > LONGEST {
         return Err(format!("it is longer than {LONGEST} bytes"));
     }
     if text.trim().is_empty() {

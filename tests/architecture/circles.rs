@@ -71,7 +71,7 @@ impl Search<'_> {
             let first = self.open.iter().position(|open| *open == file);
             let mut circle = self.open.split_off(first.unwrap_or(0));
             circle.sort_unstable();
-            if 1 < circle.len() {
+            if circle.len() > 1 {
                 self.found.push(circle);
             }
         }

@@ -27,7 +27,7 @@ pub fn twice(
         public.path = path.as_ref().to_owned();
         public.visit_file(&file);
     }
-    public.types.retain(|_, places| 1 < places.len());
+    public.types.retain(|_, places| places.len() > 1);
     public.types
 }
 

@@ -116,7 +116,7 @@ impl Sources {
             match child {
                 // A function may have the name of its module.
                 Some(child) if !last || !module.has(name) => (at, module) = child,
-                _ if module.items.contains(name) || LONGEST < steps => break,
+                _ if module.items.contains(name) || steps > LONGEST => break,
                 _ => match self.brought_in(at, module, name, steps) {
                     Some(mut path_there) => {
                         path_there.extend_from_slice(&path[i + 1..]);
@@ -142,7 +142,7 @@ impl Sources {
             match self.modules.get_key_value(&path[..=i]) {
                 Some(child) if !last || !module.has(name) => (at, module) = child,
                 _ if module.items.contains(name) => return Some(path[i..].to_vec()),
-                _ if LONGEST < steps => return None,
+                _ if steps > LONGEST => return None,
                 _ => {
                     let from = self.brought_in(at, module, name, steps);
                     let from = from.map(|from| [&from, &path[i + 1..]].concat());
@@ -210,7 +210,7 @@ impl Sources {
         let here = [base, rest].concat();
         // A lonely name is a value or a type, not a module.
         let is_here = module.items.contains(first)
-            || (1 < written.len() && self.modules.contains_key(&here[..=base.len()]));
+            || (written.len() > 1 && self.modules.contains_key(&here[..=base.len()]));
         match module.brought.get(first) {
             // `use explain::explain` and `use libm` begin elsewhere.
             Some(path) if path.first() == Some(first) && is_here => here,
@@ -231,8 +231,9 @@ impl Module {
 }
 
 fn module_of(path: &str) -> Names {
-    let below = path.strip_prefix(CRATES);
-    let below = below.and_then(|path| path.split_once("/src/"));
+    let below = path
+        .strip_prefix(CRATES)
+        .and_then(|path| path.split_once("/src/"));
     let (name, inside) = match (below, path.strip_prefix("src/")) {
         (Some((name, inside)), _) => (format!("brakecheck_{name}"), inside),
         (None, Some(inside)) => ("brakecheck".to_owned(), inside),
@@ -388,7 +389,7 @@ impl Reader<'_> {
 
     fn end(&mut self, path: &mut Names, span: Span) {
         let path = std::mem::take(path);
-        if 1 < path.len() {
+        if path.len() > 1 {
             self.mention(path, span, false);
         }
     }

@@ -100,7 +100,7 @@ fn rows_are_those_of_eval_and_search_however_the_campaign_is_cut() {
     );
     run(&fine);
     run(&whole);
-    assert!(100 < pieces(&fine).len());
+    assert!(pieces(&fine).len() > 100);
     assert_eq!(pieces(&whole).len(), 16);
     let (hash, rows) = merged(&fine);
     assert_eq!(hash, merged(&whole).0);
@@ -140,16 +140,20 @@ fn rows_are_those_of_eval_and_search_however_the_campaign_is_cut() {
     let untrained = json(&brakecheck(
         &[&["eval", "worlds/acc.ron"][..], &common].concat(),
     ));
-    let held = untrained["rows"].as_array().expect("rows").iter();
-    let held = held
+    let held = untrained["rows"]
+        .as_array()
+        .expect("rows")
+        .iter()
         .into_iter()
         .find(|row| row["ado"] == "hold")
         .expect("held-random");
     assert_eq!(held["solved"], marks("nominal", "hold"));
     // Recall is of the starts that search solves from the same ego.
     let summary = json(&brakecheck(&["campaign", "merge", &fine, "--json"]))["summary"].clone();
-    let told = summary["rows"].as_array().expect("rows").iter();
-    let told = told
+    let told = summary["rows"]
+        .as_array()
+        .expect("rows")
+        .iter()
         .into_iter()
         .find(|row| row["ego"] == "wet road" && row["ado"] == "hold");
     let (search, hold) = (marks("wet road", "search"), marks("wet road", "hold"));
@@ -160,18 +164,18 @@ fn rows_are_those_of_eval_and_search_however_the_campaign_is_cut() {
     let (solved, both) = pairs.fold((0, 0), |(solved, both), (_, other)| {
         (solved + 1, both + i32::from(other == '1'))
     });
-    assert!(0 < solved);
+    assert!(solved > 0);
     let recall = told.expect("the row")["recall"].as_f64().expect("recall");
     assert_eq!(recall, f64::from(both) / f64::from(solved));
     // A row tells of the crash and holds nothing of the machine.
     let crash = rows
         .iter()
-        .find(|row| row["outcome"] == "fails" && row["contact"] == true);
-    let crash = crash.expect("a crash");
+        .find(|row| row["outcome"] == "fails" && row["contact"] == true)
+        .expect("a crash");
     assert!(crash["robustness"].as_f64().expect("ρ") < 0.0);
     assert_eq!(crash["leaf"], "headway >= d_safe");
     assert_eq!(crash["kind"], "RearEnd");
-    assert!(crash["preventable"].is_boolean() && 0.0 < crash["closing_mps"].as_f64().expect("m/s"));
+    assert!(crash["preventable"].is_boolean() && crash["closing_mps"].as_f64().expect("m/s") > 0.0);
     assert!(!crash["actions"].as_array().expect("actions").is_empty());
     let keys = |row: &Value| -> Vec<String> {
         row.as_object()
@@ -345,8 +349,9 @@ fn sealed(text: &str) -> String {
 #[test]
 fn a_gate_that_could_never_close_is_refused() {
     let dir = scratch();
-    let text = SMALL.replace("    preventability: true,\n", "");
-    let text = text.replace("\"nominal\"),\n)", "\"nominal\", on: Preventable),\n)");
+    let text = SMALL
+        .replace("    preventability: true,\n", "")
+        .replace("\"nominal\"),\n)", "\"nominal\", on: Preventable),\n)");
     let file = path(&dir, "open.ron");
     fs::write(&file, &text).expect("written");
     let plan = |planned: &str| brakecheck(&["campaign", "plan", &file, "-o", planned]);
@@ -388,14 +393,14 @@ fn a_gate_decides_the_exit_code_of_the_merge() {
     let gates = any.as_array().expect("gates");
     assert_eq!(gates.len(), 3 * 4);
     let newly = |gate: &Value, what: &str| gate[what].as_u64().expect("a count");
-    let failing = gates.iter().any(|gate| 0 < newly(gate, "newly_failing"));
+    let failing = gates.iter().any(|gate| newly(gate, "newly_failing") > 0);
     assert!(failing, "a wet road makes more of them fail: {any}");
     assert_eq!(any_exit, 1);
     let (exit_of_preventable, preventable) = exit("preventable", "Preventable");
     let gates = preventable.as_array().expect("gates");
     let held_up = gates
         .iter()
-        .any(|gate| 0 < newly(gate, "newly_preventable"));
+        .any(|gate| newly(gate, "newly_preventable") > 0);
     assert_eq!(exit_of_preventable, i32::from(held_up));
     assert_eq!(exit("never", "Never").0, 0);
     // The default excuses crashes that are shown to be unavoidable, and no others.
@@ -413,7 +418,7 @@ fn a_gate_decides_the_exit_code_of_the_merge() {
     assert_eq!(exit_of_default, i32::from(held_up));
     let (exit_of_severity, severity) = exit("severity", "Never, severity: true");
     let gates = severity.as_array().expect("gates");
-    let severe = gates.iter().any(|gate| 0 < newly(gate, "more_severe"));
+    let severe = gates.iter().any(|gate| newly(gate, "more_severe") > 0);
     assert_eq!(exit_of_severity, i32::from(severe));
 }
 
@@ -503,7 +508,7 @@ fn a_grid_of_starts_is_drawn_as_maps_beside_the_boundary() {
     assert_eq!(protocol[1]["x"], serde_json::json!([16.67, 8.0, 5.5]));
     assert_eq!(protocol[5]["x"], serde_json::json!([16.67, 22.0, 2.0]));
     let of = |word: &str| protocol.iter().filter(|row| row["outcome"] == word).count();
-    assert!(0 < of("foul") && 0 < of("held"), "{protocol:?}");
+    assert!(of("foul") > 0 && of("held") > 0, "{protocol:?}");
     assert!(
         protocol
             .iter()
@@ -522,7 +527,7 @@ fn a_dry_run_says_what_it_comes_to_and_writes_nothing() {
     let output = brakecheck(&["campaign", "plan", &file, "--dry-run", "--json"]);
     let told = json(&output);
     assert_eq!((&told["units"], &told["starts"]), (&16.into(), &640.into()));
-    assert!(told["measured"] == true && 0.0 < told["cpu_s"].as_f64().expect("seconds"));
+    assert!(told["measured"] == true && told["cpu_s"].as_f64().expect("seconds") > 0.0);
     assert_eq!(fs::read_dir(dir.path()).expect("readable").count(), 1);
     // Cut by a guess the plan is the same anywhere; another one is not written over it.
     let [one, two] = ["one", "two"].map(|name| plan(&dir, name, SMALL, "0.05"));

@@ -46,8 +46,10 @@ fn grids_are_refused_by_name_and_the_others_written() {
     assert_eq!(told["files"].as_array().map(Vec::len), Some(3));
     let refused = told["refused"][0]["file"].as_str().expect("a file");
     assert!(refused.ends_with(&format!("{grid}.ron")), "{refused}");
-    let said = stderr(&output);
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let said = stderr(&output)
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
     assert!(
         said.contains("`grid_hard`, and OpenSCENARIO has roads"),
         "{said}"

@@ -161,7 +161,7 @@ fn alive(mark: &str) -> Vec<String> {
 fn only_invalid(rows: &Value, kinds: &[&str], what: &str) {
     let rows = rows.as_array().expect("rows");
     let played = rows.iter().filter(|row| row["invalid"].as_u64() != Some(0));
-    assert!(0 < played.clone().count(), "{what}: nothing is invalid");
+    assert!(played.clone().count() > 0, "{what}: nothing is invalid");
     for row in rows {
         assert_eq!(row["successes"], 0, "{what}");
         assert_eq!(row["starts"], 0, "{what}: {}", row["solved"]);
@@ -179,8 +179,10 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
     let dir = scratch();
     let (run, trained) = small_run(&dir, "run", &[]);
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
-    let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
-    let kept = kept.display().to_string();
+    let kept = root()
+        .join("tests/regressions/acc-2D-plant-0002.ron")
+        .display()
+        .to_string();
     let mark = format!("brakecheck-fake-{}", std::process::id());
     let scripts: Vec<_> = broken_scripts().into_iter().enumerate().collect();
     // They wait more than they compute.
@@ -412,7 +414,7 @@ fn an_ego_that_fails_now_and_then_is_in_no_rate_and_may_be_allowed() {
     assert_eq!(code(&strict), 3, "{}", stderr(&strict));
     let row = json(&strict)["rows"][0].clone();
     let count = |key: &str| row[key].as_u64().expect(key);
-    assert!(0 < count("invalid") && 0 < count("starts"), "{row}");
+    assert!(count("invalid") > 0 && count("starts") > 0, "{row}");
     let solved = row["solved"].as_str().expect("marks");
     let marks = |mark: char| solved.chars().filter(|m| *m == mark).count() as u64;
     assert_eq!(
@@ -578,7 +580,7 @@ fn an_ego_that_alternates_gives_no_result_and_its_crash_is_kept_for_good() {
     // A run in which the ego commanded otherwise is not the recorded one.
     let as_recorded = |row: &serde_json::Value| row["identical"] == row["ego_as_recorded"];
     assert!(rows.iter().all(as_recorded), "{rows:?}");
-    if 1 < rows.len() {
+    if rows.len() > 1 {
         assert!(
             rows.iter().any(|row| row["ego_as_recorded"] == false),
             "{rows:?}"
@@ -656,13 +658,13 @@ fn repeats_play_every_start_several_times_and_gate_on_some_of_them() {
         assert_eq!(row["repeats"]["runs"], 4);
         assert_eq!(row["sims_per_start"], 4.0);
         assert!(
-            0 < row["repeats"]["differing"].as_u64().expect("a number"),
+            row["repeats"]["differing"].as_u64().expect("a number") > 0,
             "{row}"
         );
         let share = row["repeats"]["failing_share"].as_f64().expect("a share");
-        assert!(0.0 < share && share < 1.0, "{row}");
+        assert!(share > 0.0 && share < 1.0, "{row}");
     }
-    assert!(0 < any["successes"].as_u64().expect("a number"), "{any}");
+    assert!(any["successes"].as_u64().expect("a number") > 0, "{any}");
     let (any, most) = (&any["successes"], &most["successes"]);
     assert!(most.as_u64() < any.as_u64(), "{most} of {any}");
 }

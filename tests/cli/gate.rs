@@ -31,9 +31,12 @@ fn a_gate_and_its_opposite_mirror_each_other() {
     let (worse_exit, worse) = gate("nominal", &harder, "any");
     // A start on which the ado breaks its rule is neither failing nor fixed.
     let fixed_or_open = |gate: &Value| -> BTreeSet<u64> {
-        let open = gate["no_answer"].as_array().expect("a list").iter();
-        let open = open.filter(|it| it["before"] == "fails");
-        let open = open.map(|it| it["start"].as_u64().expect("a start"));
+        let open = gate["no_answer"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .filter(|it| it["before"] == "fails")
+            .map(|it| it["start"].as_u64().expect("a start"));
         starts(gate, "newly_fixed")
             .into_iter()
             .chain(open)
@@ -53,12 +56,12 @@ fn a_gate_and_its_opposite_mirror_each_other() {
         brakecheck::stats::mcnemar(failing - unanswered, fixed)
     );
     assert_eq!(worse_exit, 1);
-    assert_eq!(better_exit, i32::from(0 < fixed));
+    assert_eq!(better_exit, i32::from(fixed > 0));
     // All but shown-unavoidable crashes close it unless asked otherwise.
     let (exit, default) = gate("nominal", &harder, "unless-unavoidable");
     let list = default["newly_failing"].as_array().expect("a list");
     let blocking = list.iter().filter(|it| it["unavoidable"] != true).count();
-    assert_eq!(exit, i32::from(0 < blocking));
+    assert_eq!(exit, i32::from(blocking > 0));
     let by = &default["newly_failing_by"];
     let count = |label: &str| by[label].as_u64().expect("a count") as usize;
     let all = ["preventable", "avoidable", "unavoidable", "unknown"].map(count);
@@ -130,7 +133,7 @@ fn a_gate_closes_on_crashes_that_no_driver_model_can_judge() {
     };
     let (exit, worse) = gate(&blind, "nominal", &[]);
     let by = &worse["newly_failing_by"];
-    assert!(0 < by["unknown"].as_u64().expect("a count"), "{worse}");
+    assert!(by["unknown"].as_u64().expect("a count") > 0, "{worse}");
     assert_eq!(by["preventable"], 0);
     assert_eq!(
         (exit, worse["closed_by"].clone()),
@@ -163,7 +166,7 @@ fn a_sweep_says_from_where_on_an_ego_is_safe() {
         .iter()
         .filter_map(|p| p["failing"].as_u64())
         .collect();
-    assert!(0 < failing[0] && failing[3] < failing[0], "{failing:?}");
+    assert!(failing[0] > 0 && failing[3] < failing[0], "{failing:?}");
     let safe = points.iter().rev().take_while(|p| p["failing"] == 0).last();
     assert_eq!(
         swept["safe_from"],
@@ -171,8 +174,8 @@ fn a_sweep_says_from_where_on_an_ego_is_safe() {
     );
     let svg = std::fs::read_to_string(&curve).expect("a curve");
     assert!(svg.contains("time_gap_s") && svg.contains("<svg"));
-    let text = brakecheck(&[&asked[..], &over].concat());
-    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    let text =
+        String::from_utf8_lossy(&brakecheck(&[&asked[..], &over].concat()).stdout).into_owned();
     assert!(
         text.contains("95 % interval") && text.contains("0.3"),
         "{text}"

@@ -338,7 +338,7 @@ fn of_very_many_warnings_the_first_are_shown() {
     );
     assert!(said.len() < 150_000, "{} bytes", said.len());
     let listed = json(&brakecheck(&["check", &file, "--json"]));
-    assert!(800 < listed["warnings"].as_array().expect("a list").len());
+    assert!(listed["warnings"].as_array().expect("a list").len() > 800);
 }
 
 /// What a test says that returns its error, and how to go on.

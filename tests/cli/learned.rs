@@ -51,7 +51,7 @@ fn an_ego_of_another_structure_is_learned_from_runs_of_it_and_remembered() {
     let method = format!("at most {most} runs per start, as many as adapting takes");
     assert_eq!(for_as_much["method"], *method);
     let spent = for_as_much["sims_per_start"].as_f64().expect("runs");
-    assert!(1.0 < spent && spent <= most as f64, "{for_as_much}");
+    assert!(spent > 1.0 && spent <= most as f64, "{for_as_much}");
     for beside in ["constant", "switch", "replays"] {
         row(&first, beside);
     }
@@ -96,8 +96,12 @@ fn an_ego_of_another_structure_is_learned_from_runs_of_it_and_remembered() {
 
     // A damaged file is said to be one, and makes no difference.
     let learned = dir.path().join("run/learned");
-    let file = std::fs::read_dir(&learned).expect("kept").next();
-    let file = file.expect("a file").expect("readable").path();
+    let file = std::fs::read_dir(&learned)
+        .expect("kept")
+        .next()
+        .expect("a file")
+        .expect("readable")
+        .path();
     let mut bytes = std::fs::read(&file).expect("readable");
     let whole = bytes.clone();
     bytes.truncate(bytes.len() - 9);

@@ -373,8 +373,9 @@ fn lanes_may_come_from_a_map() {
     let report = json(&output);
     let recording = &report["recordings"][0];
     // The fit would find the one lane that is driven.
-    let lanes = recording["carriageways"][0]["lanes"].as_array();
-    let lanes = lanes.expect("lanes");
+    let lanes = recording["carriageways"][0]["lanes"]
+        .as_array()
+        .expect("lanes");
     assert_eq!(lanes.len(), 2);
     assert_eq!(lanes[1]["offset_m"], 3.5);
     assert_eq!(lanes[0]["share"], 1.0);

@@ -14,8 +14,8 @@ fn python() -> &'static str {
         let mut asked = Command::new("python3");
         let output = asked
             .args(["-c", "import sys; print(sys.executable)"])
-            .output();
-        let output = output.expect("Python is there");
+            .output()
+            .expect("Python is there");
         String::from_utf8_lossy(&output.stdout).trim().to_owned()
     });
     &FOUND
@@ -153,8 +153,11 @@ fn every_verb_finds_state_and_fresh_programs_keep_none() {
         assert!(code(&fresh) != 3, "{verb:?}: {}", stderr(&fresh));
         assert_eq!(code(&fresh), code(&sound), "{verb:?}");
         let solved = |output| -> Vec<Value> {
-            let rows = json(output)["rows"].as_array().cloned();
-            let rows = rows.unwrap_or_default().into_iter();
+            let rows = json(output)["rows"]
+                .as_array()
+                .cloned()
+                .unwrap_or_default()
+                .into_iter();
             rows.map(|row| row["solved"].clone()).collect()
         };
         assert_eq!(solved(&fresh), solved(&sound), "{verb:?}");
@@ -169,8 +172,11 @@ fn a_risk_of_a_program_that_keeps_state_is_no_result() {
     let asked = ["risk", &world, "--traffic", &traffic, "--budget", "1000"];
     let tired = against(&asked, &["tired"]);
     assert_eq!(code(&tired), 3, "{}", stderr(&tired));
-    let said = stderr(&tired).replace(['\n', '│'], "");
-    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let said = stderr(&tired)
+        .replace(['\n', '│'], "")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ");
     assert!(said.contains("clear your state at `reset`"), "{said}");
 }
 
@@ -258,8 +264,10 @@ fn a_rebuilt_program_is_another_ego() {
     // The same program goes on.
     assert_eq!(code(&risk()), code(&first));
     assert_eq!(code(&campaign(&["run", &plan])), 0);
-    let before = std::fs::read_to_string(Path::new(&stored).join("programs.json")).expect("it");
-    let before: Value = serde_json::from_str(&before).expect("JSON");
+    let before: Value = serde_json::from_str(
+        &std::fs::read_to_string(Path::new(&stored).join("programs.json")).expect("it"),
+    )
+    .expect("JSON");
     let programs = before["programs"].as_object().expect("programs");
     let (_, program) = programs.iter().next().expect("one");
     let was = program["sha256"].as_str().expect("a hash");
@@ -294,11 +302,12 @@ fn a_program_that_hangs_delays_no_end_and_one_without_its_guard_is_killed() {
         &mark,
     ];
     let mut program = Command::new(env!("CARGO_BIN_EXE_brakecheck"));
-    let program = program
+    let mut program = program
         .args(asked)
         .stdout(Stdio::null())
-        .stderr(Stdio::null());
-    let mut program = program.spawn().expect("it runs");
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("it runs");
     // It hangs from its sixth step on.
     let began = Instant::now();
     while alive(&mark) < 2 && began.elapsed() < Duration::from_secs(20) {

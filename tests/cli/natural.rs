@@ -9,8 +9,11 @@ fn a_training_within_a_limit_keeps_it_in_its_run() {
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
     let rates = |more: &[&str]| {
         let asked = ["eval", &run, "--starts", "20", "--json"];
-        let rows = json(&brakecheck(&[&asked[..], more].concat()))["rows"].clone();
-        let rows = rows.as_array().expect("rows").clone();
+        let rows = json(&brakecheck(&[&asked[..], more].concat()))["rows"]
+            .clone()
+            .as_array()
+            .expect("rows")
+            .clone();
         let rate = |row: &serde_json::Value| row["naturalness"]["limit_per_1000_km"].as_f64();
         rows.iter().filter_map(rate).collect::<Vec<_>>()
     };

@@ -130,11 +130,13 @@ fn the_picture_of_the_readme_is_what_its_command_draws() {
 #[test]
 fn programs_with_an_older_svg_find_every_shape_of_a_picture() {
     let drawn = read(root().join("docs/img/opening.svg"));
-    let used = drawn.split("<use ").skip(1);
-    let used: Vec<&str> = used
+    let used: Vec<&str> = drawn
+        .split("<use ")
+        .skip(1)
         .map(|it| {
-            let named = it.strip_prefix("xlink:href=\"#");
-            let named = named.and_then(|it| it.split('"').next());
+            let named = it
+                .strip_prefix("xlink:href=\"#")
+                .and_then(|it| it.split('"').next());
             named.expect("a shape in the older namespace")
         })
         .collect();
@@ -175,7 +177,7 @@ fn the_words_on_and_under_the_picture_follow_from_the_labels_of_the_file() {
     }
     // One who competes with no other: the competent driver, and most others.
     let known = kept().1.preventability.expect("drivers");
-    assert!(known.is_avoided_by(ReferenceDriver::Cc) && 4 <= known.drivers()[0].len());
+    assert!(known.is_avoided_by(ReferenceDriver::Cc) && known.drivers()[0].len() >= 4);
 }
 
 /// A run of another ego is told as what it is, not by the recorded one's labels.

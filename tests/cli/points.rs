@@ -60,7 +60,7 @@ fn an_imported_scene_tests_the_program_at_every_point() {
     let [passed, failed, invalid] = ["passed", "failed", "invalid"].map(|it| number(&table[it]));
     assert_eq!((passed + failed, invalid), (25, 0));
     // The world's own ego passes none: it is the program that was asked.
-    assert!(0 < passed, "{table}");
+    assert!(passed > 0, "{table}");
     let coasting = brakecheck(&["eval", &world, "--json"]);
     assert_eq!(json(&coasting)["points"][0]["passed"], 0);
 }
@@ -85,10 +85,12 @@ fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
     assert_eq!(code(&eval), 1, "{}", stderr(&eval));
     let table = json(&eval)["points"][0].clone();
     let [passed, failed] = ["passed", "failed"].map(|it| number(&table[it]));
-    assert!(0 < passed && 0 < failed && passed + failed == 25, "{table}");
-    let files = std::fs::read_dir(&kept).expect("kept");
-    let files = files.filter_map(Result::ok).map(|it| it.path());
-    let files = files.filter(|it| it.extension().is_some_and(|it| it == "ron"));
+    assert!(passed > 0 && failed > 0 && passed + failed == 25, "{table}");
+    let files = std::fs::read_dir(&kept)
+        .expect("kept")
+        .filter_map(Result::ok)
+        .map(|it| it.path())
+        .filter(|it| it.extension().is_some_and(|it| it == "ron"));
     assert_eq!(files.count() as u64, failed);
 
     let recorded = brakecheck(&["replay", &kept, "--expect", "recorded"]);
@@ -161,7 +163,7 @@ fn a_campaign_judges_every_point_by_the_ego_that_it_names() {
     let table = &json(&eval)["points"][0];
     let [fails, trivial, starts] = ["fails", "trivial", "starts"].map(|it| number(&row[it]));
     assert_eq!((fails, trivial, starts), (number(&table["failed"]), 0, 25));
-    assert!(0 < fails && fails < 25, "{row}");
+    assert!(fails > 0 && fails < 25, "{row}");
 }
 
 #[test]

@@ -103,14 +103,14 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     assert_eq!(code(&again), 0, "{made}: {}", stderr(&again));
     assert!(read(&page) == html, "{made}");
     // Three axes of starts give three maps; then histogram, two of training.
-    assert!(6 <= count(&names, "svg"), "{}", count(&names, "svg"));
+    assert!(count(&names, "svg") >= 6, "{}", count(&names, "svg"));
     let junit = read(&path(&dir, "page.junit.xml"));
     let names = well_formed(&junit);
     // One case per counterexample; an ego without one passes, a baseline is none.
     let listing = json(&brakecheck(&["check", "worlds/acc.ron", "--json"]));
     let egos = listing["egos"].as_array().expect("egos").len();
     let (cases, failures) = (count(&names, "testcase"), count(&names, "failure"));
-    assert!(egos <= cases && 0 < failures, "{cases} {failures}");
+    assert!(egos <= cases && failures > 0, "{cases} {failures}");
     assert_eq!(junit.matches(", start ").count(), failures);
     assert!(junit.contains(&format!("tests=\"{cases}\" failures=\"{failures}\"")));
     assert!(!junit.contains("ado hold") && junit.contains("headway &gt;= d_safe"));
@@ -136,7 +136,7 @@ fn counterexamples_are_shown_moving_the_worst_first() {
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let html = read(&format!("{run}/report.html"));
     let shown = html.matches("<figure class=\"film\"").count();
-    assert!(2 <= shown, "{shown}");
+    assert!(shown >= 2, "{shown}");
     assert_eq!(html.matches("data-film=").count(), shown);
     // Each is linked as three files beside the page, which are there.
     let links: Vec<&str> = html
@@ -150,7 +150,7 @@ fn counterexamples_are_shown_moving_the_worst_first() {
     }
     // Of one kind of contact a higher Δv is a higher risk.
     let risks = numbers_after(&html, "MAIS 3+ of the ego's occupants: ");
-    assert!(2 <= risks.len(), "{risks:?}");
+    assert!(risks.len() >= 2, "{risks:?}");
     assert!(risks.is_sorted_by(|a, b| b <= a), "{risks:?}");
     for word in [
         "The ego hit the rear of ado at ",

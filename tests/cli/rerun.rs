@@ -126,7 +126,7 @@ fn a_training_can_be_viewed_before_it_ends() {
     // Stopped after its first successes, as by Ctrl-C.
     let stop = std::sync::atomic::AtomicBool::new(false);
     let progress = |done: u64, total: u64| {
-        if total == 100_000 && 8_000 < done {
+        if total == 100_000 && done > 8_000 {
             stop.store(true, std::sync::atomic::Ordering::Relaxed);
         }
     };

@@ -44,7 +44,7 @@ fn the_table_of_many_egos_is_summed_up_from_its_rows() {
     // The mean recall is over the egos of which a tenth is reachable.
     let telling: Vec<&Value> = egos[1..]
         .iter()
-        .filter(|ego| 0.1 <= ego["reachable"].as_f64().expect("a share"))
+        .filter(|ego| ego["reachable"].as_f64().expect("a share") >= 0.1)
         .collect();
     let recalls: Vec<f64> = telling
         .iter()

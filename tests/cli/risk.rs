@@ -91,9 +91,10 @@ fn counterexamples_of_a_training_are_used_in_its_own_world_alone() {
     let set = "[-3.0, 0.0, 3.0]";
     assert!(text.contains(set));
     std::fs::write(&other, text.replace(set, "[-3.0, 0.0, 3.0, 1.0]")).expect("written");
-    let traffic = std::fs::read_to_string("examples/traffic/acc.ron").expect("there");
-    let traffic = traffic.replace("[0.6, 0.9, 0.6]", "[0.6, 0.9, 0.6, 0.5]");
-    let traffic = traffic.replace("[0.0, 1.0, 0.3]", "[0.0, 1.0, 0.3, 0.1]");
+    let traffic = std::fs::read_to_string("examples/traffic/acc.ron")
+        .expect("there")
+        .replace("[0.6, 0.9, 0.6]", "[0.6, 0.9, 0.6, 0.5]")
+        .replace("[0.0, 1.0, 0.3]", "[0.0, 1.0, 0.3, 0.1]");
     let laws = path(&dir, "laws.ron");
     std::fs::write(&laws, traffic).expect("written");
     let plant = ["--plant", "kinematic", "--budget", "1000", "--run", &run];

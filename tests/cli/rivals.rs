@@ -27,12 +27,12 @@ fn a_run_stands_beside_searches_replays_and_a_rule() {
     let even = &searched["break_even"][0];
     // What was looked for to judge the training is part of its cost.
     let trained = json(&trained);
-    let once = [&trained["episodes"], &trained["calibration"]["simulations"]];
-    let once = once.map(|part| part.as_u64().expect("a number"));
+    let once = [&trained["episodes"], &trained["calibration"]["simulations"]]
+        .map(|part| part.as_u64().expect("a number"));
     assert_eq!(even["once"]["simulations"], once[0] + once[1]);
-    assert!(0 < even["once"]["physics_steps"].as_u64().expect("steps"));
+    assert!(even["once"]["physics_steps"].as_u64().expect("steps") > 0);
     let (starts, budget) = (even["starts"].as_f64(), even["budget"].as_u64());
-    assert!(1.0 < starts.expect("training pays"), "{even}");
+    assert!(starts.expect("training pays") > 1.0, "{even}");
     assert!(budget.expect("a budget") <= 40);
     let last = even["curve"].as_array().and_then(|curve| curve.last());
     assert_eq!(last.map(|at| &at["budget"]), Some(&Value::from(40)));
@@ -66,7 +66,7 @@ fn a_run_stands_beside_searches_replays_and_a_rule() {
     let rivals = verb(&["eval", &run, "--ado", "heuristic", "--ado", "replays"]);
     assert_eq!(words(&rivals), ["heuristic", "replay", "replays"]);
     let ten = &rivals["rows"][2];
-    assert!(1.0 < ten["sims_per_start"].as_f64().expect("a number"));
+    assert!(ten["sims_per_start"].as_f64().expect("a number") > 1.0);
 
     // What was stored and is damaged is not replayed.
     let file = std::path::Path::new(&run).join("counterexamples.jsonl");
@@ -94,7 +94,7 @@ fn a_world_alone_is_evaluated_by_its_baselines_and_a_search() {
     let evaluated = json(&output);
     let rows = evaluated["rows"].as_array().expect("rows");
     assert!(
-        4 < rows.len() && rows.len().is_multiple_of(4),
+        rows.len() > 4 && rows.len().is_multiple_of(4),
         "{} rows",
         rows.len()
     );

@@ -154,8 +154,9 @@ fn a_bank_of_another_ego_becomes_demonstrations() {
         "5",
     ]);
     assert_eq!(code(&first), 0, "{}", stderr(&first));
-    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("shipped");
-    let text = text.replace("learner: Dqn(decisions: 300_000),", "");
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron"))
+        .expect("shipped")
+        .replace("learner: Dqn(decisions: 300_000),", "");
     let world = path(&dir, "acc.ron");
     std::fs::write(&world, text).expect("written");
     let train = |run: &str, bank: &[&str]| {

@@ -70,7 +70,7 @@ impl Counter {
         let mut shared = self.shared.lock().expect("whole");
         *shared += 0.01;
         match self.planted {
-            NotFinite if 0.05 < self.count => f64::NAN,
+            NotFinite if self.count > 0.05 => f64::NAN,
             ForkForgets => self.forgotten,
             ForkShares => *shared,
             RollsDice => DICE.fetch_add(1, Ordering::Relaxed) as f64 * 1e-6,
@@ -244,7 +244,7 @@ impl Policy for Rule {
             NoSuchAction => 2,
             KnowsItsThread if thread::current().id() != self.1 => 0,
             KnowsItsThread => 1,
-            _ => usize::from(0.0 < obs[0]),
+            _ => usize::from(obs[0] > 0.0),
         }
     }
 

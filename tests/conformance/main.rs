@@ -16,8 +16,10 @@ use brakecheck_rl::rl::list::load_policy_for;
 
 fn shipped() -> Vec<(String, Scenario)> {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("worlds");
-    let files = std::fs::read_dir(dir).expect("the worlds");
-    let mut files: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
+    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)
+        .expect("the worlds")
+        .map(|file| file.expect("a file").path())
+        .collect();
     files.retain(|file| file.extension().is_some_and(|e| e == "ron"));
     files.sort();
     let load = |file: PathBuf| {

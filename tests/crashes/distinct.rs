@@ -23,7 +23,7 @@ fn alike_is_what_is_near_and_of_one_kind() {
                 let contact = episodes[at].contact.as_ref()?;
                 Some((contact.impact.map(|it| it.kind), contact.between.clone()))
             };
-            if touch(a) != touch(b) || NEAR < one.distance(other) {
+            if touch(a) != touch(b) || one.distance(other) > NEAR {
                 assert!(!one.is_like(other));
             }
         }

@@ -135,8 +135,10 @@ fn a_replay_goes_on_after_the_contact_for_the_time_of_its_world() {
         assert_eq!(whole[..recorded.len()], recorded[..], "{agent}");
         assert_eq!(whole.len(), recorded.len() + 30, "{agent}");
         assert!((whole.last().unwrap()[0] - contact_s - 1.5).abs() < 1e-6);
-        let ahead_m = replay.named("ScenarioObject", "name", agent);
-        let ahead_m = ahead_m.one("Center").number("x");
+        let ahead_m = replay
+            .named("ScenarioObject", "name", agent)
+            .one("Center")
+            .number("x");
         for ([_, x_m, y_m, heading_rad], frame) in whole[recorded.len()..].iter().zip(&after.frames)
         {
             // The middle of the box is the middle of the body.
@@ -151,7 +153,7 @@ fn a_replay_goes_on_after_the_contact_for_the_time_of_its_world() {
         };
         let contact_m = recorded.last().unwrap()[1];
         assert!((whole[recorded.len()][1] - contact_m).abs() < 2.0);
-        assert!(1.0 < (end_m - contact_m).abs(), "{agent}");
+        assert!((end_m - contact_m).abs() > 1.0, "{agent}");
     }
     let stop = replay.one("StopTrigger").one("SimulationTimeCondition");
     assert!((stop.number("value") - contact_s - 1.5).abs() < 1e-6);

@@ -59,15 +59,17 @@ fn found(world: &Scenario, count: usize) -> Vec<Episode> {
         starts: &starts,
     };
     let found = search(&request, &watch).found;
-    let episodes = found.iter().zip(&starts.starts);
-    let episodes = episodes.filter_map(|(found, (start, noise))| {
-        let actions = found.as_ref()?.actions.as_ref()?;
-        let mut ado = Replay::holding(actions);
-        let aftermath = Aftermath::Play;
-        Some(play(&mut world.bench(), start, *noise, &mut ado, aftermath))
-    });
+    let episodes = found
+        .iter()
+        .zip(&starts.starts)
+        .filter_map(|(found, (start, noise))| {
+            let actions = found.as_ref()?.actions.as_ref()?;
+            let mut ado = Replay::holding(actions);
+            let aftermath = Aftermath::Play;
+            Some(play(&mut world.bench(), start, *noise, &mut ado, aftermath))
+        });
     let episodes: Vec<Episode> = episodes.collect();
     assert!(episodes.iter().all(|it| it.verdict.is_success()));
-    assert!(6 <= episodes.len(), "{} found", episodes.len());
+    assert!(episodes.len() >= 6, "{} found", episodes.len());
     episodes
 }

@@ -45,9 +45,9 @@ fn the_worst_that_differ_and_persist_are_handed_over() {
     for (file, about) in &kept.files {
         assert!(file.is_file());
         let cluster = about.cluster.expect("compared");
-        assert!(2 <= cluster && cluster.is_multiple_of(2), "{cluster}");
+        assert!(cluster >= 2 && cluster.is_multiple_of(2), "{cluster}");
         let persistence = about.persistence.as_ref().expect("driven");
-        assert!(PERSISTENT <= persistence.share());
+        assert!(persistence.share() >= PERSISTENT);
         assert!(about.shrunk.is_some() && about.why.is_some());
     }
     // The files say the same and replay bit for bit.

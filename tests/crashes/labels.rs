@@ -38,13 +38,15 @@ fn searched(name: &str, most: usize) -> Vec<(Scenario, Episode)> {
         starts: &starts,
     };
     let found = search(&request, &watch).found;
-    let played = found.iter().zip(&starts.starts);
-    let played = played.filter_map(|(found, (start, noise))| {
-        let actions = found.as_ref()?.actions.as_ref()?;
-        let mut ado = Replay::holding(actions);
-        let episode = play(&mut world.bench(), start, *noise, &mut ado, Aftermath::Play);
-        episode.verdict.is_success().then_some(episode)
-    });
+    let played = found
+        .iter()
+        .zip(&starts.starts)
+        .filter_map(|(found, (start, noise))| {
+            let actions = found.as_ref()?.actions.as_ref()?;
+            let mut ado = Replay::holding(actions);
+            let episode = play(&mut world.bench(), start, *noise, &mut ado, Aftermath::Play);
+            episode.verdict.is_success().then_some(episode)
+        });
     let crashes = played.take(most).flat_map(|episode| {
         let (small, _) = shrink(&world, &episode, &watch);
         [episode, small]
@@ -54,8 +56,10 @@ fn searched(name: &str, most: usize) -> Vec<(Scenario, Episode)> {
 
 /// Crashes that this repository keeps, of worlds without programs.
 fn kept() -> Vec<(Scenario, Episode)> {
-    let all = Regressions::load(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions"));
-    let all = all.expect("files").replay_recorded().expect("replayed");
+    let all = Regressions::load(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions"))
+        .expect("files")
+        .replay_recorded()
+        .expect("replayed");
     let driven = all.into_iter().filter(|it| it.scenario.drive().is_some());
     driven.map(|it| (it.scenario, it.episode)).collect()
 }
@@ -156,8 +160,12 @@ impl Checked<'_> {
                 self.states(!moved, "nor in the recorded motion");
                 let panel = self.about.preventability.as_ref();
                 let drivers = panel.is_some_and(|panel| {
-                    let outcomes = panel.handover.values().chain(panel.t0.values());
-                    let outcomes = outcomes.chain(&panel.perfect).chain(&panel.foresight);
+                    let outcomes = panel
+                        .handover
+                        .values()
+                        .chain(panel.t0.values())
+                        .chain(&panel.perfect)
+                        .chain(&panel.foresight);
                     outcomes.into_iter().any(|outcome| outcome.avoided)
                 });
                 self.states(!drivers, "nor a driver who brakes");
@@ -316,9 +324,9 @@ fn no_statement_of_a_label_is_false() {
     );
     assert!(wrong.is_empty(), "{} are false:\n{shown}", wrong.len());
     let [avoided, not_avoided, unanswered] = answers;
-    assert!(20 <= crashes.len() && 0 < avoided && 0 < unanswered);
+    assert!(crashes.len() >= 20 && avoided > 0 && unanswered > 0);
     // Crashes that no braking avoids are rare: 2 of 204.
-    assert!(crashes.len() < 200 || 0 < not_avoided);
+    assert!(crashes.len() < 200 || not_avoided > 0);
 }
 
 /// A car ahead brakes as its rule forbids from the second on, so a replay in which the ego
@@ -357,7 +365,7 @@ fn a_replay_that_ends_in_a_broken_rule_is_no_answer() {
             seen += 1;
         }
     }
-    assert!(0 < seen, "no rule is broken");
+    assert!(seen > 0, "no rule is broken");
 }
 
 #[test]

@@ -106,8 +106,7 @@ pub(super) fn all() -> &'static [Exported] {
 /// The vertices of an agent's trajectory as (time, x, y, h).
 pub(super) fn way(scenario: &Node, agent: &str) -> Vec<[f64; 4]> {
     let trajectory = scenario.named("Trajectory", "name", agent);
-    let vertices = trajectory.all("Vertex").into_iter();
-    let vertices = vertices.map(|vertex| {
+    let vertices = trajectory.all("Vertex").into_iter().map(|vertex| {
         let at = vertex.one("WorldPosition");
         [
             vertex.number("time"),
@@ -121,8 +120,9 @@ pub(super) fn way(scenario: &Node, agent: &str) -> Vec<[f64; 4]> {
 
 /// The middle of a front bumper, by the box that the file states.
 fn front(scenario: &Node, agent: &str, vertex: &[f64; 4]) -> (f64, f64) {
-    let bounds = scenario.named("ScenarioObject", "name", agent);
-    let bounds = bounds.one("BoundingBox");
+    let bounds = scenario
+        .named("ScenarioObject", "name", agent)
+        .one("BoundingBox");
     let ahead_m =
         bounds.one("Center").number("x") + 0.5 * bounds.one("Dimensions").number("length");
     let [_, x_m, y_m, heading_rad] = vertex;
@@ -154,7 +154,7 @@ fn front_bumpers_are_where_they_were_recorded() {
     }
     // Both kinds of reference points were looked at.
     assert!(
-        1000 < compared[&false] && 50 < compared[&true],
+        compared[&false] > 1000 && compared[&true] > 50,
         "{compared:?}"
     );
 }
@@ -193,8 +193,10 @@ fn a_replay_ends_two_seconds_after_the_contact() {
             assert!((last_s - end_s).abs() < 1e-9, "{}", exported.name());
             assert!(way.windows(2).all(|pair| pair[0][0] < pair[1][0]));
         }
-        let stop = exported.replay.one("StopTrigger");
-        let stop = stop.one("SimulationTimeCondition");
+        let stop = exported
+            .replay
+            .one("StopTrigger")
+            .one("SimulationTimeCondition");
         assert!((stop.number("value") - end_s).abs() < 1e-9);
         assert_eq!(stop.text("rule"), "greaterThan");
         contacts += usize::from(contact_s.is_some());
@@ -281,7 +283,7 @@ fn s_and_t_of_the_road_are_those_of_the_trace() {
             bent += usize::from(heading_rad != 0.0);
         }
     }
-    assert!(100 < bent, "{bent}");
+    assert!(bent > 100, "{bent}");
 }
 
 #[test]
@@ -328,7 +330,7 @@ fn the_road_is_long_enough_and_its_lanes_are_those_of_the_world() {
                     };
                     let s_m = exported.world().course().locate(&pose).s_m - first_x_m;
                     assert!(
-                        50.0 <= s_m && s_m + 190.0 <= length_m,
+                        s_m >= 50.0 && s_m + 190.0 <= length_m,
                         "{}",
                         exported.name()
                     );
@@ -352,16 +354,21 @@ fn beside_an_own_ego_the_others_go_on_to_the_horizon() {
         let properties = external.one("ObjectController");
         let told = properties.named("Property", "name", "esminiController");
         assert_eq!(told.text("value"), "ExternalController");
-        let activated = external.named("Private", "entityRef", "ego");
-        let activated = activated.one("ActivateControllerAction");
+        let activated = external
+            .named("Private", "entityRef", "ego")
+            .one("ActivateControllerAction");
         assert_eq!(
             (activated.text("lateral"), activated.text("longitudinal")),
             ("true", "true")
         );
         let ways = external.all("Trajectory").into_iter();
         let names: Vec<&str> = ways.map(|it| it.text("name")).collect();
-        let others = spec.agents.iter().filter(|agent| agent.name != "ego");
-        let others: Vec<&str> = others.map(|agent| agent.name.as_str()).collect();
+        let others: Vec<&str> = spec
+            .agents
+            .iter()
+            .filter(|agent| agent.name != "ego")
+            .map(|agent| agent.name.as_str())
+            .collect();
         assert_eq!(names, others);
         for name in others {
             let (then, on) = (way(&exported.replay, name), way(external, name));
@@ -372,12 +379,12 @@ fn beside_an_own_ego_the_others_go_on_to_the_horizon() {
             assert_eq!(then[..same], on[..same], "{} {name}", exported.name());
             let [_, x_m, y_m, _] = on[same - 1];
             let [_, end_x_m, end_y_m, _] = on[on.len() - 1];
-            gone_on += usize::from(1.0 < (end_x_m - x_m).hypot(end_y_m - y_m));
+            gone_on += usize::from((end_x_m - x_m).hypot(end_y_m - y_m) > 1.0);
         }
         let told = external.named("Property", "name", "brakecheck.after_contact");
         assert!(told.text("value").contains("without contact"));
     }
-    assert!(8 < gone_on, "{gone_on}");
+    assert!(gone_on > 8, "{gone_on}");
 }
 
 #[test]
@@ -414,13 +421,15 @@ fn lights_show_the_recorded_phases() {
             turned += phases.len() - 1;
         }
     }
-    assert!(4 < turned, "{turned}");
+    assert!(turned > 4, "{turned}");
 }
 
 #[test]
 fn what_is_asked_of_whom_is_in_the_header() {
-    let exported = all().iter().find(|it| it.name() == "acc-wet-road-0001");
-    let exported = exported.unwrap();
+    let exported = all()
+        .iter()
+        .find(|it| it.name() == "acc-wet-road-0001")
+        .unwrap();
     let told = |name: &str| {
         let name = format!("brakecheck.{name}");
         exported

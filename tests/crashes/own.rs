@@ -82,7 +82,7 @@ fn a_deterministic_ego_gets_the_labels_that_the_same_stock_ego_gets() {
             let runs = description(&world, &small).ego_runs.expect("counted");
             assert_eq!((runs.copied, runs.ended), (copies, None));
         }
-        assert!(0 < smaller, "nothing was made smaller");
+        assert!(smaller > 0, "nothing was made smaller");
     }
 }
 

@@ -87,8 +87,10 @@ fn shrinks(world: &Scenario, episodes: &[Episode]) {
         let most = shrunk.before.deviation + 1e-9;
         assert!(shrunk.after.deviation <= most, "{shrunk}");
         // After the failure the ado does as recorded, then nothing.
-        let recorded = large.actions[before.len()..].iter().copied();
-        let mut recorded = recorded.chain(std::iter::repeat(neutral));
+        let mut recorded = large.actions[before.len()..]
+            .iter()
+            .copied()
+            .chain(std::iter::repeat(neutral));
         for action in &small.actions[after.len()..] {
             assert_eq!(Some(*action), recorded.next());
         }
@@ -97,7 +99,7 @@ fn shrinks(world: &Scenario, episodes: &[Episode]) {
         assert_eq!(shrink(world, large, &Watch::unwatched()).0, small);
         smaller += usize::from(!unchanged);
     }
-    assert!(2 <= smaller, "{smaller} of 6 are smaller");
+    assert!(smaller >= 2, "{smaller} of 6 are smaller");
 }
 
 /// Actions count up to the failure: the sample of the start needs none.
@@ -140,7 +142,7 @@ fn a_flicker_becomes_fewer_switches() {
         );
         seen += 1;
     }
-    assert!(0 < seen, "no flicker makes it fail");
+    assert!(seen > 0, "no flicker makes it fail");
 }
 
 #[test]
@@ -165,7 +167,7 @@ fn with_one_switch_nothing_smaller_exists() {
     let mut compared = 0;
     for large in &acc_found()[..6] {
         let (small, shrunk) = shrink(world, large, &Watch::unwatched());
-        if 1 < shrunk.after.switches || 3 <= compared {
+        if shrunk.after.switches > 1 || compared >= 3 {
             continue;
         }
         let decisions = world.bench().clock().decisions();

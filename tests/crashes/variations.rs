@@ -58,8 +58,9 @@ fn every_variation_is_what_its_name_says() {
         ..Change::default()
     });
     let text = include_str!("../../worlds/acc.ron").replace("sample_s: 0.05", "sample_s: 0.025");
-    let halved = Scenario::parse("acc.ron", &text).expect("a world");
-    let halved = halved.on(PlantKind::Kinematic);
+    let halved = Scenario::parse("acc.ron", &text)
+        .expect("a world")
+        .on(PlantKind::Kinematic);
     let worlds = [
         world.on(PlantKind::Rigid),
         halved,

@@ -61,7 +61,7 @@ fn the_decisive_action_is_the_earliest_that_avoids_it() {
             }
             (None, Some(told)) => {
                 let [from, to] = [told.from_s, told.until_s].map(|s| (s / 0.5).round() as usize);
-                assert!(2 <= to - from && avoids(from, to));
+                assert!(to - from >= 2 && avoids(from, to));
                 assert!(
                     episode.actions[from..to]
                         .iter()
@@ -73,7 +73,7 @@ fn the_decisive_action_is_the_earliest_that_avoids_it() {
             (None, None) => {}
         }
     }
-    assert!(0 < singles + stretches, "nothing was decisive");
+    assert!(singles + stretches > 0, "nothing was decisive");
 }
 
 /// Its own cruise control up to a sample, then all the brakes.
@@ -106,7 +106,7 @@ fn the_last_chance_is_the_last_sample_from_which_braking_helps() {
         assert_eq!(told, last);
         seen += usize::from(last.is_some());
     }
-    assert!(0 < seen, "braking never helps");
+    assert!(seen > 0, "braking never helps");
 }
 
 /// Another driver can be asked: one that does nothing has no chance.

@@ -82,19 +82,19 @@ fn bytes() -> impl Strategy<Value = (&'static str, String, Bytes)> {
         name(),
         0..3usize,
         select(vec![0, 1, 4096, LONGEST - 40, LONGEST, 70_000, 200_000]),
-    );
-    let long = long.prop_map(|(name, shape, length)| {
-        let filler = |c: char| c.to_string().repeat(length);
-        let text = match shape {
-            0 => format!(
-                "{{\"id\":2,\"accel_mps2\":1,\"more\":\"{}\"}}\n",
-                filler('x')
-            ),
-            1 => format!("{}\n", filler('[')),
-            _ => format!("x{}\n", filler('é')),
-        };
-        (name, format!("{length} long"), Bytes(text.into_bytes()))
-    });
+    )
+        .prop_map(|(name, shape, length)| {
+            let filler = |c: char| c.to_string().repeat(length);
+            let text = match shape {
+                0 => format!(
+                    "{{\"id\":2,\"accel_mps2\":1,\"more\":\"{}\"}}\n",
+                    filler('x')
+                ),
+                1 => format!("{}\n", filler('[')),
+                _ => format!("x{}\n", filler('é')),
+            };
+            (name, format!("{length} long"), Bytes(text.into_bytes()))
+        });
     prop_oneof![8 => texts, 3 => good, 2 => raw, 1 => long]
 }
 
@@ -105,7 +105,7 @@ fn by_the_document(line: &[u8]) -> Result<Option<(f64, f64)>, FaultKind> {
         let text = String::from_utf8_lossy(line).into_owned();
         ["\"id\"", "\"accel_mps2\"", "\"lateral_mps\"", "\"error\""]
             .iter()
-            .any(|key| 1 < text.matches(key).count())
+            .any(|key| text.matches(key).count() > 1)
     };
     let Ok(Value::Object(answer)) = serde_json::from_slice(line) else {
         return Err(FaultKind::Protocol);
@@ -188,7 +188,7 @@ fn any_answer_is_a_command_or_a_named_fault() {
         if *name == "first" && line.len() < LONGEST {
             first_answer(&answer, line, end.is_some());
         }
-        if LONGEST < line.len() {
+        if line.len() > LONGEST {
             assert!(answer.is_err(), "a line of {} bytes", line.len());
         }
         let Ok(command) = answer else {
@@ -199,7 +199,7 @@ fn any_answer_is_a_command_or_a_named_fault() {
             accel_mps2,
             lateral_mps,
         } = command;
-        let beyond = 20.0 < accel_mps2.abs() || 20.0 < lateral_mps.abs();
+        let beyond = accel_mps2.abs() > 20.0 || lateral_mps.abs() > 20.0;
         assert_eq!(command.flaw().is_some(), beyond);
         // A second line comes unasked; a long one may still be on its way.
         let second = ego.control(&percept);
@@ -207,7 +207,7 @@ fn any_answer_is_a_command_or_a_named_fault() {
             Err(fault) => named(fault),
             Ok(command) => assert_eq!(*command, Command::accelerate(0.5)),
         }
-        let unasked = 1 < more.len();
+        let unasked = more.len() > 1;
         assert!(!unasked || second.is_err(), "two answers to one question");
         assert!(unasked || second.is_ok(), "{second:?}");
         ego.finish();

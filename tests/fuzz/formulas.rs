@@ -42,8 +42,10 @@ fn respelt(text: &str, choices: &[Index]) -> String {
     let mut words = text.split(' ').map(|word| {
         let open = word.len() - word.trim_start_matches('(').len();
         let rest = &word[open..];
-        let plain = rest.find('[').map_or(rest, |at| &rest[..at]);
-        let plain = plain.trim_end_matches(')');
+        let plain = rest
+            .find('[')
+            .map_or(rest, |at| &rest[..at])
+            .trim_end_matches(')');
         let Some((_, others)) = SPELLINGS.iter().find(|(known, _)| *known == plain) else {
             return word.to_owned();
         };
@@ -121,13 +123,14 @@ fn any_formula_has_the_value_of_the_definition_however_it_is_read() {
             "{text}"
         );
         let settings = naive::settings(*until, *end);
-        let monitor = formula.bind_with(&naive::schema(), &Names::default(), &settings);
-        let monitor = monitor.unwrap_or_else(|e| panic!("{}", e.render(&text)));
+        let monitor = formula
+            .bind_with(&naive::schema(), &Names::default(), &settings)
+            .unwrap_or_else(|e| panic!("{}", e.render(&text)));
         let trace = naive::trace(rows);
         let mut scratch = Scratch::new();
         assert_eq!(monitor.robustness(&trace, &mut scratch), want, "{text}");
         let truth = monitor.satisfied(&trace, &mut scratch);
-        assert!(want == 0.0 || truth == (0.0 < want), "{text}");
+        assert!(want == 0.0 || truth == (want > 0.0), "{text}");
         explained(&monitor.explain(&trace), want);
         // Online: exactly the interval of the definition at every prefix.
         let (mut unknown, mut known) = (monitor.online(), monitor.online_for(n));
@@ -189,8 +192,8 @@ fn texts() -> Vec<Source> {
         }
         texts
     });
-    let pages = ["docs/reference/stl.md", "docs/reference/stl-monitor.md"];
-    let pages = pages.map(|page| std::fs::read_to_string(corpus::root().join(page)).expect(page));
+    let pages = ["docs/reference/stl.md", "docs/reference/stl-monitor.md"]
+        .map(|page| std::fs::read_to_string(corpus::root().join(page)).expect(page));
     let spans: Vec<String> = pages
         .concat()
         .split('`')
@@ -200,16 +203,16 @@ fn texts() -> Vec<Source> {
         .collect();
     let told = spans
         .into_iter()
-        .filter(|text| text.parse::<Formula>().is_ok());
-    let told = told.map(|text| Source::new("docs/reference/stl.md", text));
-    let vectors =
-        std::fs::read_to_string(corpus::root().join("tests/stl/agreed.jsonl")).expect("vectors");
-    let vectors: Vec<Source> = vectors
-        .lines()
-        .step_by(10)
-        .map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON"))
-        .map(|line| Source::new("agreed.jsonl", line["formula"].as_str().expect("a text")))
-        .collect();
+        .filter(|text| text.parse::<Formula>().is_ok())
+        .map(|text| Source::new("docs/reference/stl.md", text));
+    let vectors: Vec<Source> =
+        std::fs::read_to_string(corpus::root().join("tests/stl/agreed.jsonl"))
+            .expect("vectors")
+            .lines()
+            .step_by(10)
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON"))
+            .map(|line| Source::new("agreed.jsonl", line["formula"].as_str().expect("a text")))
+            .collect();
     quoted.chain(told).chain(vectors).collect()
 }
 
@@ -241,7 +244,7 @@ fn any_text_is_a_formula_that_reads_back_or_an_error_with_a_place() {
         least_percent: (10, 20),
     };
     let corpus = texts();
-    assert!(100 < corpus.len(), "{} formulas", corpus.len());
+    assert!(corpus.len() > 100, "{} formulas", corpus.len());
     target.run(&mutants(corpus.into()), |mutant| {
         let text = mutant.text.as_str();
         let refused = |error: StlError| {
@@ -282,9 +285,8 @@ fn any_text_is_a_formula_that_reads_back_or_an_error_with_a_place() {
         let mut trace = Trace::new(schema().into());
         let (mut online, mut scratch) = (monitor.online(), Scratch::new());
         for i in 0..12u32 {
-            let row = (0..11u32)
-                .map(|j| f64::from((i * (j + 3) + j) % 7) - if j < 8 { 3.0 } else { 0.0 });
-            let row: Vec<f64> = row
+            let row: Vec<f64> = (0..11u32)
+                .map(|j| f64::from((i * (j + 3) + j) % 7) - if j < 8 { 3.0 } else { 0.0 })
                 .enumerate()
                 .map(|(j, v)| if j < 8 { v } else { v % 2.0 })
                 .collect();

@@ -18,10 +18,10 @@ const AFFORDABLE: u64 = 30_000;
 /// Most of them are changed in the recording only, not in its world.
 fn recordings() -> Vec<Source> {
     let whole = corpus::files("tests/regressions", "ron");
-    let heads = whole
+    let heads: Vec<Source> = whole
         .iter()
-        .map(|source| source.clone().before("    digests: "));
-    let heads: Vec<Source> = heads.collect();
+        .map(|source| source.clone().before("    digests: "))
+        .collect();
     // As it would be of a program as the ego, and of a changed one.
     let told = heads
         .iter()
@@ -81,7 +81,7 @@ fn any_kept_file_is_refused_or_replays_alike_each_time() {
         );
         let clock = *scenario.world().clock();
         let steps = clock.samples() as u64 * u64::from(clock.substeps);
-        if AFFORDABLE < steps * scenario.repeats().runs as u64 {
+        if steps * scenario.repeats().runs as u64 > AFFORDABLE {
             return Seen::Accepted;
         }
         let kept = SavedCounterexample {
@@ -121,8 +121,10 @@ fn recorded_alike(kept: &Counterexample, trace: &Trace) -> bool {
 
 /// What a world is begun and moved with is a number.
 fn finite(kept: &Counterexample) {
-    let commands = kept.ego_commands.iter();
-    let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
+    let commands = kept
+        .ego_commands
+        .iter()
+        .flat_map(|&(accel, lateral)| [accel, lateral]);
     let changed = kept.change.ego.0.values().copied();
     let mut numbers = kept.start.values().copied().chain(changed).chain(commands);
     assert!(numbers.all(f64::is_finite));
@@ -132,8 +134,8 @@ fn finite(kept: &Counterexample) {
 fn no_number_of_a_start_a_change_or_a_command_may_be_none() {
     let dir = tempfile::tempdir().expect("a directory");
     let path = dir.path().join("none.ron");
-    let told = recordings().into_iter();
-    let told = told
+    let told = recordings()
+        .into_iter()
         .filter(|source| source.name.starts_with("acc") && source.text.contains("ego_commands"));
     let (mut refused, mut read) = (0, 0);
     for source in told {
@@ -150,5 +152,5 @@ fn no_number_of_a_start_a_change_or_a_command_may_be_none() {
         }
     }
     // A robustness may be infinite.
-    assert!(20 < refused && 0 < read, "{refused} and {read}");
+    assert!(refused > 20 && read > 0, "{refused} and {read}");
 }

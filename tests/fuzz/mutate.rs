@@ -127,15 +127,16 @@ fn edit() -> impl Strategy<Value = Edit> {
 
 /// Texts of a corpus with some edits each.
 pub fn mutants(corpus: Corpus) -> impl Strategy<Value = Mutant> {
-    let edits = prop_oneof![3 => 1..2usize, 2 => 2..4usize, 1 => 4..9usize];
-    let edits = edits.prop_flat_map(|count| prop::collection::vec(edit(), 1..=count));
+    let edits = prop_oneof![3 => 1..2usize, 2 => 2..4usize, 1 => 4..9usize]
+        .prop_flat_map(|count| prop::collection::vec(edit(), 1..=count));
     // Half of the time everything happens in one item, large or small.
     let focus = prop_oneof![Just(None), any::<Index>().prop_map(Some)];
     (any::<Index>(), focus, edits).prop_map(move |(which, focus, edits)| {
         let source = which.get(&corpus);
         let spoil = |text: String, edit: &Edit| edit.of(&text, &corpus);
-        let item = focus.and_then(|at| pick(&items(&source.text), &at));
-        let item = item.unwrap_or(0..source.text.len());
+        let item = focus
+            .and_then(|at| pick(&items(&source.text), &at))
+            .unwrap_or(0..source.text.len());
         let spoilt = edits
             .iter()
             .fold(source.text[item.clone()].to_owned(), spoil);
@@ -323,7 +324,7 @@ fn items(text: &str) -> Vec<Range<usize>> {
                 continue;
             }
             b'(' | b'[' | b'{' => starts.push(at + 1),
-            b')' | b']' | b'}' if 1 < starts.len() => {
+            b')' | b']' | b'}' if starts.len() > 1 => {
                 item(starts.pop().unwrap_or(0), at);
             }
             separator @ (b',' | b'\n') if separator == b',' || starts.len() == 1 => {

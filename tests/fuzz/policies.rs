@@ -175,7 +175,7 @@ fn damage() -> impl Strategy<Value = Damage> {
 
 fn number<const N: usize>(bytes: &mut [u8], from: usize, at: &Index, number: [u8; N]) {
     let places = bytes.len().saturating_sub(from) / N;
-    if 0 < places {
+    if places > 0 {
         let start = from + N * at.index(places);
         bytes[start..start + N].copy_from_slice(&number);
     }

@@ -23,8 +23,10 @@ const PIECES: [&str; 8] = [
 
 /// Short files, and the beginnings of recorded ones.
 fn texts() -> Vec<Source> {
-    let pieces = PIECES.iter().enumerate();
-    let pieces = pieces.map(|(i, text)| Source::new(format!("piece {i}"), *text));
+    let pieces = PIECES
+        .iter()
+        .enumerate()
+        .map(|(i, text)| Source::new(format!("piece {i}"), *text));
     let recorded = corpus::files("tests/regressions", "csv").into_iter();
     let begun = recorded.map(|source| {
         let lines: Vec<&str> = source.text.lines().take(6).collect();
@@ -57,7 +59,7 @@ fn any_csv_is_refused_or_read_as_it_stands() {
                 return Seen::Refused;
             }
         };
-        assert!(trace.dt_s().is_finite() && 0.0 < trace.dt_s());
+        assert!(trace.dt_s().is_finite() && trace.dt_s() > 0.0);
         assert!(!trace.is_empty());
         assert!(dt_s.is_none_or(|dt_s| dt_s == trace.dt_s()));
         if let Some(naive) = naive(&mutant.text) {

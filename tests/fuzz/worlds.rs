@@ -54,7 +54,7 @@ fn every_number_and_list_of_a_world_may_be_extreme() {
             }
         }
         assert!(
-            10 < accepted && 10 < refused,
+            accepted > 10 && refused > 10,
             "{name}: {accepted} and {refused}"
         );
     }
@@ -123,7 +123,7 @@ fn accepted(world: &Scenario, text: &str, dir: &std::path::Path) -> Seen {
     let clock = *world.world().clock();
     assert!(clock.samples() <= 100_001, "{} samples", clock.samples());
     let spaces = world.spaces();
-    assert!(spaces.neutral < spaces.actions && 0 < spaces.observation);
+    assert!(spaces.neutral < spaces.actions && spaces.observation > 0);
     if let Some(episode) = played(world) {
         judged(world, &episode);
         kept(world, &episode, dir);
@@ -168,7 +168,7 @@ pub fn played(world: &Scenario) -> Option<Episode> {
     };
     let (start, noise) = (bench.draw(key), bench.noise_of(key));
     let clock = *bench.clock();
-    if AFFORDABLE < clock.samples() as u64 * u64::from(clock.substeps) {
+    if clock.samples() as u64 * u64::from(clock.substeps) > AFFORDABLE {
         bench.begin(&start, noise, Aftermath::Skip);
         return None;
     }
@@ -205,19 +205,20 @@ fn judged(world: &Scenario, episode: &Episode) {
     trace.truncate(episode.judged);
     let mut scratch = Scratch::new();
     let robustness = book.spec.robustness(&trace, &mut scratch);
-    let margins = book.rules.iter();
-    let margins: Vec<f64> = margins
+    let margins: Vec<f64> = book
+        .rules
+        .iter()
         .map(|rule| rule.monitor.robustness(&trace, &mut scratch))
         .collect();
     assert_eq!(robustness, episode.robustness);
     assert!(episode.verdict != Verdict::Invalid || episode.fault.is_some());
     match episode.verdict {
         Verdict::Counterexample { by } => {
-            assert!(0.0 < by && by == -robustness, "{by} and {robustness}");
-            assert!(margins.iter().all(|margin| 0.0 < *margin), "{margins:?}");
+            assert!(by > 0.0 && by == -robustness, "{by} and {robustness}");
+            assert!(margins.iter().all(|margin| *margin > 0.0), "{margins:?}");
         }
-        Verdict::Uncounted { by } => assert!(0.0 < by, "{by}"),
-        Verdict::Held { margin } => assert!(0.0 <= margin, "{margin}"),
+        Verdict::Uncounted { by } => assert!(by > 0.0, "{by}"),
+        Verdict::Held { margin } => assert!(margin >= 0.0, "{margin}"),
         Verdict::Foul { rule, .. } => assert!(margins[rule] <= 0.0, "{margins:?}"),
         Verdict::Invalid => {}
     }
@@ -250,7 +251,7 @@ fn kept(world: &Scenario, episode: &Episode, dir: &std::path::Path) {
             counterexample,
         },
         again,
-    );
-    let replayed = replayed.unwrap_or_else(|error| panic!("{error}"));
+    )
+    .unwrap_or_else(|error| panic!("{error}"));
     assert!(replayed.identical, "{:?}", replayed.first_difference);
 }

@@ -163,8 +163,8 @@ fn the_best_ado_plays_on_the_test_bench_as_it_was_solved() {
 fn the_shipped_observation_is_the_whole_state_of_the_training_map() {
     for wall in [A, B] {
         let world = world(wall);
-        let best = PositionPolicy::optimal(cells(&world).world(), world.rulebook());
-        let best = best.unwrap_or_else(|error| panic!("{error}"));
+        let best = PositionPolicy::optimal(cells(&world).world(), world.rulebook())
+            .unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(captures(&world, &best), 240);
     }
 }

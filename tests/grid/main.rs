@@ -49,8 +49,8 @@ fn soonest(scenario: &Scenario) -> ValueTable {
 /// V* under a discount.
 fn exact(scenario: &Scenario, discount: f64) -> ValueTable {
     let grid = cells(scenario);
-    let graph = GameGraph::explore(grid.world(), grid.rulebook(), Depth::Exact);
-    let graph = graph.unwrap_or_else(|error| panic!("{error}"));
+    let graph = GameGraph::explore(grid.world(), grid.rulebook(), Depth::Exact)
+        .unwrap_or_else(|error| panic!("{error}"));
     ValueTable::exact(graph, discount, rewards(grid.rulebook()))
 }
 

@@ -75,8 +75,9 @@ fn best_played(scenario: &Scenario, bench: &mut Testbench, start: &Start) -> (f6
     let (actions, steps) = (bench.spaces().actions, bench.clock().decisions());
     let (mut most, mut soonest) = (f64::NEG_INFINITY, None);
     for code in 0..actions.pow(steps as u32) {
-        let sequence = (0..steps).map(|step| code / actions.pow(step as u32) % actions);
-        let sequence: Vec<usize> = sequence.collect();
+        let sequence: Vec<usize> = (0..steps)
+            .map(|step| code / actions.pow(step as u32) % actions)
+            .collect();
         let run = play(
             bench,
             start,
@@ -249,8 +250,12 @@ fn an_observation_that_hides_the_best_action_is_refused() {
 fn a_game_without_a_list_of_starts_that_is_too_large_is_refused_before_it_is_explored() {
     let text = JUMP
         .replace("map: (size: 4", "map: (size: 100")
-        .replace("AllPairs", "Uniform");
-    let text = text.split("    reuse:").next().expect("a world").to_owned() + ")";
+        .replace("AllPairs", "Uniform")
+        .split("    reuse:")
+        .next()
+        .expect("a world")
+        .to_owned()
+        + ")";
     let world = Scenario::parse("large.ron", &text).unwrap_or_else(|error| panic!("{error}"));
     let admitted = GameGraph::admits(cells(&world).world(), world.rulebook());
     let error = admitted.expect_err("10⁸ starts").to_string();

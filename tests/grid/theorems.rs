@@ -19,13 +19,12 @@ use super::{A, B, cells, changed, episode, exact, soonest, world};
 
 /// A shipped world of n = 4 with another γ and K = `per_size` n.
 fn grid(wall: AtWall, discount: f64, per_size: u32, judge: &str) -> Scenario {
-    let text = match wall {
+    let text = (match wall {
         AtWall::Stays => include_str!("../../worlds/grid.ron"),
         AtWall::FirstInMap => include_str!("../../worlds/grid_hard.ron"),
-    };
-    let text = text
-        .replace("discount: 0.8", &format!("discount: {discount:?}"))
-        .replace("judge: UntilViolation", &format!("judge: {judge}"));
+    })
+    .replace("discount: 0.8", &format!("discount: {discount:?}"))
+    .replace("judge: UntilViolation", &format!("judge: {judge}"));
     let scenario = Scenario::parse("grid.ron", &text).unwrap_or_else(|error| panic!("{error}"));
     let horizon = Some(Horizon::PerSize(per_size));
     changed(
@@ -54,12 +53,14 @@ pub(super) fn converged(scenario: &Scenario) -> PositionPolicy {
 
 /// An ado that has decided `decisions` times.
 pub(super) fn trained(scenario: &Scenario, name: &str, decisions: u64) -> Box<dyn Policy> {
-    let learner = match name {
+    let mut learner = (match name {
         "ppo" => scenario.learner(),
         other => &scenario.learners()[other],
-    };
-    let learner = learner.clone().with_decisions(decisions).expect("fits");
-    let mut learner = learner.build(scenario.world().spaces(), 1);
+    })
+    .clone()
+    .with_decisions(decisions)
+    .expect("fits")
+    .build(scenario.world().spaces(), 1);
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, 1);
     learner.train(&mut gym, &mut |_| Control::Continue);
     learner.policy()
@@ -124,7 +125,7 @@ fn the_printed_bound_of_theorem_1_needs_one_t_for_all_starts() {
         missed.sum::<u64>()
     };
     assert_eq!(printed(1.0), 0, "γ = 1: γ^T is the same everywhere");
-    assert!(0 < printed(0.8));
+    assert!(printed(0.8) > 0);
 }
 
 #[test]
@@ -175,7 +176,7 @@ fn planted_values_are_not_what_their_greedy_policy_is_paid() {
     let slower = exact(&seen, 0.95);
     for table in [slower, shuffled(&truth)] {
         let checked = theorem_1(cells(&seen), &policy, &table).expect("solved");
-        assert!(0.1 < checked.unpaid, "{checked:?}");
+        assert!(checked.unpaid > 0.1, "{checked:?}");
     }
 }
 
@@ -206,9 +207,9 @@ fn certified(scenario: &Scenario, truth: &ValueTable, values: &ValueTable, alpha
 fn theorem_2_holds_by_play_for_truncated_value_iteration() {
     let (scenario, truth, values, alpha) = truncated();
     let checked = certified(&scenario, &truth, &values, alpha);
-    assert!(0.0 < checked.alpha && checked.alpha <= alpha, "{checked:?}");
+    assert!(checked.alpha > 0.0 && checked.alpha <= alpha, "{checked:?}");
     assert_eq!(checked.outcome, TheoremOutcome::Holds, "{checked:?}");
-    assert!(checked.rows.iter().any(|row| 0 < row.promising));
+    assert!(checked.rows.iter().any(|row| row.promising > 0));
 }
 
 #[test]
@@ -264,7 +265,7 @@ fn the_greedy_bound_of_theorem_2_holds_for_disturbed_values() {
         let checked = theorem_2(cells(&scenario), &truth, &measured).expect("solved");
         assert!(!checked.outcome.is_refuted(), "{checked:?}");
         assert!(checked.lost <= checked.loss, "{checked:?}");
-        assert!(size < 0.3 || 0.0 < checked.lost, "{checked:?}");
+        assert!(size < 0.3 || checked.lost > 0.0, "{checked:?}");
     }
 }
 
@@ -313,7 +314,7 @@ fn theorem_1_holds_where_a_rule_forbids_the_best_moves() {
             assert_eq!((checked.found, checked.found_optimally), (204, 204), "{at}");
             assert_eq!(checked.rows[0].outcome, TheoremOutcome::Holds, "{at}");
             for row in &checked.rows {
-                assert!(!row.outcome.is_refuted() && 0 < row.pairs, "{at}");
+                assert!(!row.outcome.is_refuted() && row.pairs > 0, "{at}");
                 assert_eq!(row.optimal.holds, row.pairs, "{at}");
             }
         }
@@ -332,7 +333,7 @@ fn theorem_1_fails_with_values_that_ignore_the_rules() {
         lawless.rules.clear();
         let graph = GameGraph::explore(cells(&scenario).world(), &lawless, Depth::Exact);
         let table = ValueTable::exact(graph.expect("solvable"), 0.8, rewards(&lawless));
-        assert!(204 < table.successes());
+        assert!(table.successes() > 204);
         let checked = theorem_1(cells(&scenario), &converged(&scenario), &table).expect("solved");
         assert!(checked.is_refuted(), "{checked:?}");
     }
@@ -375,8 +376,9 @@ fn a_late_rule_violation_is_a_missing_premise_of_theorem_1_and_no_bug() {
     let text = include_str!("../../worlds/grid_jump.ron");
     let rules = "always[0, T] (speed_inf <= 1.5)\"), Rule(name: \"ends early\", stl: \"always[4, 4] (ado.y >= 5)";
     let text = text.replace("always[0, T] (speed_inf <= 1.5)", rules);
-    let scenario = Scenario::parse("late.ron", &text).unwrap_or_else(|error| panic!("{error}"));
-    let scenario = cells(&scenario).fully_observed();
+    let scenario =
+        cells(&Scenario::parse("late.ron", &text).unwrap_or_else(|error| panic!("{error}")))
+            .fully_observed();
     let (policy, table) = (converged(&scenario), values(&scenario));
     let checked = theorem_1(cells(&scenario), &policy, &table).expect("solved");
     assert!(
@@ -386,7 +388,7 @@ fn a_late_rule_violation_is_a_missing_premise_of_theorem_1_and_no_bug() {
     let late: Vec<u64> = checked.rows.iter().map(|row| row.late).collect();
     assert_eq!(late[..2], [0, 0], "no foul is that near: {checked:?}");
     let widest = &checked.rows[3];
-    assert!(0 < widest.late, "{checked:?}");
+    assert!(widest.late > 0, "{checked:?}");
     assert_eq!(widest.optimal.holds + widest.late, widest.pairs);
     let TheoremOutcome::PremiseNotMet { why } = &widest.outcome else {
         panic!("{widest:?}");
@@ -473,7 +475,7 @@ fn the_counts_of_theorems_1_and_2_are_those_of_their_definitions() {
             "δ = {}",
             row.delta
         );
-        assert!(0 < want[2] && want[5] < want[2], "{want:?}");
+        assert!(want[2] > 0 && want[5] < want[2], "{want:?}");
         missed |= want[3] < want[2];
     }
 
@@ -525,10 +527,10 @@ fn the_counts_of_theorems_1_and_2_are_those_of_their_definitions() {
                 want[3] += u64::from(!(run.2 && printed - 1e-9 <= run.1));
             }
         }
-        let have = ["pairs", "promising", "printed_promising", "printed_misses"];
-        let have = have.map(|name| json[name].as_u64().expect("a count"));
+        let have = ["pairs", "promising", "printed_promising", "printed_misses"]
+            .map(|name| json[name].as_u64().expect("a count"));
         assert_eq!(have, want, "β = {beta}");
-        assert!(0 < want[0] && row.misses == 0, "{row:?}");
+        assert!(want[0] > 0 && row.misses == 0, "{row:?}");
     }
 }
 
@@ -563,7 +565,7 @@ fn the_checks_of_a_trained_ado_play_that_ado_and_compare_every_grid() {
     assert_eq!(json["theorem_2"]["found"], best);
     // V_k is not V*, so the bound could fail.
     let alpha = json["theorem_2"]["alpha"].as_f64().expect("a number");
-    assert!(0.0 < alpha && alpha <= 0.01, "{alpha}");
+    assert!(alpha > 0.0 && alpha <= 0.01, "{alpha}");
     assert_eq!(json["theorem_2"]["outcome"]["is"], "holds");
     // Distances are multiples of 1/3: two of them are below τ = 0.5.
     let rows = json["theorem_3"].as_array().expect("rows");

@@ -80,7 +80,7 @@ fn naive(net: &Mlp, sizes: &[usize], x: &[f32], batch: usize, pull: &[f32]) -> [
                 let weights = &layer.weights[p * width..(p + 1) * width];
                 let row = &delta[r * width..(r + 1) * width];
                 let sum = row.iter().zip(weights).fold(0.0, |sum, (d, w)| sum + d * w);
-                let is_on = 0.0 < values[i][r * stride + p];
+                let is_on = values[i][r * stride + p] > 0.0;
                 below[r * stride + p] = if is_on { sum } else { 0.0 };
             }
         }
@@ -184,7 +184,7 @@ fn only_next_observations_that_matter_are_in_a_batch() {
     let lasting: Vec<usize> = (0..81).filter(is_lasting).collect();
     assert_eq!(batch.lasting, lasting);
     assert!(
-        20 < lasting.len() && lasting.len() < 70,
+        lasting.len() > 20 && lasting.len() < 70,
         "{}",
         lasting.len()
     );

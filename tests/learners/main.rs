@@ -208,7 +208,7 @@ fn an_aborted_episode_is_dropped_whole_and_counted() {
             Control::Continue
         });
         assert!(
-            1000 < aborted && aborted + episodes == learner.decisions(),
+            aborted > 1000 && aborted + episodes == learner.decisions(),
             "{ron}"
         );
         let value = learner.policy().value(&[0.5]);
@@ -257,7 +257,7 @@ fn training_in_pieces_equals_training_in_one_go_byte_for_byte() {
                 .unwrap();
             breaks += 1;
         }
-        assert!(3 <= breaks);
+        assert!(breaks >= 3);
         let bytes = |learner: &dyn Learner| learner.checkpoint().to_bytes().unwrap();
         assert_eq!(bytes(&*whole), bytes(&*pieces), "{ron}");
     }
@@ -417,7 +417,7 @@ impl Acc {
             self.ado_mps += Acc::ACTIONS_MPS2[action] * Acc::SAMPLE_S;
             self.headway_m += 0.5 * Acc::SAMPLE_S * (before + self.ado_mps - self.ego_mps);
             self.least_m = self.least_m.min(self.headway_m);
-            if self.ado_mps <= 0.1 || 30.0 <= self.ado_mps {
+            if self.ado_mps <= 0.1 || self.ado_mps >= 30.0 {
                 return Some(Outcome::Foul);
             }
             if self.headway_m < 4.7 {
@@ -695,7 +695,7 @@ fn running(leaves: &[f64], mass: f64) -> usize {
     let mut last = 0;
     for (i, leaf) in leaves.iter().enumerate() {
         sum += leaf;
-        last = if 0.0 < *leaf { i } else { last };
+        last = if *leaf > 0.0 { i } else { last };
         if mass < sum {
             return i;
         }

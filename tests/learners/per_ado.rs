@@ -173,8 +173,10 @@ fn a_policy_of_other_ados_is_refused() {
     assert!(config.build_from(&env.spaces, 1, &bundle).is_ok());
     let mut others = env.spaces.clone();
     others.parts[1].name = "third".to_owned();
-    let refused = config.build_from(&others, 1, &bundle);
-    let refused = refused.map(|_| ()).unwrap_err();
+    let refused = config
+        .build_from(&others, 1, &bundle)
+        .map(|_| ())
+        .unwrap_err();
     assert!(
         refused.to_string().contains("third of 2 actions"),
         "{refused}"

@@ -103,7 +103,7 @@ fn opened(learner: &dyn Learner) -> usize {
         loop {
             let step = lock.step(policy.act(&obs), &mut obs);
             if step.end.is_some() {
-                return 0.0 < step.reward;
+                return step.reward > 0.0;
             }
         }
     };
@@ -123,7 +123,7 @@ fn what_chance_never_meets_is_learned_from_what_is_shown() {
     assert_eq!(led.demonstrate(&mut lock, &shown(40)), 40);
     assert_eq!(led.decisions(), 0, "shown ones are not its own decisions");
     go_on(&mut *led, &mut lock);
-    assert!(45 < opened(&*led), "{} of 50", opened(&*led));
+    assert!(opened(&*led) > 45, "{} of 50", opened(&*led));
 }
 
 #[test]
@@ -181,7 +181,7 @@ fn demonstrations_are_part_of_a_checkpoint() {
     cut.demonstrate(&mut lock, &shown(20));
     go_on(&mut *whole, &mut lock);
     cut.train(&mut lock, &mut |progress| {
-        if 2500 < progress.decisions {
+        if progress.decisions > 2500 {
             Control::Stop
         } else {
             Control::Continue
@@ -214,12 +214,12 @@ fn an_extension_is_part_of_a_checkpoint() {
     let mut resumed = config.restore(&spaces, &begun().checkpoint()).unwrap();
     go_on(&mut *whole, &mut lock);
     go_on(&mut *resumed, &mut lock);
-    assert!(13_000 <= whole.decisions());
+    assert!(whole.decisions() >= 13_000);
     assert_eq!(
         whole.checkpoint().to_bytes().unwrap(),
         resumed.checkpoint().to_bytes().unwrap()
     );
-    assert!(45 < opened(&*whole), "{} of 50", opened(&*whole));
+    assert!(opened(&*whole) > 45, "{} of 50", opened(&*whole));
 }
 
 #[test]

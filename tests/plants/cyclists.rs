@@ -222,8 +222,9 @@ fn a_bicyclist_who_is_hit_is_thrown_and_another_rides_on() {
     plant.spawn(&body("bicyclist"), at(12.0, -8.0, 0.0), 5.0);
     let turn = drive(0.0, -0.05);
     plant.command(BodyId(2), turn);
-    let contact = (0..80).find_map(|_| plant.advance(SAMPLE_S, 4));
-    let contact = contact.expect("a contact");
+    let contact = (0..80)
+        .find_map(|_| plant.advance(SAMPLE_S, 4))
+        .expect("a contact");
     assert_eq!(contact.pair, (BodyId(0), BodyId(1)));
     let other = plant.state(BodyId(2));
     assert!(plant.collide(contact.pair));

@@ -215,7 +215,7 @@ fn drag_slows_only_bodies_that_declare_it() {
         for _ in 0..4000 {
             plant.advance(SAMPLE_S, 4);
             assert!(
-                0.0 <= plant.state(id).speed_mps,
+                plant.state(id).speed_mps >= 0.0,
                 "rolling resistance reversed the car"
             );
         }
@@ -266,7 +266,7 @@ fn braking_stops_and_never_reverses() {
                 let states = car.run(drive(-brake_mps2, 0.02), 20.0);
                 let mut farthest_m = 0.0;
                 for state in &states {
-                    assert!(-1e-3 <= state.speed_mps, "{kind:?} {name}: {state:?}");
+                    assert!(state.speed_mps >= -1e-3, "{kind:?} {name}: {state:?}");
                     assert!(
                         farthest_m - 1e-3 <= state.pose.x_m,
                         "{kind:?} {name}: {state:?}"
@@ -431,8 +431,9 @@ fn broken_commands_make_a_plant_unsound_not_panic() {
 #[test]
 fn shipped_bodies_parse_and_survive_a_round_trip() {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/vehicles");
-    let files = std::fs::read_dir(dir).expect("the bodies");
-    let files = files.map(|file| file.expect("a file").path());
+    let files = std::fs::read_dir(dir)
+        .expect("the bodies")
+        .map(|file| file.expect("a file").path());
     let stem = |path: std::path::PathBuf| path.file_stem().map(|it| it.display().to_string());
     let mut files: Vec<String> = files.filter_map(stem).collect();
     files.sort();

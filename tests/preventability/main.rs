@@ -87,7 +87,7 @@ fn the_recorded_ego_meets_the_recorded_contact_bit_for_bit() {
             met += 1;
         }
     }
-    assert!(10 <= met, "{met} contacts");
+    assert!(met >= 10, "{met} contacts");
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn a_rigid_ego_meets_it_nearly_so() {
             met += 1;
         }
     }
-    assert!(4 <= met, "{met} contacts");
+    assert!(met >= 4, "{met} contacts");
 }
 
 /// What an assessment says of one driver is what asking for that driver says,
@@ -155,11 +155,11 @@ fn an_assessment_agrees_with_itself() {
 /// Without a contact nothing is said, and nothing of somebody who walks.
 #[test]
 fn somebody_on_foot_is_beyond_these_drivers() {
-    let kept = format!(
+    let kept = Regressions::load(format!(
         "{}/tests/regressions/pedestrian-nominal-0001.ron",
         env!("CARGO_MANIFEST_DIR")
-    );
-    let kept = Regressions::load(kept).expect("a kept file");
+    ))
+    .expect("a kept file");
     let replayed = kept.replay_recorded().expect("replayed").remove(0);
     let (world, episode) = (&replayed.scenario, &replayed.episode);
     let why = |assessed: Preventability| assessed.not_applicable;
@@ -199,5 +199,5 @@ fn a_handover_at_the_start_is_the_start() {
             }
         }
     }
-    assert!(4 <= same, "{same}");
+    assert!(same >= 4, "{same}");
 }

@@ -153,8 +153,8 @@ fn the_least_budget_is_the_least() {
     for solved in 1..=20 {
         let marks = "1".repeat(solved) + &"0".repeat(20 - solved);
         let once = Cost::default();
-        let even = break_even(&searched, 20, &row("trained", &marks), once);
-        let even = even.expect("it solves something");
+        let even =
+            break_even(&searched, 20, &row("trained", &marks), once).expect("it solves something");
         assert_eq!((even.budget, even.matched), (solved as u64, true));
     }
 }

@@ -134,8 +134,10 @@ fn deviations_are_rated_with_the_plan_to_which_they_add() {
     let world = Scenario::parse("cbla.ron", world).expect("sound");
     let driving = world.drive().expect("a road").world().clone();
     let agents = &driving.spec().agents;
-    let planned = agents.iter().position(|it| it.plan().is_some());
-    let planned = planned.expect("an agent with a plan");
+    let planned = agents
+        .iter()
+        .position(|it| it.plan().is_some())
+        .expect("an agent with a plan");
     scene.world = driving;
     let body = scene.bodies[0];
     scene.bodies.resize(planned + 1, body);

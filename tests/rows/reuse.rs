@@ -181,8 +181,7 @@ fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
     // −1 solves nine of sixteen, and −3 no other.
     assert_eq!(reused.reachable, Some(9.0 / 16.0));
     near(reused.union.expect("whole"), 9.0 / 16.0);
-    let faster = altered(&[("speed_mps: 11.0", "speed_mps: 12.0")]);
-    let faster = EgoUnderTest::nominal(&faster);
+    let faster = EgoUnderTest::nominal(&altered(&[("speed_mps: 11.0", "speed_mps: 12.0")]));
     let changed = rows(&faster);
     let reused = reused_on(&faster, Relation::Outside, &starts, changed, &quiet());
     near(

@@ -93,7 +93,7 @@ pub fn starts() -> TestStarts {
 
 /// The headways that are not trivial.
 pub fn counted() -> impl Iterator<Item = f64> + Clone {
-    HEADWAYS_M.into_iter().filter(|h| 14.0 <= *h)
+    HEADWAYS_M.into_iter().filter(|h| *h >= 14.0)
 }
 
 /// What the paper says of an episode.
@@ -161,7 +161,7 @@ pub fn paper(h: f64, after: bool, mut choose: impl FnMut(usize, f64) -> usize) -
             before_mps + a * moving_s
         };
         let accel_mps2 = (speed_mps - before_mps) / moving_s;
-        let broken = match (speed_mps <= 2.0, 0.5 <= accel_mps2) {
+        let broken = match (speed_mps <= 2.0, accel_mps2 >= 0.5) {
             (true, _) => Some(0),
             (false, true) => Some(1),
             _ => None,
@@ -208,10 +208,10 @@ fn contact_s(gap_m: f64, speed_mps: f64, a: f64) -> Option<f64> {
     let stop_s = standstill_s(speed_mps, a);
     let root = closing_mps * closing_mps - 2.0 * a * gap_m;
     let moving = if a == 0.0 {
-        (0.0 < closing_mps).then(|| gap_m / closing_mps)
+        (closing_mps > 0.0).then(|| gap_m / closing_mps)
     } else {
         // The smaller root, in the form that loses no digits.
-        (0.0 <= root && 0.0 < closing_mps + root.sqrt())
+        (root >= 0.0 && closing_mps + root.sqrt() > 0.0)
             .then(|| 2.0 * gap_m / (closing_mps + root.sqrt()))
     };
     let moving = moving.filter(|at| *at <= stop_s);

@@ -99,7 +99,7 @@ impl Tree {
                 break;
             }
             for other in (0..ACCELERATIONS.len()).filter(|other| *other != action) {
-                if 0 < switches {
+                if switches > 0 {
                     self.grow(prefix, other, switches - 1);
                 }
                 if self.over {
@@ -188,7 +188,7 @@ fn sequences_with_few_switches_are_found_where_and_when_paper_finds_them() {
         );
         let late = row.foul_before_contact_rate.expect("followed");
         near(late, count(|p| p.late_foul) as f64 / 16.0);
-        assert!(0.0 < row.foul_rate && row.foul_rate < 1.0);
+        assert!(row.foul_rate > 0.0 && row.foul_rate < 1.0);
         // −2 solves what constants can; braking early and coasting solves 28.01 m too.
         assert_eq!(successes, [14, 15, 15][most]);
         let speeds: Vec<f64> = papers.iter().filter_map(|p| p.closing_mps).collect();
@@ -248,7 +248,7 @@ fn what_does_not_carry_over_to_rigid_bodies_is_counted() {
         sequences,
         starts: 2,
     };
-    assert!(20 < sequences, "{sequences}");
+    assert!(sequences > 20, "{sequences}");
     assert_eq!(row.unconfirmed, Some(expected));
     near(row.sims_per_start, simulations as f64 / 5.0);
     let told = format!("{sequences} unconfirmed (nothing else on 2 starts)");
@@ -475,7 +475,7 @@ fn starts_on_which_the_ego_fails_say_nothing_of_a_search() {
     };
     let valid = HEADWAYS_M
         .iter()
-        .filter(|h| 14.0 <= **h && **h != 17.01 && **h != 20.51);
+        .filter(|h| **h >= 14.0 && **h != 17.01 && **h != 20.51);
     near(
         row.sims_per_start,
         valid.map(|h| sims(&h)).sum::<f64>() / 14.0,
@@ -524,7 +524,7 @@ fn a_search_tells_of_rules_that_were_broken_before_the_contact() {
         near(row.foul_before_contact_rate.expect("followed"), share);
         if matches!(method, Method::Switches(_)) {
             let expected = |h: &f64| (17.8733..21.875).contains(h);
-            let counted = HEADWAYS_M.iter().filter(|h| 14.0 <= **h);
+            let counted = HEADWAYS_M.iter().filter(|h| **h >= 14.0);
             assert_eq!(late, counted.map(expected).collect::<Vec<bool>>());
             assert_eq!((row.successes, share), (9, 5.0 / 16.0));
             assert_eq!(row.contact_rate, 9.0 / 16.0);

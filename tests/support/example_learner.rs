@@ -195,8 +195,9 @@ fn a_learner_is_one_file_and_one_line() {
         let settings: LearnerSettings = options.from_str(text).expect("settings");
         LearnerConfig::new(settings)
     };
-    let wrong = with("Paid(rate: 2.0)").expect_err("out of range");
-    let wrong = wrong.to_string();
+    let wrong = with("Paid(rate: 2.0)")
+        .expect_err("out of range")
+        .to_string();
     assert!(wrong.contains("`rate` is 2"), "{wrong}");
     let unknown = options
         .from_str::<LearnerSettings>("Pad()")

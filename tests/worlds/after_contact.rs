@@ -90,8 +90,9 @@ fn a_pile_up_is_played_and_changes_no_verdict() {
 
 #[test]
 fn a_car_that_is_hit_at_its_corner_is_pushed_over_the_lanes_edge() {
-    let after = crash(&row("after_contact_s: 5.0,", "1.2")).after_contact;
-    let after = after.expect("played");
+    let after = crash(&row("after_contact_s: 5.0,", "1.2"))
+        .after_contact
+        .expect("played");
     let pushed: Vec<&str> = after
         .pushed
         .iter()

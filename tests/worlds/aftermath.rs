@@ -169,7 +169,7 @@ fn copies_of_a_bench_follow_the_rules_as_well() {
         bench.decide(BRAKES);
         forks += usize::from(bench.is_decided() && !bench.is_done());
     }
-    assert!(0 < forks, "none in the aftermath");
+    assert!(forks > 0, "none in the aftermath");
     assert_eq!(bench.rules_until_contact(), expect);
     // What was broken is forgotten: braking only up to the verdict breaks nothing.
     let brakes = vec![BRAKES; crash(&world).judged - 1];

@@ -91,6 +91,6 @@ fn worlds_of_other_kinds_ask_something_that_search_can_answer() {
             starts: &starts,
         };
         let row = search(&request, &quiet()).row;
-        assert!(row.trivial < 3 && 2 <= row.successes, "{name}: {row:?}");
+        assert!(row.trivial < 3 && row.successes >= 2, "{name}: {row:?}");
     }
 }

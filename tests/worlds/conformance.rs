@@ -78,7 +78,7 @@ fn observations_are_scaled_and_rows_have_the_declared_length() {
                 "{name}: {obs:?}"
             );
             assert!(played.trace.len() <= bench.clock().samples());
-            assert!(1 <= played.judged && played.judged <= played.trace.len());
+            assert!(played.judged >= 1 && played.judged <= played.trace.len());
         }
     }
 }

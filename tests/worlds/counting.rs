@@ -14,8 +14,9 @@ const OF_ISO: &str = "counts: Preventable(by: [RSS], closing_mps: 3.0)";
 /// `acc_iso.ron` on the kinematic plant, counting something else.
 fn counting(counts: &str) -> Scenario {
     assert!(ISO.contains(OF_ISO), "acc_iso counts otherwise");
-    let text = ISO.replace(OF_ISO, counts);
-    let text = text.replace("plant: Rigid,", "plant: Kinematic,");
+    let text = ISO
+        .replace(OF_ISO, counts)
+        .replace("plant: Rigid,", "plant: Kinematic,");
     Scenario::parse("acc_iso.ron", &text).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -49,7 +50,7 @@ fn a_contact_counts_from_its_closing_speed_on_and_nothing_else_changes() {
         assert_eq!(any.trace, hard.trace);
         match (any.verdict, hard.verdict) {
             (Verdict::Counterexample { by }, Verdict::Counterexample { by: same }) => {
-                assert!(by == same && 6.0 <= closing_mps(hard));
+                assert!(by == same && closing_mps(hard) >= 6.0);
                 counted += 1;
             }
             (Verdict::Counterexample { by }, Verdict::Uncounted { by: same }) => {
@@ -59,7 +60,7 @@ fn a_contact_counts_from_its_closing_speed_on_and_nothing_else_changes() {
             (any, hard) => assert_eq!(any, hard),
         }
     }
-    assert!(0 < counted && 0 < uncounted, "{counted} {uncounted}");
+    assert!(counted > 0 && uncounted > 0, "{counted} {uncounted}");
 }
 
 #[test]
@@ -78,7 +79,7 @@ fn preventable_is_what_the_replay_says() {
         counted += usize::from(avoided);
         uncounted += usize::from(!avoided);
     }
-    assert!(0 < counted && 0 < uncounted, "{counted} {uncounted}");
+    assert!(counted > 0 && uncounted > 0, "{counted} {uncounted}");
 }
 
 /// A car behind that does not brake: the ego is struck, and is not asked.
@@ -99,7 +100,7 @@ fn an_ego_that_is_struck_from_behind_is_not_counted() {
             struck += usize::from(matches!(episode.verdict, Verdict::Uncounted { .. }));
         }
     }
-    assert!(0 < struck);
+    assert!(struck > 0);
 }
 
 /// Forks share a past, whatever has to be remembered of it for counting.
@@ -118,7 +119,7 @@ fn a_copy_of_the_bench_counts_as_the_original_does() {
         assert_eq!(bench.verdict(), Some(episode.verdict));
         counted += usize::from(episode.verdict.is_success());
     }
-    assert!(0 < counted);
+    assert!(counted > 0);
 }
 
 /// A cut-out: the car ahead leaves the lane, and the ego hits who stands there,

@@ -38,8 +38,9 @@ fn a_bend_on_a_crest_takes_a_car_out_of_its_lane_on_the_rigid_plant_only() {
     assert_eq!(solved(&world.on(PlantKind::Kinematic)), 0);
     // Without the vertical curve's crest the same bends are harmless.
     let text = include_str!("../../worlds/crest_bend.ron");
-    let level = text.replace("grades: [(0.0, 0.12), (170.0, -0.12)],", "");
-    let level = level.replace("vertical_curve_m: 36.0,", "");
+    let level = text
+        .replace("grades: [(0.0, 0.12), (170.0, -0.12)],", "")
+        .replace("vertical_curve_m: 36.0,", "");
     assert_ne!(text, level);
     let level = Scenario::parse("level.ron", &level).expect("valid");
     assert_eq!(solved(&level), 0);

@@ -84,14 +84,14 @@ fn the_environment_is_drawn_after_all_other_values() {
         delays.push(samples as usize);
     }
     frictions.sort_by(f64::total_cmp);
-    assert!(0.3 <= frictions[0] && frictions[199] <= 0.9);
+    assert!(frictions[0] >= 0.3 && frictions[199] <= 0.9);
     assert!(
-        frictions[0] < 0.35 && 0.85 < frictions[199],
+        frictions[0] < 0.35 && frictions[199] > 0.85,
         "{frictions:?}"
     );
     let count = |samples: usize| delays.iter().filter(|it| **it == samples).count();
     // 200 starts on seven delays.
-    assert!((0..=6).all(|samples| 10 < count(samples)), "{delays:?}");
+    assert!((0..=6).all(|samples| count(samples) > 10), "{delays:?}");
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn an_episode_is_that_of_a_world_with_the_drawn_numbers() {
             assert_eq!(ranged.at_start(&start).on(plant).axes(), ranged.axes());
         }
         robustness.dedup();
-        assert!(1 < robustness.len());
+        assert!(robustness.len() > 1);
         let first = draw(&bench, 0);
         let again = braking(&mut bench, &first);
         assert_eq!(again, braking(&mut ranged.on(plant).bench(), &first));
@@ -163,8 +163,10 @@ fn a_kept_crash_has_its_friction_and_so_has_its_export() {
     let dir = tempfile::tempdir().expect("a directory");
     let file = dir.path().join("crash.ron");
     kept.save(&file, &crash.trace).expect("written");
-    let replayed = Regressions::load(&file).expect("kept").replay_recorded();
-    let replayed = &replayed.expect("replayed")[0];
+    let replayed = &Regressions::load(&file)
+        .expect("kept")
+        .replay_recorded()
+        .expect("replayed")[0];
     assert!(replayed.is_reproduced());
     assert_eq!(replayed.episode, crash);
     let texts = openx(&replayed.scenario, &replayed.episode, "crash", "nominal");
@@ -243,14 +245,14 @@ fn ranges_that_cannot_be_drawn_are_refused_by_name() {
     refused(&twice, "the starts of this world draw `delay_s` already");
     // A table of starts with a delay between two samples.
     let points = "agents: [";
-    let table = |delay_s: &str| {
-        let rows = format!(
+    let table =
+        |delay_s: &str| {
+            let rows = format!(
             "points: (axes: [\"ego.speed\", \"ado.headway\", \"ado.speed\", \"sensors.delay\"], \
              rows: [(10.0, 30.0, 10.0, {delay_s})]),\n    agents: ["
-        );
-        let rows = rows.replace("[(", "[[").replace(")]", "]]");
-        text(["0.9", "(0.0, 0.2)", "0.0", "0.0"]).replace(points, &rows)
-    };
+        ).replace("[(", "[[").replace(")]", "]]");
+            text(["0.9", "(0.0, 0.2)", "0.0", "0.0"]).replace(points, &rows)
+        };
     refused(&table("0.12"), "`delay_s` = 0.12 s is no multiple");
     assert!(Scenario::parse("acc.ron", &table("0.15")).is_ok());
 }

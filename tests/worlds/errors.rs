@@ -291,11 +291,11 @@ fn rules_that_exclude_each_other_or_nothing_are_warned_about() {
     let text = ACC
         .replace("ado.speed >= v_min", "time < 1.02 or ado.speed >= 16")
         .replace("(8.0, 60.0)", "(40.0, 60.0)")
-        .replace("ado.speed <= v_lim", "time < 1.02 or ado.speed <= 15");
-    let text = text.replace(
-        "rulebook: [",
-        "rulebook: [Rule(name: \"is there\", stl: \"always (ego.ado.gap >= -1)\"),",
-    );
+        .replace("ado.speed <= v_lim", "time < 1.02 or ado.speed <= 15")
+        .replace(
+            "rulebook: [",
+            "rulebook: [Rule(name: \"is there\", stl: \"always (ego.ado.gap >= -1)\"),",
+        );
     let world = Scenario::parse("acc.ron", &text).expect("odd, but allowed");
     let warned: Vec<&str> = world
         .warnings()

@@ -81,7 +81,7 @@ fn members_are_drawn_as_documented_and_depend_on_their_key_alone() {
         assert_eq!(family.draw("acc", key(i)), draws[i as usize]);
     }
     let differ = (0..200).filter(|&i| family.draw("mine", key(i)) != draws[i as usize]);
-    assert!(150 < differ.count());
+    assert!(differ.count() > 150);
 }
 
 #[test]
@@ -202,14 +202,17 @@ fn nominal_training_is_what_it_was_without_a_family() {
 fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
     let dir = tempfile::tempdir().expect("scratch");
     let against = TrainingEgos::Randomized;
-    let world = acc().training_against(against).expect("a family");
-    let world = world.training_for(5000).expect("in range");
+    let world = acc()
+        .training_against(against)
+        .expect("a family")
+        .training_for(5000)
+        .expect("in range");
     let path = |name: &str| dir.path().join(name);
     let mut whole = RunDir::create(&path("whole"), &world, 7).expect("a run");
     train(&world, &mut whole, &quiet()).expect("trained");
     let mut cut = RunDir::create(&path("cut"), &world, 7).expect("a run");
     let stop = AtomicBool::new(false);
-    let until = |done, _| stop.store(2500 <= done, Ordering::Relaxed);
+    let until = |done, _| stop.store(done >= 2500, Ordering::Relaxed);
     let halfway = Watch::new(&until, &stop);
     assert!(
         train(&world, &mut cut, &halfway)
@@ -219,8 +222,11 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
     drop(cut);
     let mut cut = RunDir::resume(&path("cut")).expect("a run");
     assert_eq!(cut.manifest().against, against);
-    let kept = cut.scenario().expect("its world");
-    let kept = kept.training_for(5000).expect("in range");
+    let kept = cut
+        .scenario()
+        .expect("its world")
+        .training_for(5000)
+        .expect("in range");
     assert_eq!(
         (kept.against(), &kept.learner()),
         (against, &world.learner())
@@ -236,7 +242,7 @@ struct Near;
 
 impl Policy for Near {
     fn act(&self, obs: &[f32]) -> usize {
-        usize::from(-0.4 < obs[0])
+        usize::from(obs[0] > -0.4)
     }
 
     fn value(&self, _obs: &[f32]) -> f32 {
@@ -300,7 +306,7 @@ fn more_tries_never_solve_less_and_are_counted() {
     let later = before
         .winners
         .iter()
-        .position(|w| w.is_some_and(|w| 0 < w))
+        .position(|w| w.is_some_and(|w| w > 0))
         .expect("one");
     let number = before.winners[later].expect("one");
     let mut bench = world.bench();

@@ -26,8 +26,7 @@ fn acc_of(learner: &str, goals: &str, change: impl Fn(String) -> String) -> Scen
     let line = text.lines().find(|line| line.contains("learner: Dqn("));
     let lines = format!("    learner: {learner},\n    {goals}");
     let text = text.replacen(line.expect("a learner"), &lines, 1);
-    let world = Scenario::parse("acc.ron", &change(text));
-    let world = world.unwrap_or_else(|error| panic!("{error}"));
+    let world = Scenario::parse("acc.ron", &change(text)).unwrap_or_else(|error| panic!("{error}"));
     world.on(PlantKind::Kinematic)
 }
 
@@ -110,7 +109,7 @@ fn goals_pay_successes_alone() {
         }
         successes += 1;
         late_fouls += u32::from(!kept);
-        assert!(0.0 < paid && paid <= goals && paid <= severe && goals < 1.0);
+        assert!(paid > 0.0 && paid <= goals && paid <= severe && goals < 1.0);
         match closing_mps {
             // Paid by its closing speed alone, at most.
             Some(mps) if kept => {
@@ -124,8 +123,8 @@ fn goals_pay_successes_alone() {
             assert_eq!(goals, paid);
         }
     }
-    assert!(most_else < 0.0 && 20 < successes, "{most_else} {successes}");
-    assert!(0 < late_fouls, "no rule broken between failure and contact");
+    assert!(most_else < 0.0 && successes > 20, "{most_else} {successes}");
+    assert!(late_fouls > 0, "no rule broken between failure and contact");
 }
 
 /// The same failure pays less each time, and another one more.
@@ -162,7 +161,7 @@ fn demonstrations_are_paid_by_the_goals() {
             success.then_some(Demonstration { index, actions })
         })
         .collect();
-    assert!(5 < shown.len());
+    assert!(shown.len() > 5);
     for world in [&plain, &both] {
         let mut learner = world.learner().build(world.spaces(), 3);
         let kept = learner.demonstrate(&mut gym(world), &shown);
@@ -193,13 +192,15 @@ fn every_learner_trains_towards_goals_and_goes_on_with_the_same_ones_only() {
         let begun = RunDir::open(&broken).expect("a run");
         let manifest = begun.manifest();
         assert_eq!(manifest.goals, [Severe, Distinct]);
-        assert!(!manifest.is_finished() && 0 < manifest.decisions_done);
+        assert!(!manifest.is_finished() && manifest.decisions_done > 0);
         let other = TrainRequest {
             goals: Some(&[Severe]),
             ..request
         };
-        let refused = TrainSession::resume(&world, &broken, &other);
-        let refused = refused.err().expect("other goals").to_string();
+        let refused = TrainSession::resume(&world, &broken, &other)
+            .err()
+            .expect("other goals")
+            .to_string();
         let said = "training goals: severe and distinct, now severe";
         assert!(refused.contains(said), "{refused}");
         // Left out they are those it was begun with, and what was counted goes on.
@@ -242,8 +243,9 @@ fn goals_that_cannot_be_reached_are_refused_by_name() {
         .find("        Vehicle(\n            name: \"lead\"")
         .expect("a lead car");
     let end = lead + light[lead..].find("    ],\n    ego_spec").expect("an end");
-    let alone = light.replacen(&light[lead..end], "", 1);
-    let alone = alone.replacen("\"ego.lead.headway\", ", "", 1);
+    let alone = light
+        .replacen(&light[lead..end], "", 1)
+        .replacen("\"ego.lead.headway\", ", "", 1);
     let towards = |goal: &str| {
         let text = alone.replacen("    road:", &format!("    goals: [{goal}],\n    road:"), 1);
         Scenario::parse("light.ron", &text)

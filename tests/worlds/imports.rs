@@ -60,10 +60,10 @@ fn time(at_s: f64, edge: &str, delay_s: f64) -> String {
 
 /// A clear distance to the lead of some of the others.
 fn distance(who: &[&str], rule: &str, edge: &str, needs: &str, value_m: f64) -> String {
-    let who = who
+    let who: String = who
         .iter()
-        .map(|name| format!(r#"<EntityRef entityRef="{name}"/>"#));
-    let who: String = who.collect();
+        .map(|name| format!(r#"<EntityRef entityRef="{name}"/>"#))
+        .collect();
     format!(
         r#"<Condition name="c" delay="0" conditionEdge="{edge}"><ByEntityCondition><TriggeringEntities triggeringEntitiesRule="{needs}">{who}</TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="Lead" relativeDistanceType="longitudinal" freespace="true" value="{value_m}" rule="{rule}"/></EntityCondition></ByEntityCondition></Condition>"#
     )
@@ -84,12 +84,11 @@ fn lane_change(shape: &str, dimension: &str, value: f64) -> String {
 
 /// A trajectory of the lead: times with places, and how its times count.
 fn trajectory(timing: &str, attributes: &str, places: &[(f64, f64, f64)]) -> String {
-    let vertices = places.iter().map(|(time_s, x_m, y_m)| {
+    let vertices: String = places.iter().map(|(time_s, x_m, y_m)| {
         format!(
             r#"<Vertex time="{time_s}"><Position><WorldPosition x="{x_m}" y="{y_m}"/></Position></Vertex>"#
         )
-    });
-    let vertices: String = vertices.collect();
+    }).collect();
     format!(
         r#"<RoutingAction><FollowTrajectoryAction{attributes}><TrajectoryRef><Trajectory name="t" closed="false"><Shape><Polyline>{vertices}</Polyline></Shape></Trajectory></TrajectoryRef><TimeReference>{timing}</TimeReference><TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>"#
     )
@@ -113,10 +112,12 @@ fn timed(domain: &str, scale: f64, offset_s: f64, attributes: &str) -> String {
 
 /// A profile of speeds, in durations and speeds.
 fn profile(entries: &[(f64, f64)]) -> String {
-    let entries = entries.iter().map(|(lasts_s, speed_mps)| {
-        format!(r#"<SpeedProfileEntry time="{lasts_s}" speed="{speed_mps}"/>"#)
-    });
-    let entries: String = entries.collect();
+    let entries: String = entries
+        .iter()
+        .map(|(lasts_s, speed_mps)| {
+            format!(r#"<SpeedProfileEntry time="{lasts_s}" speed="{speed_mps}"/>"#)
+        })
+        .collect();
     format!(
         r#"<LongitudinalAction><SpeedProfileAction followingMode="position"><DynamicConstraints maxAcceleration="5" maxDeceleration="5"/>{entries}</SpeedProfileAction></LongitudinalAction>"#
     )
@@ -169,8 +170,7 @@ fn third() -> Vec<Edit> {
         format!("{from}{text}").replace("Lead", "Other")
     };
     let object = lead(r#"<ScenarioObject name="Lead">"#, "<!--entities-->");
-    let placed = lead(r#"<Private entityRef="Lead">"#, "</Actions>");
-    let placed = placed
+    let placed = lead(r#"<Private entityRef="Lead">"#, "</Actions>")
         .replace(r#"laneId="-2" s="150""#, r#"laneId="-1" s="120""#)
         .replace(r#"value="10"/>"#, r#"value="15"/>"#);
     vec![
@@ -256,7 +256,7 @@ fn at_by(episode: &Episode, name: &str, time_s: f64, lever_m: f64) -> (f64, f64)
 fn off(episode: &Episode, name: &str, (time_s, x_m, y_m): (f64, f64, f64)) -> Option<String> {
     let (x, y) = at(episode, name, time_s);
     let off_m = (x - x_m).hypot(y - y_m);
-    (0.02 < off_m).then(|| format!("({x:.3}, {y:.3}), not ({x_m}, {y_m}), at {time_s} s"))
+    (off_m > 0.02).then(|| format!("({x:.3}, {y:.3}), not ({x_m}, {y_m}), at {time_s} s"))
 }
 
 #[test]

@@ -14,8 +14,10 @@ use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 /// The ACC world on the kinematic plant, its `learner` another one or left out.
 fn acc(learner: Option<&str>) -> Scenario {
     let text = include_str!("../../worlds/acc.ron");
-    let line = text.lines().find(|line| line.contains("learner: Dqn("));
-    let line = line.expect("a learner");
+    let line = text
+        .lines()
+        .find(|line| line.contains("learner: Dqn("))
+        .expect("a learner");
     let learner = learner.map_or(String::new(), |learner| format!("    learner: {learner},"));
     let world = Scenario::parse("acc.ron", &text.replacen(line, &learner, 1));
     world.expect("a world").on(PlantKind::Kinematic)
@@ -41,14 +43,14 @@ fn a_world_without_a_learner_is_searched_first_and_the_search_is_paid_for() {
     let manifest = run.manifest();
     let sought = manifest.sought.expect("a search");
     assert!(
-        0 < sought.solved && sought.solved <= sought.starts,
+        sought.solved > 0 && sought.solved <= sought.starts,
         "{sought:?}"
     );
     assert!(sought.simulations <= 2 * 6000 + 6000, "{sought:?}");
     let calibration = manifest.calibration.expect("a calibration");
     assert_eq!(outcome.done.calibration, Some(calibration));
     assert_eq!(calibration.starts, 10);
-    assert!(0 < calibration.searched, "{calibration:?}");
+    assert!(calibration.searched > 0, "{calibration:?}");
     assert_eq!(manifest.ended, Some(TrainingEnd::Asked));
     let once = manifest.episodes + sought.simulations + calibration.simulations;
     assert_eq!(
@@ -65,7 +67,7 @@ fn a_training_that_misses_what_search_finds_goes_on_and_says_so() {
     let learner = "Dqfd(decisions: 400, longest: 2.0, seeding: (starts: 0))";
     let path = dir.path().join("run");
     let outcome = trained(&acc(Some(learner)), &path, &TrainRequest::default());
-    assert!(600 <= outcome.done.decisions, "{outcome:?}");
+    assert!(outcome.done.decisions >= 600, "{outcome:?}");
     assert!(
         matches!(
             outcome.done.ended,
@@ -123,16 +125,17 @@ fn a_training_that_adapts_resumes_to_the_same_bytes() {
 fn a_world_in_which_nothing_can_be_found_is_said_to_be_one() {
     let dir = tempfile::tempdir().expect("scratch");
     let text = include_str!("../../worlds/acc.ron");
-    let gentle = text.replacen(
-        "Accelerations([-3.0, 0.0, 3.0])",
-        "Accelerations([-0.05, 0.0, 0.05])",
-        1,
-    );
-    let gentle = gentle.replacen(
-        "headway_m: (8.0, 60.0), speed_mps: (5.0, 25.0)",
-        "headway_m: (80.0, 90.0), speed_mps: (24.0, 25.0)",
-        1,
-    );
+    let gentle = text
+        .replacen(
+            "Accelerations([-3.0, 0.0, 3.0])",
+            "Accelerations([-0.05, 0.0, 0.05])",
+            1,
+        )
+        .replacen(
+            "headway_m: (8.0, 60.0), speed_mps: (5.0, 25.0)",
+            "headway_m: (80.0, 90.0), speed_mps: (24.0, 25.0)",
+            1,
+        );
     assert_ne!(gentle, text);
     let world = Scenario::parse("acc.ron", &gentle)
         .expect("a world")
@@ -145,8 +148,8 @@ fn a_world_in_which_nothing_can_be_found_is_said_to_be_one() {
     let warning = outcome
         .done
         .calibration
-        .and_then(|calibration| calibration.warning());
-    let warning = warning.expect("a warning");
+        .and_then(|calibration| calibration.warning())
+        .expect("a warning");
     assert!(
         warning.what.contains("there may be nothing to find"),
         "{}",
@@ -199,8 +202,9 @@ fn failures_of_different_kinds_are_counted_apart() {
     let spec = text.lines().find(|line| line.contains("ego_spec:"));
     let two = r#"    ego_spec: "always (headway >= d_safe) and always (ego.speed >= 4)","#;
     let text = text.replacen(spec.expect("a specification"), two, 1);
-    let world = Scenario::parse("acc.ron", &text).expect("a world");
-    let world = world.on(PlantKind::Kinematic);
+    let world = Scenario::parse("acc.ron", &text)
+        .expect("a world")
+        .on(PlantKind::Kinematic);
     let watch = Watch::unwatched();
     let starts = test_starts(&world, 0, 80, &watch).expect("starts");
     let request = EvalRequest {

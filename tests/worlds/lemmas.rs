@@ -163,7 +163,7 @@ fn every_shipped_world_pays_more_for_breaking_a_lesser_rule_alone() {
             }
         }
     }
-    assert!(6 <= plain, "{plain} worlds with the plain reward");
+    assert!(plain >= 6, "{plain} worlds with the plain reward");
 }
 
 #[test]
@@ -193,8 +193,9 @@ fn definition_4_as_printed() {
 #[test]
 fn an_ado_that_breaks_a_rule_earns_less_than_one_that_breaks_none_or_a_lesser_one() {
     use brakecheck::rulebook::Rulebook;
-    let world = brakecheck::world::Scenario::shipped("sandwich");
-    let world = world.expect("shipped").expect("sound");
+    let world = brakecheck::world::Scenario::shipped("sandwich")
+        .expect("shipped")
+        .expect("sound");
     let rulebook: &Rulebook = world.rulebook();
     let rules = rulebook.rules.len();
     assert_eq!(rules, 5);

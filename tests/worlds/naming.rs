@@ -22,8 +22,9 @@ fn observed(world: &Scenario) -> Vec<(String, f64, f64)> {
 /// All signals with their units, by name.
 fn units(world: &Scenario) -> Vec<(String, String)> {
     let signals = world.signals().into_iter();
-    let units = signals.map(|(signal, _)| (signal.name.to_string(), signal.unit.to_string()));
-    let mut units: Vec<_> = units.collect();
+    let mut units: Vec<_> = signals
+        .map(|(signal, _)| (signal.name.to_string(), signal.unit.to_string()))
+        .collect();
     units.sort();
     units
 }
@@ -37,13 +38,15 @@ fn a_renamed_ado_observes_the_same() {
                 .replace("ado.", &format!("{name}."))
         };
         let renamed = parse(&rename(ACC));
-        let expect = observed(&shipped).into_iter();
-        let expect: Vec<_> = expect
+        let expect: Vec<_> = observed(&shipped)
+            .into_iter()
             .map(|(of, mid, half)| (rename(&of), mid, half))
             .collect();
         assert_eq!(observed(&renamed), expect, "{name}");
-        let expect = units(&shipped).into_iter();
-        let mut expect: Vec<_> = expect.map(|(of, unit)| (rename(&of), unit)).collect();
+        let mut expect: Vec<_> = units(&shipped)
+            .into_iter()
+            .map(|(of, unit)| (rename(&of), unit))
+            .collect();
         expect.sort();
         assert_eq!(units(&renamed), expect, "{name}");
     }
@@ -54,8 +57,9 @@ fn a_renamed_signal_has_the_same_unit() {
     for name in NAMES {
         let signals =
             format!("\"{name}\": \"ado.x - ego.x\", \"more\": \"{name} + 1\", \"headway\": ");
-        let text = ACC.replace("\"headway\": ", &signals);
-        let text = text.replace("observe: [", &format!("observe: [\"{name}\", \"more\", "));
+        let text = ACC
+            .replace("\"headway\": ", &signals)
+            .replace("observe: [", &format!("observe: [\"{name}\", \"more\", "));
         let world = parse(&text);
         let as_headway = |of: &str| (of.to_owned(), 50.0, 50.0);
         let expect = [name, "more", "headway"].map(as_headway);

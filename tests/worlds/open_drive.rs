@@ -127,8 +127,7 @@ fn ways_that_the_file_does_not_have_are_refused() {
     ];
     for (from, to, what) in cases {
         assert!(WORLD.contains(from), "{from}");
-        let error = load(&WORLD.replace(from, to), &[("network.xodr", NETWORK)]);
-        let error = error.expect_err(what);
+        let error = load(&WORLD.replace(from, to), &[("network.xodr", NETWORK)]).expect_err(what);
         assert!(error.contains(what), "{what}: {error}");
     }
 }
@@ -225,8 +224,9 @@ fn lit(light: &str) -> String {
                    max_brake_mps2: 6.0, max_accel_mps2: 1.0, stop_brake_mps2: 4.0, junction_m: 5.0, \
                    yellow_s: 3.0, lag_s: 0.0)";
     let stops = follows.replace("Acc(", "YellowLightFixed(");
-    let text = WORLD.replace("Coast(accel_mps2: 0.0, lag_s: 0.0)", &stops);
-    let text = text.replace("speed_mps: 5.0", "speed_mps: 10.0");
+    let text = WORLD
+        .replace("Coast(accel_mps2: 0.0, lag_s: 0.0)", &stops)
+        .replace("speed_mps: 5.0", "speed_mps: 10.0");
     text.replace("agents: [", &format!("agents: [{light},"))
         .replace(
             "ego_spec: \"",
@@ -295,8 +295,7 @@ fn signals_of_other_directions_lanes_and_ways_are_refused() {
     ];
     for (place, what) in cases {
         let light = format!("Light(name: \"light\", {place}, drive: Schedule([]))");
-        let error = load(&lit(&light), &[("network.xodr", &network)]);
-        let error = error.expect_err(place);
+        let error = load(&lit(&light), &[("network.xodr", &network)]).expect_err(place);
         assert!(error.contains(what), "{place}: {error}");
     }
 }
@@ -328,8 +327,8 @@ fn mirrored() -> String {
 
 #[test]
 fn left_hand_traffic_drives_as_in_a_mirror() {
-    let text = WORLD.replace("lane: -1", "lane: *");
-    let text = text
+    let text = WORLD
+        .replace("lane: -1", "lane: *")
         .replace("lane: 1", "lane: -1")
         .replace("lane: *", "lane: 1");
     let world = load(&text, &[("network.xodr", &mirrored())]).expect("a world");

@@ -73,7 +73,7 @@ fn a_standing_body_keeps_its_place_and_its_heading() {
         let drive = script(&format!("(after_s: 1.0, does: [{law}])"));
         let episode = run(&world(0.0, &drive).on(plant), 0);
         let places = rear(&episode);
-        assert!(100 < places.len());
+        assert!(places.len() > 100);
         for place in &places {
             let off_m = (place.0 - places[0].0)
                 .abs()

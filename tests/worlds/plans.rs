@@ -67,7 +67,7 @@ fn column<'a>(episode: &'a Episode, name: &str) -> &'a [f64] {
 
 /// Sample by sample, what a law says at a time.
 fn follows(values: &[f64], law: impl Fn(f64) -> f64, what: &str) {
-    assert!(100 < values.len(), "{what}: {} samples", values.len());
+    assert!(values.len() > 100, "{what}: {} samples", values.len());
     for (sample, value) in values.iter().enumerate() {
         let expected = law(0.05 * sample as f64);
         assert!(
@@ -93,7 +93,7 @@ fn scripts_follow_their_laws_to_a_tenth_of_a_millimetre_on_both_plants() {
     let lever_m = van.lever_m();
     let share = |t: f64| ((t - 1.02) / swing_s).clamp(0.0, 1.0);
     let slope = |t: f64| {
-        if (0.0..1.0).contains(&share(t)) && 0.0 < share(t) {
+        if (0.0..1.0).contains(&share(t)) && share(t) > 0.0 {
             (0.3 * PI / swing_s * (PI * share(t)).sin()).atan2(8.0)
         } else {
             0.0
@@ -145,7 +145,7 @@ fn a_step_that_overlaps_goes_on_across_while_the_next_ones_change_the_speed() {
     let until_s = 3.2;
     let lateral_m = |t: f64| {
         let across_mps = match share(t) {
-            it if 0.0 < it && it < 1.0 => -1.75 * PI / swing_s * (PI * it).sin(),
+            it if it > 0.0 && it < 1.0 => -1.75 * PI / swing_s * (PI * it).sin(),
             _ => 0.0,
         };
         let heading_rad = across_mps.atan2(speed_mps(t));
@@ -318,8 +318,8 @@ fn a_table_of_points_is_what_starts_are_drawn_from() {
     let others = other(
         "At(x_m: (30.0, 60.0), speed_mps: (4.0, 8.0))",
         "Script([(after_s: (1.0, 2.0), does: [Brake(rate_mps2: gain)])])",
-    );
-    let others = others.replace("gain", "3.0");
+    )
+    .replace("gain", "3.0");
     let points = "parameters: { \"far\": (1.0, 3.0) },
         points: (axes: [\"far\", \"other.speed\", \"other.x\", \"other.step1.after\"],
                  rows: [[1.0, 4.0, 30.0, 1.0], [2.0, 6.0, 45.0, 1.5], [3.0, 8.0, 60.0, 2.0]]),";
@@ -329,14 +329,15 @@ fn a_table_of_points_is_what_starts_are_drawn_from() {
     let starts = world.starts().expect("a table");
     assert_eq!(starts[1].0, [45.0, 6.0, 1.5, 2.0]);
     let bench = world.bench();
-    let drawn = (0..20).map(|index| {
-        bench.draw(StartKey {
-            purpose: Purpose::Train,
-            seed: 3,
-            index,
+    let drawn: Vec<_> = (0..20)
+        .map(|index| {
+            bench.draw(StartKey {
+                purpose: Purpose::Train,
+                seed: 3,
+                index,
+            })
         })
-    });
-    let drawn: Vec<_> = drawn.collect();
+        .collect();
     assert!(drawn.iter().all(|start| starts.contains(start)));
     assert!(starts.iter().all(|start| drawn.contains(start)));
     // Without the table the ranges are its hull.
@@ -372,8 +373,8 @@ fn nobody_needs_to_learn() {
     let drive = "Script([(does: [Brake(rate_mps2: 3.0)])])";
     let world = world(
         &text(&other("At(x_m: 30.0, speed_mps: 8.0)", drive), "").replace("lane: 1", "lane: 0"),
-    );
-    let world = world.on(PlantKind::Kinematic);
+    )
+    .on(PlantKind::Kinematic);
     let spaces = world.spaces();
     assert_eq!((spaces.actions, spaces.observation), (1, 0));
     // 8 m/s are gone after 10.7 m: the ego runs into it at 10 m/s.
@@ -382,8 +383,8 @@ fn nobody_needs_to_learn() {
     let contact = episode.contact.clone().expect("a contact");
     assert!((contact.closing_speed_mps - 10.0).abs() < 1e-3);
     // For other tools it is a crash like any other.
-    let files = brakecheck_crashes::crashes::export::openx(&world, &episode, "plans", "nominal");
-    let files = files.expect("exported");
+    let files = brakecheck_crashes::crashes::export::openx(&world, &episode, "plans", "nominal")
+        .expect("exported");
     assert!(files.replay.contains("entityRef=\"other\""));
 }
 

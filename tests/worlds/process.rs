@@ -169,8 +169,7 @@ fn a_program_is_tried_against_the_protocol() {
 #[test]
 fn repeats_are_checked_and_read_in_both_ways() {
     let with = |repeats: &str| {
-        let text = include_str!("../../worlds/acc.ron");
-        let text = text.replacen(
+        let text = include_str!("../../worlds/acc.ron").replacen(
             "plant: Rigid,",
             &format!("plant: Rigid,\n    {repeats},"),
             1,
@@ -227,8 +226,10 @@ fn the_document_shows_what_is_said() {
     }
     let heard = std::fs::read_to_string(file.path()).expect("readable");
     let document = include_str!("../../docs/reference/ego-protocol.md");
-    let said = document.lines().filter_map(|line| line.strip_prefix("> "));
-    let said: Vec<&str> = said.collect();
+    let said: Vec<&str> = document
+        .lines()
+        .filter_map(|line| line.strip_prefix("> "))
+        .collect();
     let mut lines = heard.lines();
     for shown in &said[..4] {
         let line = lines.next().expect("as many lines");

@@ -111,7 +111,7 @@ fn differences(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
         (false, Some(touch)) => {
             let first = &all[0];
             let late_s = touch.time_s - number(&first[0]);
-            if 0.02 < late_s.abs() {
+            if late_s.abs() > 0.02 {
                 wrong.push(format!("{id}: the contact is {late_s:.3} s late"));
             }
             let mut theirs = [1, 2].map(|i| named(first[i].as_str().expect("a name")));
@@ -280,7 +280,7 @@ fn moved(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
                 worst = (row[0], over_m);
             }
         }
-        if 0.0 < worst.1 {
+        if worst.1 > 0.0 {
             wrong.push(format!(
                 "{id}: {name} is {:.3} m beyond the tolerance at {} s",
                 worst.1, worst.0
@@ -552,8 +552,9 @@ fn what_is_not_understood_is_refused_where_it_stands() {
 #[test]
 fn ways_and_roads_that_worlds_do_not_have_are_refused() {
     let turn = data().join("osc-ncap/OpenSCENARIO/NCAP/CA-FC_2026/CCFtap.xosc");
-    let bends = data().join("osc-alks/logical_scenarios/concrete_scenarios");
-    let bends = bends.join("alks_scenario_4_1_1_free_driving_template.xosc");
+    let bends = data()
+        .join("osc-alks/logical_scenarios/concrete_scenarios")
+        .join("alks_scenario_4_1_1_free_driving_template.xosc");
     let cases = [
         (
             &turn,
@@ -656,9 +657,9 @@ fn an_ego_that_coasts_is_hit_at_every_point_of_ncap() {
 /// The nine that touch in esmini with its controllers switched off.
 #[test]
 fn an_ego_that_coasts_is_hit_where_esmini_s_is_in_r157() {
-    let touched = Scenario::protocol_names()
-        .filter(|name| name.starts_with("r157/") && !coasting(name).1.is_empty());
-    let touched: Vec<&str> = touched.collect();
+    let touched: Vec<&str> = Scenario::protocol_names()
+        .filter(|name| name.starts_with("r157/") && !coasting(name).1.is_empty())
+        .collect();
     let expected = [
         "r157/cut_in_far",
         "r157/cut_in_near",

@@ -189,7 +189,7 @@ fn the_road_that_the_ego_has_seen_never_changes() {
         assert!(s_m + 60.0 <= last.from_s_m + last.length_m, "{s_m}");
     }
     let last = &heard.last().expect("a sample").1;
-    assert!(5 <= last.len(), "{last:?}");
+    assert!(last.len() >= 5, "{last:?}");
 }
 
 fn departure(world: &Scenario) -> Episode {
@@ -214,8 +214,10 @@ fn a_kept_departure_replays_and_is_drawn_and_exported_with_the_driven_road() {
     let dir = tempfile::tempdir().expect("a directory");
     let file = dir.path().join("departure.ron");
     kept.save(&file, &episode.trace).expect("written");
-    let replayed = Regressions::load(&file).expect("kept").replay_recorded();
-    let replayed = &replayed.expect("replayed")[0];
+    let replayed = &Regressions::load(&file)
+        .expect("kept")
+        .replay_recorded()
+        .expect("replayed")[0];
     assert!(replayed.is_reproduced());
 
     let mut driven = world.bench();

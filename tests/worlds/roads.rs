@@ -240,8 +240,8 @@ fn signals_of_crossings_exist_only_between_roads() {
     let side = "\"side\": (at: (x_m: 50.0, y_m: -40.0, heading_rad: 1.57))";
     let other = "Obstacle(name: \"other\", body: \"sedan\", s_m: 90.0, lateral_m: 6.0),";
     let text = text(BRAKING[0], side, other);
-    let error = parsed(&text.replace("ego.ado.gap", "ego.ado.conflict >= 0 and ego.ado.gap"));
-    let error = error.expect_err("both are on one road");
+    let error = parsed(&text.replace("ego.ado.gap", "ego.ado.conflict >= 0 and ego.ado.gap"))
+        .expect_err("both are on one road");
     assert!(error.contains("ego.ado.conflict"), "{error}");
 }
 
@@ -286,8 +286,7 @@ fn what_cannot_be_laid_or_driven_is_refused_by_name() {
         ),
     ] {
         assert!(sound.contains(from), "no {from}");
-        let error = parsed(&sound.replacen(from, to, 1).replace("SIDE", ""));
-        let error = error.expect_err(to);
+        let error = parsed(&sound.replacen(from, to, 1).replace("SIDE", "")).expect_err(to);
         assert!(error.contains(says), "{to}: {error}");
     }
 }
@@ -397,7 +396,7 @@ fn an_ego_that_steers_keeps_its_lane_and_comes_back_to_it() {
         let farthest_m = lateral_m.iter().fold(0.0, |most: f64, m| most.max(m.abs()));
         let last_m = lateral_m.last().expect("samples").abs();
         assert!(
-            1.0 < farthest_m && last_m < 0.2,
+            farthest_m > 1.0 && last_m < 0.2,
             "{plant:?} {farthest_m} {last_m}"
         );
     }
@@ -438,7 +437,7 @@ fn every_road_is_exported_where_it_lies() {
     // From a whole ten of metres at least 50 m behind the rearmost body.
     let behind_m = -40.0 - number("y");
     assert!((number("x") - 50.0).abs() < 1e-9, "{}", number("x"));
-    assert!(50.0 <= behind_m && behind_m % 10.0 < 1e-6, "{behind_m}");
+    assert!(behind_m >= 50.0 && behind_m % 10.0 < 1e-6, "{behind_m}");
 }
 
 #[test]

@@ -20,8 +20,9 @@ use sha2::{Digest, Sha256};
 const ACC: &str = include_str!("../../worlds/acc.ron");
 
 fn quick(decisions: u64) -> Scenario {
-    let acc = Scenario::parse("acc.ron", ACC).expect("a world");
-    let acc = acc.on(PlantKind::Kinematic);
+    let acc = Scenario::parse("acc.ron", ACC)
+        .expect("a world")
+        .on(PlantKind::Kinematic);
     acc.training_for(decisions).expect("in range")
 }
 
@@ -60,13 +61,15 @@ fn read_all(run: &Path) -> Result<(), RunError> {
 /// finds nothing wrong.
 fn accepted(file: &Path, stride: usize, read: impl Fn() -> bool) -> Vec<usize> {
     let whole = fs::read(file).expect("a file");
-    let flipped = (0..8 * whole.len()).step_by(stride).filter(|bit| {
-        let mut bytes = whole.clone();
-        bytes[bit / 8] ^= 1 << (bit % 8);
-        fs::write(file, bytes).expect("written");
-        read()
-    });
-    let flipped = flipped.collect();
+    let flipped = (0..8 * whole.len())
+        .step_by(stride)
+        .filter(|bit| {
+            let mut bytes = whole.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            fs::write(file, bytes).expect("written");
+            read()
+        })
+        .collect();
     fs::write(file, whole).expect("written");
     flipped
 }
@@ -101,7 +104,7 @@ fn no_flipped_bit_of_what_a_checkpoint_vouches_for_is_gone_on_with() {
     let (begun, _) = begun_and_finished(dir.path());
     for file in ["progress.jsonl", "counterexamples.jsonl"] {
         let path = begun.join(file);
-        assert!(0 < fs::metadata(&path).expect("a file").len(), "{file}");
+        assert!(fs::metadata(&path).expect("a file").len() > 0, "{file}");
         let accepted = accepted(&path, 211, || RunDir::resume(&begun).is_ok());
         assert_eq!(accepted, [0usize; 0], "{file}");
         let whole = fs::read(&path).expect("a file");
@@ -318,7 +321,7 @@ fn a_flip_in_any_file_of_a_run_is_refused_by_its_name() {
         }
         fs::write(file, &bytes).expect("written");
     }
-    assert!(300 <= refused, "{refused} flips");
+    assert!(refused >= 300, "{refused} flips");
     assert!(told(&path).expect("whole again") == whole);
 }
 

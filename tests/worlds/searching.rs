@@ -36,7 +36,7 @@ fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
     let world = super::acc();
     let starts = test_starts(&world, 3, 24, &quiet()).expect("not stopped");
     let searched = search(&request(&world, Switches(1).into(), &starts), &quiet());
-    assert!(12 <= searched.row.successes, "{:?}", searched.row);
+    assert!(searched.row.successes >= 12, "{:?}", searched.row);
     let mut bench = world.bench();
     for ((start, noise), found) in starts.starts.iter().zip(&searched.found) {
         let Some(actions) = found.as_ref().and_then(|found| found.actions.as_ref()) else {

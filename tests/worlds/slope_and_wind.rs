@@ -194,7 +194,7 @@ fn files_of_other_tools_have_the_heights_of_the_grades() {
         numbers(&files.replay, "WorldPosition", "x"),
         numbers(&files.replay, "WorldPosition", "z"),
     );
-    assert!(10 < xs.len() && xs.iter().any(|x_m| 30.0 < *x_m));
+    assert!(xs.len() > 10 && xs.iter().any(|x_m| *x_m > 30.0));
     for (x_m, z_m) in xs.iter().zip(&zs) {
         let height_m = -0.06 * (x_m - 20.0).max(0.0);
         assert!((z_m - height_m).abs() < 1e-6, "{x_m}: {z_m}");
@@ -225,8 +225,9 @@ fn mistakes_in_grades_wind_and_range_are_one_message_each() {
         ("sensors: (range_m: 0.0)", "0 is outside of 1 ..= 10000"),
     ];
     for (fields, says) in cases {
-        let error = Scenario::parse("slope.ron", &text(COASTS, "sedan", fields));
-        let error = error.expect_err(says).to_string();
+        let error = Scenario::parse("slope.ron", &text(COASTS, "sedan", fields))
+            .expect_err(says)
+            .to_string();
         assert!(error.contains(says), "{fields}: {error}");
         assert_eq!(error.lines().count(), 1, "{error}");
     }

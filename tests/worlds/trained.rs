@@ -130,8 +130,8 @@ fn a_trained_ado_acts_as_at_home_and_needs_its_directory_only_once() {
         );
         assert_eq!(repeated.trace, new.trace);
     }
-    assert!(1_000 < samples, "{samples} samples");
-    assert!(0 < changes, "the policy should do different things");
+    assert!(samples > 1_000, "{samples} samples");
+    assert!(changes > 0, "the policy should do different things");
     assert_eq!(
         RunDir::open(&second)
             .expect("a run")
@@ -161,12 +161,13 @@ fn forks_and_kept_counterexamples_go_on_bit_for_bit() {
     }
     assert_eq!(bench.trace(), fork.trace());
 
-    let crash = (0..40).find_map(|index| {
-        let start = test_start(&bench, index);
-        let played = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Play);
-        played.verdict.is_success().then_some(played)
-    });
-    let crash = crash.expect("7 m is too close for some start");
+    let crash = (0..40)
+        .find_map(|index| {
+            let start = test_start(&bench, index);
+            let played = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Play);
+            played.verdict.is_success().then_some(played)
+        })
+        .expect("7 m is too close for some start");
     let kept = Counterexample::record(&here, "nominal", &Change::default(), "constant", &crash);
     let file = dir.path().join("kept").join("crash.ron");
     std::fs::create_dir(dir.path().join("kept")).expect("a directory");
@@ -266,8 +267,14 @@ fn what_does_not_fit_has_a_place_a_reason_and_a_cure() {
         };
         let problem = &error.problems[0];
         // Hashes and the errors of the operating system differ by machine.
-        let said = problem.what.split("SHA-256").next().unwrap_or_default();
-        let said = said.split(": No such file").next().unwrap_or_default();
+        let said = problem
+            .what
+            .split("SHA-256")
+            .next()
+            .unwrap_or_default()
+            .split(": No such file")
+            .next()
+            .unwrap_or_default();
         let place = &text[problem.span.clone()];
         let help = problem.help.as_deref().unwrap_or("-");
         shown.push_str(&format!(

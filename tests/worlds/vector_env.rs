@@ -147,11 +147,11 @@ fn worlds_of_vehicles_are_laid_out_in_lanes() {
 #[test]
 fn the_lanes_of_acc_have_the_bits_of_gyms() {
     let seen = compare(&kinematic("acc"), COUNT, 120);
-    assert!(0 < seen.successes && 0 < seen.fouls, "{}", seen.successes);
+    assert!(seen.successes > 0 && seen.fouls > 0, "{}", seen.successes);
     // Without a headway to keep, episodes end in contacts.
     let crash = changed("acc", "\"d_safe\": 4.7", "\"d_safe\": -90.0");
     let seen = compare(&crash, COUNT, 120);
-    assert!(0 < seen.contacts);
+    assert!(seen.contacts > 0);
 }
 
 #[test]
@@ -169,6 +169,20 @@ fn sensors_with_noise_and_delay_have_the_bits_of_gyms() {
     let world = changed("acc", judge, &format!("{judge}\n    {sensors}"));
     assert_eq!(VectorEnv::new(&world, 1).layout(), EnvLayout::Lanes);
     compare(&world, COUNT, 60);
+}
+
+/// It compares with the middle of its lane, whose width is in the briefing.
+#[test]
+fn an_ego_that_needs_its_briefing_has_the_bits_of_gyms() {
+    let merge = kinematic("merge");
+    let (before, ego) = merge.text().split_once("Ego(Merge(").expect("its ego");
+    let (_, after) = ego.split_once(")),").expect("its end");
+    let text =
+        format!("{before}Ego(CcLaneDriver()),{after}").replace("width_m: 3.5", "width_m: 3.1");
+    let world = Scenario::parse("changed.ron", &text).expect("a world");
+    let world = world.on(PlantKind::Kinematic);
+    assert_eq!(VectorEnv::new(&world, 1).layout(), EnvLayout::Lanes);
+    compare(&world, COUNT, 80);
 }
 
 #[test]
@@ -316,7 +330,7 @@ fn a_command_that_no_car_could_follow_aborts_as_in_gyms() {
     for (world, count) in [(&strong, COUNT), (&strong.on(PlantKind::Rigid), 8)] {
         let seen = compare(world, count, 60);
         assert!(
-            0 < seen.faults && seen.faults < seen.episodes,
+            seen.faults > 0 && seen.faults < seen.episodes,
             "{}",
             seen.faults
         );
@@ -332,7 +346,7 @@ fn a_signal_that_is_no_number_aborts_as_in_gyms() {
     assert_eq!(VectorEnv::new(&world, 1).layout(), EnvLayout::Lanes);
     let seen = compare(&world, COUNT, 60);
     assert!(
-        0 < seen.faults && seen.faults < seen.episodes,
+        seen.faults > 0 && seen.faults < seen.episodes,
         "{}",
         seen.faults
     );
@@ -345,7 +359,7 @@ fn an_episode_that_its_first_sample_decides_has_the_bits_of_gyms() {
     let lanes = changed("acc", "always[0, T] (headway >= d_safe)", late);
     for (world, count) in [(&lanes, COUNT), (&lanes.on(PlantKind::Rigid), 8)] {
         let seen = compare(world, count, 60);
-        assert!(0 < seen.at_once);
+        assert!(seen.at_once > 0);
         assert_eq!(seen.at_once, seen.episodes);
     }
 }
@@ -357,12 +371,12 @@ fn a_contact_is_forgotten_when_an_episode_begins() {
         "acc",
         "always[0, T] (headway >= d_safe)",
         "always[0, T] (not contact)",
-    );
-    let crash = crash
-        .text()
-        .replacen("\"time_left\"]", "\"time_left\", \"contact\"]", 1);
-    let crash = Scenario::parse("crash.ron", &crash).expect("a world");
-    let crash = crash.on(PlantKind::Kinematic);
+    )
+    .text()
+    .replacen("\"time_left\"]", "\"time_left\", \"contact\"]", 1);
+    let crash = Scenario::parse("crash.ron", &crash)
+        .expect("a world")
+        .on(PlantKind::Kinematic);
     assert_eq!(VectorEnv::new(&crash, 1).layout(), EnvLayout::Lanes);
     let seen = compare(&crash, COUNT, 120);
     assert!(COUNT as u32 / 4 < seen.contacts, "{}", seen.contacts);

@@ -37,8 +37,10 @@ fn before(s_m: f64) -> String {
 /// What is odd: the word that allows it, what the warning says, and the text.
 fn oddities() -> Vec<(&'static str, &'static str, String)> {
     let lines: Vec<&str> = ACC.lines().collect();
-    let rulebook = lines.iter().position(|line| line.contains("rulebook: ["));
-    let rulebook = rulebook.expect("a rulebook");
+    let rulebook = lines
+        .iter()
+        .position(|line| line.contains("rulebook: ["))
+        .expect("a rulebook");
     let end = lines[rulebook..]
         .iter()
         .position(|line| line.trim() == "],");

@@ -84,14 +84,15 @@ fn brakes_lose_the_friction_that_the_rain_takes_sample_by_sample() {
             friction = f64::clamp(friction + per_s * SAMPLE_S, 0.3, 0.9);
         }
         assert_eq!(frictions.len(), 6 * DECISION + 1);
-        assert!(4.0 < speed_mps, "it still brakes at the end: {speed_mps}");
+        assert!(speed_mps > 4.0, "it still brakes at the end: {speed_mps}");
     }
 }
 
 #[test]
 fn fog_shows_and_hides_the_parked_car_at_the_sample_worked_out_by_hand() {
-    let calm = SHOWER.replace(", noise_scale: (1.0, 4.0)", "");
-    let calm = calm.replace("noise_per_s: 1.0, ", "");
+    let calm = SHOWER
+        .replace(", noise_scale: (1.0, 4.0)", "")
+        .replace("noise_per_s: 1.0, ", "");
     let text = text(FOLLOWS, &calm).replace("sensors: (position_sd_m: 0.5), ", "");
     for plant in PLANTS {
         let mut bench = begun(&world(&text).on(plant));
@@ -108,7 +109,7 @@ fn fog_shows_and_hides_the_parked_car_at_the_sample_worked_out_by_hand() {
         assert_eq!(first, Some(47), "{plant:?}");
         // It is at most 45.5 m away at row 51 and at least 43.4 m at row 52, and the row
         // after shows the free road: below its desired speed, it accelerates.
-        let next = accels.iter().skip(47).position(|accel| 0.0 < *accel);
+        let next = accels.iter().skip(47).position(|accel| *accel > 0.0);
         assert_eq!(next, Some(53 - 47), "{plant:?}");
     }
 }
@@ -128,7 +129,7 @@ fn an_episode_with_weather_forks_and_replays_bit_for_bit() {
         }
         assert_eq!(bench.trace(), fork.trace(), "{plant:?}");
         let noises = bench.trace().signal("rain.noise").expect("recorded");
-        assert!(noises.iter().any(|noise| 1.4 < *noise));
+        assert!(noises.iter().any(|noise| *noise > 1.4));
         // Noise is a function of the seed, and the weather scales it.
         let calm = |action: usize| {
             let mut bench = begun(&world);
@@ -143,8 +144,8 @@ fn an_episode_with_weather_forks_and_replays_bit_for_bit() {
 
 #[test]
 fn a_kept_crash_in_rain_replays_and_is_refused_by_name_elsewhere() {
-    let world = world(&text(BRAKES, SHOWER).replace("s_m: 100.0", "s_m: 45.0"));
-    let world = world.on(PlantKind::Kinematic);
+    let world =
+        world(&text(BRAKES, SHOWER).replace("s_m: 100.0", "s_m: 45.0")).on(PlantKind::Kinematic);
     let mut bench = world.bench();
     let crash = play(
         &mut bench,
@@ -159,8 +160,10 @@ fn a_kept_crash_in_rain_replays_and_is_refused_by_name_elsewhere() {
     let dir = tempfile::tempdir().expect("a directory");
     let file = dir.path().join("crash.ron");
     kept.save(&file, &crash.trace).expect("written");
-    let replayed = Regressions::load(&file).expect("kept").replay_recorded();
-    let replayed = &replayed.expect("replayed")[0];
+    let replayed = &Regressions::load(&file)
+        .expect("kept")
+        .replay_recorded()
+        .expect("replayed")[0];
     assert!(replayed.is_reproduced());
     assert_eq!(replayed.episode, crash);
     let prevented = world.preventability(&crash);

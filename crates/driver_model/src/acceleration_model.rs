@@ -124,7 +124,7 @@ fn student(freedom: f64, rng: &mut impl Rng) -> f64 {
         let u = 2.0 * rng.random::<f64>() - 1.0;
         let v = 2.0 * rng.random::<f64>() - 1.0;
         let w = u * u + v * v;
-        if 0.0 < w && w <= 1.0 {
+        if w > 0.0 && w <= 1.0 {
             let spread = freedom * (libm::pow(w, -2.0 / freedom) - 1.0) / w;
             return u * libm::sqrt(spread);
         }

@@ -77,6 +77,6 @@ impl<'a> NaturalLimit<'a> {
     ///
     /// `one_in` is the number of followed moments of which at least one is as tight.
     pub fn allows_start(&self, start: &StartState, one_in: f64) -> bool {
-        1.0 <= one_in * self.model.starts.rarity_of(start).share
+        one_in * self.model.starts.rarity_of(start).share >= 1.0
     }
 }

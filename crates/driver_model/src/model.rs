@@ -68,8 +68,8 @@ impl SourceFile {
             }
             digest.update(&buffer[..read]);
         }
-        let digits = digest.finalize();
-        let digits = digits.iter().map(|byte| format!("{byte:02x}"));
+        let hash = digest.finalize();
+        let digits = hash.iter().map(|byte| format!("{byte:02x}"));
         Ok(SourceFile {
             name: name.to_owned(),
             sha256: Some(digits.collect()),

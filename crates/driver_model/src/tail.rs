@@ -38,7 +38,7 @@ impl Pareto {
             scale: mean * libm::exp(p[1]),
         };
         let loss = |p: &[f64]| {
-            if 0.9 < p[0].abs() {
+            if p[0].abs() > 0.9 {
                 return f64::INFINITY;
             }
             -excesses
@@ -155,13 +155,15 @@ impl EventTail {
                 }
             }
         }
-        let points = at.iter().zip(tails.into_iter().zip(counts));
-        let points = points.map(|(size, (tail, counted))| TailPoint {
-            at: *size,
-            count: count(sizes, &all, *size),
-            counted: interval(counted),
-            tail: interval(tail),
-        });
+        let points = at
+            .iter()
+            .zip(tails.into_iter().zip(counts))
+            .map(|(size, (tail, counted))| TailPoint {
+                at: *size,
+                count: count(sizes, &all, *size),
+                counted: interval(counted),
+                tail: interval(tail),
+            });
         Some(EventTail {
             threshold,
             rate,
@@ -186,7 +188,7 @@ impl EventTail {
                 at_most: None,
             };
         };
-        if COUNTED_FROM <= point.count {
+        if point.count >= COUNTED_FROM {
             return EventRate {
                 rate: f64::from(point.count) / self.exposure,
                 interval: point.counted,
@@ -218,7 +220,7 @@ impl EventTail {
     /// Returns the rate at the largest size with five events.
     fn last_counted(&self) -> f64 {
         let mut points = self.points.iter().rev();
-        let last = points.find(|point| COUNTED_FROM <= point.count);
+        let last = points.find(|point| point.count >= COUNTED_FROM);
         last.map_or(f64::INFINITY, |it| f64::from(it.count) / self.exposure)
     }
 
@@ -325,8 +327,8 @@ mod tests {
         let draws: Vec<Vec<usize>> = (0..50)
             .map(|k| (0..10).map(|i| (i * 7 + k) % 10).collect())
             .collect();
-        let tail = EventTail::fit(&sizes, &[0.1; 10], 1.0, &[1.0, 2.0, 3.0, 4.0], &draws);
-        let tail = tail.expect("27 events");
+        let tail = EventTail::fit(&sizes, &[0.1; 10], 1.0, &[1.0, 2.0, 3.0, 4.0], &draws)
+            .expect("27 events");
         let rate = |size: f64| tail.rate_of(size);
         assert!((rate(2.0).rate - 7.0).abs() < 1e-9);
         assert_eq!(rate(2.0).source, RateSource::Counted);

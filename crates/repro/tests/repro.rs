@@ -26,8 +26,8 @@ fn repro(args: &[&str]) -> Output {
 fn brief_worlds(dir: &tempfile::TempDir) -> String {
     let worlds = dir.path().join("worlds");
     fs::create_dir_all(&worlds).expect("a directory");
-    let text = fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
-    let text = text
+    let text = fs::read_to_string(root().join("worlds/acc.ron"))
+        .expect("the world")
         .replace("plant: Rigid", "plant: Kinematic")
         .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 3_000)");
     fs::write(worlds.join("acc.ron"), text).expect("a brief world");
@@ -103,8 +103,9 @@ fn an_interrupted_table_says_how_to_go_on() {
     let dir = scratch();
     let worlds = brief_worlds(&dir);
     let acc = dir.path().join("worlds/acc.ron");
-    let text = fs::read_to_string(&acc).expect("the world");
-    let text = text.replace("Dqn(decisions: 3_000)", "Dqn(decisions: 30_000_000)");
+    let text = fs::read_to_string(&acc)
+        .expect("the world")
+        .replace("Dqn(decisions: 3_000)", "Dqn(decisions: 30_000_000)");
     fs::write(&acc, text).expect("a long world");
     let out = path(&dir, "out");
     let child = Command::cargo_bin("repro")
@@ -177,8 +178,9 @@ fn elements(text: &str) -> Vec<String> {
     let mut reader = quick_xml::Reader::from_str(text);
     let (mut open, mut names) = (0, Vec::new());
     loop {
-        let event = reader.read_event();
-        let event = event.unwrap_or_else(|error| panic!("not well-formed: {error}"));
+        let event = reader
+            .read_event()
+            .unwrap_or_else(|error| panic!("not well-formed: {error}"));
         let name = match &event {
             Event::Start(tag) | Event::Empty(tag) => tag.name(),
             Event::End(_) => {

@@ -147,7 +147,7 @@ impl Rulebook {
         // later sample.
         if spec_lost && self.first_not_kept(&mut ended).is_none() {
             let by = -ended(None);
-            if 0.0 < by {
+            if by > 0.0 {
                 return Some(Verdict::Counterexample { by });
             }
         }

@@ -136,7 +136,7 @@ fn predict_events(fitted: &[&VehicleData], tested: &[&VehicleData], add: Add<'_>
     let (from, to) = (needs(fitted), needs(tested));
     let above = excess(&from, CUT_IN_MPS2);
     if let (Some(pareto), false) = (Pareto::fit(&above), to.is_empty()) {
-        let events = to.iter().filter(|it| 0.3 <= **it).count();
+        let events = to.iter().filter(|it| **it >= 0.3).count();
         let share = above.len() as f64 / from.len() as f64;
         let predicted = share * pareto.beyond(0.3 - CUT_IN_MPS2);
         let observed = events as f64 / to.len() as f64;

@@ -449,8 +449,7 @@ mod tests {
     #[test]
     fn every_shipped_map_parses_and_is_guessed_from_its_own_header() {
         for name in ColumnMap::shipped_names() {
-            let map = ColumnMap::shipped(name);
-            let map = map.unwrap_or_else(|| panic!("{name} does not parse"));
+            let map = ColumnMap::shipped(name).unwrap_or_else(|| panic!("{name} does not parse"));
             let header: Vec<String> = map.columns().iter().map(|it| (*it).to_owned()).collect();
             assert_eq!(ColumnMap::guess(&header), Some(name));
             assert_eq!(ColumnMap::guess(&header[1..]), None, "{name}");

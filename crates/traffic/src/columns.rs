@@ -87,10 +87,9 @@ impl<'a, Id> RecordingColumns<'a, Id> {
         let others = [
             ("ids", Some(self.ids.len())),
             ("classes", self.classes.map(<[Class]>::len)),
-        ];
-        let others = others
-            .into_iter()
-            .filter_map(|(name, got)| Some((name, got?)));
+        ]
+        .into_iter()
+        .filter_map(|(name, got)| Some((name, got?)));
         if let Some((name, got)) = lengths.chain(others).find(|(_, got)| *got != want) {
             return Some((
                 FilePlace::Whole,

@@ -168,14 +168,14 @@ impl CommonRoad {
         let [Some(x_m), Some(y_m)] = state.position_m else {
             return Err(missing("position/point"));
         };
-        if MOST_STEPS < step.abs() {
+        if step.abs() > MOST_STEPS {
             return Err(error(FileProblem::Span {
                 span_s: step * self.step_s,
                 dt_s: self.step_s,
             }));
         }
         for (name, value) in [("x", x_m), ("y", y_m)] {
-            if FARTHEST_M < value.abs() {
+            if value.abs() > FARTHEST_M {
                 return Err(error(FileProblem::Far {
                     owner: obstacle.id.clone(),
                     name: name.to_owned(),

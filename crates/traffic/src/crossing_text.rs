@@ -28,8 +28,10 @@ pub(crate) fn crossing_text(name: &str, plan: &SituationPlan) -> String {
     // A margin of 0.2 m on both sides leaves the body inside its lane.
     let own = road_entry("path", &roads.other, plan.body.width_m + 0.4, origin);
     // The entries of the other road users are in a field of their own.
-    let more = others.roads.trim_start_matches("    roads: {\n");
-    let more = more.trim_end_matches("    },\n");
+    let more = others
+        .roads
+        .trim_start_matches("    roads: {\n")
+        .trim_end_matches("    },\n");
     let surface = format!("lanes: 1, lane_width_m: {EGO_LANE_M:?}, friction: 0.9");
     let road = if roads.ego.pieces.is_empty() {
         format!("Straight({surface})")
@@ -161,7 +163,7 @@ fn rules(plan: &SituationPlan) -> Vec<(&'static str, String)> {
         ),
     ];
     // A recording that stands on the crossing would break the rule by itself.
-    if 0.0 < least_mps {
+    if least_mps > 0.0 {
         rules.push((
             "does not stop on the crossing",
             format!("always (ado.ego.conflict in [-{past_m:?}, {edge_m:?}] implies ado.speed >= {least_mps:?})"),

@@ -213,7 +213,7 @@ fn may_cross(run: &PathRun, other: &PathRun) -> bool {
     let is_apart = (0..2)
         .any(|axis| run.high_m[axis] < other.low_m[axis] || other.high_m[axis] < run.low_m[axis]);
     let angle_rad = line_angle(run.course_rad, other.course_rad);
-    !is_apart && CROSSING_RAD <= angle_rad + run.turn_rad + other.turn_rad
+    !is_apart && angle_rad + run.turn_rad + other.turn_rad >= CROSSING_RAD
 }
 
 fn crossing(

@@ -51,8 +51,10 @@ pub fn fit_traffic(
         .map(|i| 0.25 * f64::from(i))
         .collect();
     let peak = EventTail::fit(&peaks, &thousands, BRAKING_MPS2, &peak_sizes, &draws);
-    let accelerations = vehicles.iter().map(VehicleData::acceleration_peaks);
-    let accelerations: Vec<Vec<f64>> = accelerations.collect();
+    let accelerations: Vec<Vec<f64>> = vehicles
+        .iter()
+        .map(VehicleData::acceleration_peaks)
+        .collect();
     let losses: Vec<Vec<f64>> = vehicles.iter().map(VehicleData::losses).collect();
     let loss_sizes: Vec<f64> = (1..=20).chain([25, 30]).map(f64::from).collect();
     let loss = EventTail::fit(&losses, &thousands, LOSS_MPS, &loss_sizes, &draws);

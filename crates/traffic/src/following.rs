@@ -71,7 +71,7 @@ impl Leads {
                 let (own, lead) = (pair[0], pair[1]);
                 let gap_m = lead.2 - recording.tracks[lead.3].length_m - own.2;
                 let is_towed = recording.tracks[own.3].class == Class::Trailer;
-                if is_towed || (own.0, own.1) != (lead.0, lead.1) || LEAD_GAP_M < gap_m {
+                if is_towed || (own.0, own.1) != (lead.0, lead.1) || gap_m > LEAD_GAP_M {
                     continue;
                 }
                 let speed = |i: usize| {

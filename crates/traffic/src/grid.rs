@@ -185,8 +185,8 @@ impl TimeGrid {
         instants.sort_by(f64::total_cmp);
         // One instant of several road users may differ in its last digits.
         instants.dedup_by(|a, b| *a - *b <= 1e-4 * median_s);
-        let even = EvenSampling::fit(&instants);
-        let even = even.filter(|it| (it.dt_s / median_s - 1.0).abs() < 0.25);
+        let even =
+            EvenSampling::fit(&instants).filter(|it| (it.dt_s / median_s - 1.0).abs() < 0.25);
         let grid = even.map_or(irregular, |it| TimeGrid {
             first_s,
             dt_s: it.dt_s,
@@ -365,7 +365,7 @@ fn courses(samples: &[RawRow], dt_s: f64) -> Vec<f64> {
                 RawVector::Components(vx, vy) => (vx, vy),
                 _ => (x / ((b - a) as f64 * dt_s), y / ((b - a) as f64 * dt_s)),
             };
-            (STANDING_MPS <= libm::hypot(x, y)).then(|| libm::atan2(y, x))
+            (libm::hypot(x, y) >= STANDING_MPS).then(|| libm::atan2(y, x))
         })
         .collect();
     let first = known.iter().flatten().next().copied().unwrap_or(0.0);

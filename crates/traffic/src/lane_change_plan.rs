@@ -133,7 +133,7 @@ fn offsets(
         xy += curve * lateral_m;
     }
     let spread = xx - x * x / n;
-    let by_m = if 1e-9 < spread {
+    let by_m = if spread > 1e-9 {
         (xy - x * y / n) / spread
     } else {
         0.0

@@ -248,8 +248,10 @@ fn thinned(recording: &TrafficRecording, tracks: &[usize], path: &Path) -> Vec<R
         });
         let own: Vec<RowPlace> = own.collect();
         let offsets_m: Vec<f64> = own.iter().map(|it| it.lateral_m).collect();
-        let settled = own.into_iter().enumerate();
-        let settled = settled.filter(|(i, _)| is_settled(&offsets_m, *i, reach));
+        let settled = own
+            .into_iter()
+            .enumerate()
+            .filter(|(i, _)| is_settled(&offsets_m, *i, reach));
         rows.extend(settled.map(|(_, row)| row));
     }
     rows
@@ -264,7 +266,7 @@ fn centred(path: &Path, rows: &[RowPlace], pass: Pass) -> Option<Path> {
     }
     let stretches = (path.length_m() / STRETCH_M).ceil().max(1.0) as usize;
     let mut offsets: Vec<Vec<(f64, usize)>> = vec![Vec::new(); stretches];
-    for row in rows.iter().filter(|row| 0.0 <= row.s_m) {
+    for row in rows.iter().filter(|row| row.s_m >= 0.0) {
         if let Some(stretch) = offsets.get_mut((row.s_m / STRETCH_M) as usize) {
             stretch.push((row.lateral_m, row.track));
         }

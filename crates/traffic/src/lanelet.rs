@@ -205,8 +205,9 @@ fn carriageways(lanelets: &[Lanelet]) -> Vec<MappedCarriageway> {
     let is_rightmost = |it: &Lanelet| lanelets.iter().all(|other| other.left != it.right);
     let mut used: BTreeSet<usize> = BTreeSet::new();
     let mut found = Vec::new();
-    let rights = (0..lanelets.len()).filter(|i| is_rightmost(&lanelets[*i]));
-    let mut rights: Vec<usize> = rights.collect();
+    let mut rights: Vec<usize> = (0..lanelets.len())
+        .filter(|i| is_rightmost(&lanelets[*i]))
+        .collect();
     // Chains begin where nothing leads to.
     let has_before = |i: usize| lanelets.iter().any(|it| it.to == lanelets[i].from);
     rights.sort_by_cached_key(|i| has_before(*i));
@@ -293,8 +294,7 @@ mod tests {
 
     #[test]
     fn lanelets_are_lanes_beside_and_behind_each_other() {
-        let found = read_lanelets(map().as_bytes(), "map.osm");
-        let found = found.unwrap_or_else(|it| panic!("{it}"));
+        let found = read_lanelets(map().as_bytes(), "map.osm").unwrap_or_else(|it| panic!("{it}"));
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].offsets_m, [0.0, 3.5]);
         assert!((found[0].path.length_m() - 200.0).abs() < 1.0);

@@ -142,7 +142,7 @@ pub(crate) fn peaks(offsets: &[f64], least: f64) -> Vec<(f64, usize)> {
         let middle_m = (i as f64 + 0.5) * BIN_M - WIDTH_M;
         let near = |it: &&f64| (*it - middle_m).abs() < 1.0;
         let count = offsets.iter().filter(near).count();
-        let is_apart = found.iter().all(|it| LANE_M <= (it.0 - middle_m).abs());
+        let is_apart = found.iter().all(|it| (it.0 - middle_m).abs() >= LANE_M);
         if is_apart && least * offsets.len() as f64 <= count as f64 {
             found.push((middle_m, count));
         }
@@ -191,7 +191,7 @@ pub(crate) fn lanes(
         let medians = rows
             .into_iter()
             // The median of a few rows is the wish of one driver, not the place of the lane.
-            .filter(|it| 100 <= it.len())
+            .filter(|it| it.len() >= 100)
             .filter_map(median);
         let mut wander: Vec<f64> = medians.map(|it| (it - lane.offset_m).abs()).collect();
         wander.sort_by(f64::total_cmp);

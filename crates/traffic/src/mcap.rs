@@ -180,8 +180,9 @@ impl<'a> McapFile<'a> {
             },
             // A chunk in a chunk would be a way to unpack without end.
             op::CHUNK if !is_in_chunk => {
-                let records = self.unpacked(fields);
-                let records = records.map_err(|problem| self.tracks.error(place, problem))?;
+                let records = self
+                    .unpacked(fields)
+                    .map_err(|problem| self.tracks.error(place, problem))?;
                 return self.records(&mut &*records, Some(offset));
             }
             _ => Some(()),

@@ -49,7 +49,7 @@ pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadEr
             return Err(tracks.cut(place, message.len() as u64, 4));
         };
         let length = u64::from(u32::from_le_bytes(length));
-        if MOST_BYTES < length {
+        if length > MOST_BYTES {
             return Err(tracks.error(place, FileProblem::TooLong(length)));
         }
         read_bytes(&mut reader, length, &mut message, name)?;

@@ -86,7 +86,7 @@ impl OtherPlan {
             if most <= plans.len() {
                 break;
             }
-            let is_clear = |it: &(&RoadUserTrack, usize)| CLEAR_M <= clearance_m(*it, (track, i));
+            let is_clear = |it: &(&RoadUserTrack, usize)| clearance_m(*it, (track, i)) >= CLEAR_M;
             if !placed.iter().all(is_clear) {
                 continue;
             }
@@ -140,5 +140,5 @@ fn is_behind(own: (&RoadUserTrack, usize), other: (&RoadUserTrack, usize)) -> bo
     let (ahead_m, left_m) = (cos * dx + sin * dy, cos * dy - sin * dx);
     let along = libm::cos(other.heading_rad[k] - own.heading_rad[i]);
     // The strip widens with the distance, because a heading is inexact.
-    ahead_m < 0.0 && left_m.abs() < BEHIND_M + 0.03 * ahead_m.abs() && 0.5 < along
+    ahead_m < 0.0 && left_m.abs() < BEHIND_M + 0.03 * ahead_m.abs() && along > 0.5
 }

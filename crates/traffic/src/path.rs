@@ -40,7 +40,7 @@ impl Path {
                 s_m.push(s);
             }
         }
-        (2 <= x_m.len()).then_some(Path { x_m, y_m, s_m })
+        (x_m.len() >= 2).then_some(Path { x_m, y_m, s_m })
     }
 
     /// Returns the path relative to an origin.
@@ -86,7 +86,7 @@ impl Path {
         let last = self.pieces() - 1;
         let mut piece = hint.min(last);
         // Back first, then ahead: at a corner both neighbours may claim the point.
-        while 0 < piece && self.along(point, piece) < 0.0 {
+        while piece > 0 && self.along(point, piece) < 0.0 {
             piece -= 1;
         }
         while piece < last && self.way(piece) < self.along(point, piece) {

@@ -102,8 +102,7 @@ pub fn svg_instant(
     let lower_px = top_px + size_px[1];
     shown.retain(|i| {
         let user = &recording.tracks[*i];
-        let corners = corners_m(user, sample - user.first_sample);
-        let corners = corners.map(|it| canvas.place_px(it));
+        let corners = corners_m(user, sample - user.first_sample).map(|it| canvas.place_px(it));
         let is_level = corners.iter().all(|it| (top_px..lower_px).contains(&it[1]));
         is_level && corners.iter().any(|it| (0.0..WIDTH_PX).contains(&it[0]))
     });

@@ -40,8 +40,11 @@ impl SpeedPlan {
         }
         let last = (pieces as f64 * PIECE_S / dt_s).round() as usize;
         let first_m = s_m[0];
-        let rows = s_m[..=last.min(s_m.len() - 1)].iter().enumerate();
-        let rows: Vec<(f64, f64)> = rows.map(|(i, s)| (i as f64 * dt_s, s - first_m)).collect();
+        let rows: Vec<(f64, f64)> = s_m[..=last.min(s_m.len() - 1)]
+            .iter()
+            .enumerate()
+            .map(|(i, s)| (i as f64 * dt_s, s - first_m))
+            .collect();
         let (start_m, fitted_mps) = least_squares(&rows, pieces)?;
         let start_mps = rounded(fitted_mps[0]);
         let mut speed_mps = start_mps;
@@ -51,7 +54,7 @@ impl SpeedPlan {
             // towards the fit, so that no error adds up.
             let is_steady = (to - speed_mps).abs() < LEAST_CHANGE_MPS;
             speed_mps = match is_steady.then_some(to < speed_mps) {
-                Some(true) if LEAST_CHANGE_MPS <= speed_mps => speed_mps - LEAST_CHANGE_MPS,
+                Some(true) if speed_mps >= LEAST_CHANGE_MPS => speed_mps - LEAST_CHANGE_MPS,
                 Some(_) => speed_mps + LEAST_CHANGE_MPS,
                 None => to,
             };
@@ -142,7 +145,7 @@ fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<(f64, Vec<f64>)> 
             };
             let rising = (1..n).filter(|i| is_zero[*i]);
             let most = rising.max_by(|a, b| rise(*a).total_cmp(&rise(*b)));
-            match most.filter(|i| 1e-6 < rise(*i)) {
+            match most.filter(|i| rise(*i) > 1e-6) {
                 Some(i) => is_zero[i] = false,
                 None => break,
             }

@@ -76,7 +76,7 @@ fn missing(header: &[String], file: &str, column: &str) -> ReadError {
     ReadError::MissingColumn {
         file: file.to_owned(),
         column: column.to_owned(),
-        nearest: nearest.filter(|it| 0.7 < likeness(it)).cloned(),
+        nearest: nearest.filter(|it| likeness(it) > 0.7).cloned(),
         header: crate::csv_rows::header_shown(header),
     }
 }

@@ -126,5 +126,5 @@ pub(crate) struct RawTracks {
 pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     let turn = 2.0 * PI;
     let rest = angle_rad.rem_euclid(turn);
-    if PI < rest { rest - turn } else { rest }
+    if rest > PI { rest - turn } else { rest }
 }

@@ -31,7 +31,7 @@ pub(crate) fn reference_line(recording: &TrafficRecording, free: &[usize]) -> Op
     let mut candidates: Vec<(f64, usize)> = free
         .iter()
         .map(|i| (recording.tracks[*i].distance_m(), *i))
-        .filter(|(length_m, i)| SEED_M <= *length_m && !is_loop(&recording.tracks[*i]))
+        .filter(|(length_m, i)| *length_m >= SEED_M && !is_loop(&recording.tracks[*i]))
         .collect();
     candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
     let longest_m = candidates.first()?.0;
@@ -189,7 +189,7 @@ fn tail(track: &RoadUserTrack, path: &Path, is_end: bool) -> Option<(f64, Vec<[f
     let crossing = rows.windows(2).position(|pair| {
         let (a, b) = (at(pair[0]), at(pair[1]));
         let same_way = || wrapped(track.heading_rad[pair[0]] - course_rad).abs() < SAME_WAY_RAD;
-        a.0 <= 0.0 && 0.0 < b.0 && a.1.abs() < WIDTH_M && same_way()
+        a.0 <= 0.0 && b.0 > 0.0 && a.1.abs() < WIDTH_M && same_way()
     })?;
     let left_m = at(rows[crossing]).1;
     let rows = if is_end {

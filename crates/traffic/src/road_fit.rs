@@ -403,11 +403,12 @@ mod tests {
             .collect();
         let road = FittedRoad::fit(&line, HOW).expect("a road");
         assert!(road.pieces.is_empty() && road.worst_m < 1e-9, "{road:?}");
-        let circle = (0..50).map(|i| {
-            let (sin, cos) = libm::sincos(0.01 * f64::from(i));
-            [100.0 * sin, 100.0 * cos - 100.0]
-        });
-        let circle: Vec<[f64; 2]> = circle.collect();
+        let circle: Vec<[f64; 2]> = (0..50)
+            .map(|i| {
+                let (sin, cos) = libm::sincos(0.01 * f64::from(i));
+                [100.0 * sin, 100.0 * cos - 100.0]
+            })
+            .collect();
         let road = FittedRoad::fit(&circle, HOW).expect("a road");
         let [piece] = &road.pieces[..] else {
             panic!("{road:?}");

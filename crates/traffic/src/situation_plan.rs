@@ -165,7 +165,7 @@ impl SituationPlan {
         let mut shape = LaneChangePlan::fit(&offsets, line - from, dt_s)?;
 
         // It begins in the neighbouring lane and ends in the ego's.
-        if !LANE_MIDDLES_M.contains(&shape.from_m.abs()) || SAME_LANE_M < shape.to_m.abs() {
+        if !LANE_MIDDLES_M.contains(&shape.from_m.abs()) || shape.to_m.abs() > SAME_LANE_M {
             return None;
         }
 
@@ -183,7 +183,7 @@ impl SituationPlan {
         let off =
             recorded.map(|(i, it)| (it - middle_m - shape.lateral_m(i as f64 * dt_s, dt_s)).abs());
         let worst_m = off.fold(0.0, f64::max);
-        if ACROSS_M < worst_m {
+        if worst_m > ACROSS_M {
             return None;
         }
         let mut s_m = own_way(other, at, window, dt_s)?;
@@ -216,7 +216,7 @@ impl SituationPlan {
         let mut plan = pair.plan(analysis, (gap_m, speed), Some(across), place)?;
         plan.hardness = cut_in.at_line.needed_mps2();
         // Bodies that overlap at the start are no situation.
-        let is_clear = plan.place() != RecordedPlace::Beside || BESIDE_M <= shape.from_m.abs();
+        let is_clear = plan.place() != RecordedPlace::Beside || shape.from_m.abs() >= BESIDE_M;
         (is_clear && across.ego_m.abs() <= EGO_LANE_M).then_some(plan)
     }
 

@@ -214,7 +214,7 @@ fn cut_in(
     let behind = &recording.tracks[follower];
     let at_line = leads.of[follower][change.sample - behind.first_sample]?;
     // So far ahead, the change demands nothing of the follower.
-    if CUT_IN_GAP_M < at_line.gap_m {
+    if at_line.gap_m > CUT_IN_GAP_M {
         return None;
     }
     let at = change.sample - recording.tracks[change.track].first_sample;

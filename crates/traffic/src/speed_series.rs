@@ -29,7 +29,7 @@ pub fn speed_series(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<Spee
                 continue;
             }
             let speeds_mps: Vec<f64> = own.speed_mps[range].iter().step_by(step).copied().collect();
-            if LEAST_DECISIONS < speeds_mps.len() {
+            if speeds_mps.len() > LEAST_DECISIONS {
                 all.push(SpeedSeries {
                     track,
                     carriageway: placed.carriageway,

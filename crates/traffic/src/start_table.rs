@@ -14,7 +14,7 @@ pub fn start_table(analyses: &[Analysis]) -> StartTable {
         for (track, leads) in analysis.recording.tracks.iter().zip(&analysis.leads.of) {
             let mut seen = 0_usize;
             for (i, lead) in leads.iter().enumerate() {
-                let Some(lead) = lead.filter(|it| 0.0 <= it.gap_m && !track.filled[i]) else {
+                let Some(lead) = lead.filter(|it| it.gap_m >= 0.0 && !track.filled[i]) else {
                     continue;
                 };
                 seen += 1;
@@ -27,7 +27,7 @@ pub fn start_table(analyses: &[Analysis]) -> StartTable {
                 }
             }
             all += seen;
-            followers += usize::from(0 < seen);
+            followers += usize::from(seen > 0);
             hours += seen as f64 * analysis.recording.dt_s / 3600.0;
         }
     }

@@ -173,7 +173,7 @@ fn simplified(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
         }
         let off = |i: &usize| distance_px(points[*i], points[from], points[to]);
         let worst = (from + 1..to).max_by(|a, b| off(a).total_cmp(&off(b)));
-        if let Some(worst) = worst.filter(|it| 0.25 < off(it)) {
+        if let Some(worst) = worst.filter(|it| off(it) > 0.25) {
             open.extend([(from, worst), (worst, to)]);
         }
     }

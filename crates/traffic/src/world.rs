@@ -96,9 +96,11 @@ impl RecordedWorlds {
         most: usize,
         others: usize,
     ) -> RecordedWorlds {
-        let all = analyses.iter().enumerate();
-        let all = all.flat_map(|(i, it)| candidates(kind, it).map(move |(hard, of)| (hard, i, of)));
-        let mut all: Vec<(f64, usize, Candidate)> = all.collect();
+        let mut all: Vec<(f64, usize, Candidate)> = analyses
+            .iter()
+            .enumerate()
+            .flat_map(|(i, it)| candidates(kind, it).map(move |(hard, of)| (hard, i, of)))
+            .collect();
         // The sort is stable, so equal situations are in the order of the recordings.
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut result = RecordedWorlds {
@@ -122,7 +124,7 @@ impl RecordedWorlds {
                 continue;
             };
             planned += 1;
-            if 0 < others {
+            if others > 0 {
                 let sample = (plan.time_s / analysis.recording.dt_s).round() as usize;
                 plan.others = OtherPlan::nearest(analysis, plan.tracks, sample, others);
             }
@@ -241,8 +243,11 @@ impl LaneRoads {
         let part_m = from_m - BEYOND_M[0]..from_m + SECTION_M + BEYOND_M[1];
         let path = &analysis.frame.carriageways[lane.carriageway].path;
         let middle = path.moved(|_| lane.right_lane_m, 1.0)?;
-        let points = middle.points().filter(|(_, s)| part_m.contains(s));
-        let points: Vec<[f64; 2]> = points.map(|(point, _)| point).collect();
+        let points: Vec<[f64; 2]> = middle
+            .points()
+            .filter(|(_, s)| part_m.contains(s))
+            .map(|(point, _)| point)
+            .collect();
         let road = Arc::new(FittedRoad::fit(&points, LANE_FIT)?);
         self.all.push((lane, Arc::clone(&road)));
         Some(Some(road))

@@ -46,8 +46,7 @@ impl PointColumns {
         }
         let axes: Vec<String> = self.axes.iter().map(|it| format!("{:?}", it.0)).collect();
         let rows = situations.iter().enumerate().map(|(i, situation)| {
-            let row = self.axes.iter().map(|it| format!("{:?}", it.1[i]));
-            let row: Vec<String> = row.collect();
+            let row: Vec<String> = self.axes.iter().map(|it| format!("{:?}", it.1[i])).collect();
             format!(
                 "            // {}, at {:.2} s: {} ahead of the ego, which replaces {}\n            [{}],\n",
                 file_name(&situation.source),
@@ -124,10 +123,10 @@ impl LaneText<'_> {
         let across = all()
             .filter_map(|it| it.across)
             .map(|it| it.worst_m)
-            .reduce(f64::max);
-        let across = across.map_or(String::new(), |it| {
-            format!("\n// Across the road they stay within {it:.2} m.")
-        });
+            .reduce(f64::max)
+            .map_or(String::new(), |it| {
+                format!("\n// Across the road they stay within {it:.2} m.")
+            });
         let horizon_s = first.speed.to_mps.len() as f64 * PIECE_S;
         let points = table.to_ron(situations);
         let surface = format!("lanes: {lanes}, lane_width_m: {LANE_WIDTH_M:?}, friction: 0.9");
@@ -329,11 +328,13 @@ impl SituationAdo<'_> {
         let offset = table.number_from(middle_m, &format!("{name}.lateral"), offset);
         let speed = table.number(&format!("{name}.speed"), all().map(|it| it.speed.start_mps));
         let script = self.script(table);
-        let rules = self.rules();
-        let rules = rules.iter().map(|(name, stl)| {
-            format!("                    Rule(name: \"{name}\", stl: \"{stl}\"),\n")
-        });
-        let rules: String = rules.collect();
+        let rules: String = self
+            .rules()
+            .iter()
+            .map(|(name, stl)| {
+                format!("                    Rule(name: \"{name}\", stl: \"{stl}\"),\n")
+            })
+            .collect();
         let (actions, neutral) = match self.kind {
             SituationKind::CutIn => ("lateral_mps: [-0.3, 0.0, 0.3]", 4),
             _ => ("lateral_mps: [0.0]", 1),

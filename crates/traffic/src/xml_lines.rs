@@ -73,8 +73,8 @@ impl PlacedElement<'_> {
         let Some(found) = found.map_err(|error| wrong(error.to_string()))? else {
             return Ok(None);
         };
-        let value = quick_xml::escape::unescape(&found.value);
-        let value = value.map_err(|error| wrong(error.to_string()))?;
+        let value =
+            quick_xml::escape::unescape(&found.value).map_err(|error| wrong(error.to_string()))?;
         Ok(Some(value.into_owned()))
     }
 

@@ -18,6 +18,7 @@ const PER_BYTE: usize = 250;
 
 fn varint(mut value: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
+    // Protocol buffers store seven bits per byte, the lowest first.
     while value > 0x7f {
         bytes.push(value as u8 | 0x80);
         value >>= 7;
@@ -29,6 +30,7 @@ fn varint(mut value: u64) -> Vec<u8> {
 /// Field of a message.
 fn nested(number: u64, content: &[u8]) -> Vec<u8> {
     [
+        // Wire type 2: the length precedes the content.
         &varint(number << 3 | 2)[..],
         &varint(content.len() as u64),
         content,
@@ -39,6 +41,7 @@ fn nested(number: u64, content: &[u8]) -> Vec<u8> {
 /// The smallest message of objects that is read: without places, which are then 0.
 fn message(second: u64, ids: impl Iterator<Item = u64>) -> Vec<u8> {
     let instant = nested(2, &[varint(1 << 3), varint(second)].concat());
+    // An empty position, since proto3 leaves out zeros.
     let base = nested(2, &nested(2, &[]));
     let objects = ids.flat_map(|id| {
         let id = nested(1, &[varint(1 << 3), varint(id)].concat());
@@ -48,6 +51,7 @@ fn message(second: u64, ids: impl Iterator<Item = u64>) -> Vec<u8> {
 }
 
 fn osi(message: &[u8]) -> Vec<u8> {
+    // A file of OSI states the length of each message before it.
     [&(message.len() as u32).to_le_bytes()[..], message].concat()
 }
 
@@ -79,6 +83,7 @@ fn records(messages: &[Vec<u8>]) -> Vec<u8> {
 fn mcap(chunks: &[(&str, u64, Vec<u8>)]) -> Vec<u8> {
     let mut file = b"\x89MCAP0\r\n".to_vec();
     for (compression, size, packed) in chunks {
+        // Times of the first and last message, size, checksum (0: none) and compression.
         let head = [
             &[0; 16][..],
             &size.to_le_bytes(),
@@ -88,6 +93,7 @@ fn mcap(chunks: &[(&str, u64, Vec<u8>)]) -> Vec<u8> {
         let length = (packed.len() as u64).to_le_bytes();
         file.extend(record(6, &[&head.concat()[..], &length, packed].concat()));
     }
+    // The end of data, without a summary.
     file.extend(record(15, &[0; 4]));
     file
 }
@@ -103,6 +109,7 @@ fn zstd(records: &[u8]) -> (&'static str, u64, Vec<u8>) {
 fn zeros(blocks: u64) -> (&'static str, u64, Vec<u8>) {
     let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x58];
     for block in 1..=blocks {
+        // Block type 1 repeats a single byte.
         let header = (128_u32 << 10) << 3 | 1 << 1 | u32::from(block == blocks);
         frame.extend(&header.to_le_bytes()[..3]);
         frame.push(0);
@@ -118,9 +125,12 @@ fn hostile() -> Vec<(&'static str, Read, Vec<u8>, &'static str)> {
     let read_mcap: Read = |it| read_mcap(it, "a.mcap");
     let read_csv: Read = |it| read_csv_guessed(it, "a.csv").map(|it| it.0);
     let read_xosc: Read = |it| read_xosc(it, "a.xosc");
+    // Field 5 without content, a million times.
     let empty_objects: Vec<u8> = [0x2a, 0].repeat(1 << 20);
+    // A message that announces 128 MB and has none.
     let mut cut = record(5, &[]);
     cut[1..9].copy_from_slice(&(1_u64 << 27).to_le_bytes());
+    // As many objects as a motorway never has, in each of 300 messages.
     let again: Vec<Vec<u8>> = (0..300).map(|i| message(i, 0..4000)).collect();
     let others = message(0, 0..1_500_000);
     let mut uneven = "time,id,x,y\n".to_owned();

@@ -178,11 +178,14 @@ fn a_light_beside_a_run_without_end_has_a_schedule_of_some_length() {
     let world = &imported.worlds[0];
     assert!(world.text.len() < 2_000_000);
     let error = Scenario::parse("small.ron", &world.text).expect_err("too long");
-    let places = error.problems.iter().filter_map(|problem| {
-        let at = world.refused(problem.span.start, "")?.element?;
-        Some(at.0)
-    });
-    let places: Vec<String> = places.collect();
+    let places: Vec<String> = error
+        .problems
+        .iter()
+        .filter_map(|problem| {
+            let at = world.refused(problem.span.start, "")?.element?;
+            Some(at.0)
+        })
+        .collect();
     assert_eq!(places.len(), error.problems.len(), "{places:?}");
 }
 

@@ -216,8 +216,10 @@ fn an_ego_without_a_place_is_named() {
     let private = BASE
         .split_once(r#"      <Private entityRef="Ego">"#)
         .expect("it begins")
-        .1;
-    let private = private.split_once("</Private>").expect("it ends").0;
+        .1
+        .split_once("</Private>")
+        .expect("it ends")
+        .0;
     let all: &'static str = Box::leak(
         format!(r#"      <Private entityRef="Ego">{private}</Private>"#).into_boxed_str(),
     );

@@ -260,7 +260,7 @@ impl Plan {
     /// A file with another question is foreign, whatever its name.
     pub(super) fn question(&self, work: &Work) -> String {
         let world = |position: usize| self.worlds.get(position);
-        let asked = match work {
+        let request = match work {
             Work::Training(position) => {
                 let training = self.trainings.get(*position);
                 json!([training, training.and_then(|it| world(it.world))])
@@ -291,7 +291,7 @@ impl Plan {
             }
         };
         // The version is part of the question, since another version may play differently.
-        let question = json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": asked });
+        let question = json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": request });
         sha256(question.to_string().as_bytes())
     }
 

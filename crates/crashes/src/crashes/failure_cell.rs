@@ -113,8 +113,10 @@ fn ego_name(scenario: &Scenario) -> String {
 
 /// Returns the kind of a failure. A contact counts only if all rules hold until it.
 fn kind(scenario: &Scenario, episode: &Episode, ego: &str) -> CellFailure {
-    let contact = episode.contact.as_ref();
-    let contact = contact.filter(|_| !episode.is_foul_before_contact());
+    let contact = episode
+        .contact
+        .as_ref()
+        .filter(|_| !episode.is_foul_before_contact());
     match contact.and_then(|touch| Some((touch, touch.impact?))) {
         Some((touch, impact)) => {
             let (one, other) = &touch.between;

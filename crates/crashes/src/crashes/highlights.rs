@@ -43,8 +43,11 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
     };
     let unwatched = Watch::unwatched();
     let all = EpisodeLoop::uncounted(&unwatched);
-    let facts = all.run(&solved, || scenario.bench(), facts_again);
-    let facts: Vec<Facts> = facts.into_iter().flatten().collect();
+    let facts: Vec<Facts> = all
+        .run(&solved, || scenario.bench(), facts_again)
+        .into_iter()
+        .flatten()
+        .collect();
     let dt_s = scenario.bench().clock().sample_s;
     let mut chosen: Vec<(String, &Facts)> = Vec::new();
     type Criterion<'a> = (
@@ -90,7 +93,7 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
     let farthest = facts
         .iter()
         .map(|f| (far(f), f))
-        .filter(|(far, _)| 0.0 < *far);
+        .filter(|(far, _)| *far > 0.0);
     if let Some((_, f)) = farthest.reduce(|a, b| if a.0 < b.0 { b } else { a }) {
         chosen.push(("Start most unlike the others".to_owned(), f));
     }

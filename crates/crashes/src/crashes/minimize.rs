@@ -249,7 +249,7 @@ impl Shrinking<'_> {
                     return;
                 }
             }
-            if 2 <= most {
+            if most >= 2 {
                 self.finds_with(2);
             }
         }
@@ -347,7 +347,7 @@ impl Shrinking<'_> {
     /// Makes a sequence smaller step by step, until no step helps.
     fn moved(&mut self, mut actions: Vec<usize>) {
         let mut refused = CONFIRMATIONS;
-        while 0 < self.moves && 0 < refused && !self.watch.stopped() {
+        while self.moves > 0 && refused > 0 && !self.watch.stopped() {
             let smaller = self.smaller_than(&actions);
             let found = smaller.iter().any(|candidate| {
                 let stops = self.moves == 0 || refused == 0;
@@ -370,8 +370,7 @@ impl Shrinking<'_> {
     fn smaller_than(&self, actions: &[usize]) -> Vec<Vec<usize>> {
         let now = effort(self.scenario, actions);
         let spaces = self.scenario.world().spaces();
-        let candidates = neighbours(actions, spaces.neutral, spaces.actions);
-        let candidates = candidates
+        let candidates = neighbours(actions, spaces.neutral, spaces.actions)
             .into_iter()
             .map(|it| (effort(self.scenario, &it), it));
         let mut smaller: Vec<_> = candidates

@@ -123,7 +123,7 @@ fn starts(scenario: &Scenario, start: &Start) -> Vec<PerturbedStart> {
             let mut varied = start.clone();
             varied.0[n] += by;
             // A perturbed speed must not reverse a vehicle that had no reverse speed.
-            if axis.unit == "m/s" && 0.0 <= start.0[n] {
+            if axis.unit == "m/s" && start.0[n] >= 0.0 {
                 varied.0[n] = varied.0[n].max(0.0);
             }
             let name = format!("{} {by:+} {}", axis.name, axis.unit);

@@ -232,15 +232,18 @@ impl Regressions {
     /// A world or a changed ego is not usable, or it is a program without your
     /// [consent](Regressions::allow_programs).
     pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
-        let scenarios = self.kept.iter().map(|kept| {
-            let world = self.scenario(kept)?;
-            Ok::<_, RegressionError>(if self.fresh_egos {
-                world.with_fresh_egos()
-            } else {
-                world
+        let scenarios = self
+            .kept
+            .iter()
+            .map(|kept| {
+                let world = self.scenario(kept)?;
+                Ok::<_, RegressionError>(if self.fresh_egos {
+                    world.with_fresh_egos()
+                } else {
+                    world
+                })
             })
-        });
-        let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
+            .collect::<Result<Vec<_>, _>>()?;
         self.consent(&scenarios)?;
         // Kept files of one program share one that is running.
         let log = FaultLog::allowing(self.allow_invalid);
@@ -323,11 +326,12 @@ impl Regressions {
     /// No replay does, and an ado breaks its rule in one of them.
     pub fn check_answers(replayed: &[Replayed]) -> Result<(), RegressionError> {
         let counts = ReplayCounts::of(replayed);
-        if counts.no_answer == 0 || 0 < counts.still_fail + counts.fixed {
+        if counts.no_answer == 0 || counts.still_fail + counts.fixed > 0 {
             return Ok(());
         }
-        let reasons = replayed.iter();
-        let reasons = reasons.filter_map(|one| Some((one, one.no_answer()?)));
+        let reasons = replayed
+            .iter()
+            .filter_map(|one| Some((one, one.no_answer()?)));
         Err(RegressionError::NoAnswer {
             broken: reasons
                 .map(|(one, why)| format!("  {}: {why}", one.path.display()))
@@ -387,8 +391,9 @@ impl Regressions {
     /// The world is not usable.
     pub fn world_of(&self, kept: &SavedCounterexample) -> Result<Scenario, KeptError> {
         let recorded = &kept.counterexample;
-        let world = recorded.scenario(&kept.path)?;
-        let world = world.allow_programs(self.programs_allowed);
+        let world = recorded
+            .scenario(&kept.path)?
+            .allow_programs(self.programs_allowed);
         let may_start = world.program().is_some_and(|it| it.is_allowed());
         Ok(match recorded.commands().filter(|_| !may_start) {
             Some(commands) => world.with_commands(&commands),

@@ -251,17 +251,17 @@ impl std::fmt::Display for ReplayCounts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (still_fail, replayed, fixed) = (self.still_fail, self.replayed, self.fixed);
         write!(f, "{still_fail} of {replayed} still fail, {fixed} fixed")?;
-        if 0 < self.uncounted {
+        if self.uncounted > 0 {
             write!(
                 f,
                 " ({} violate it, but not so that it counts)",
                 self.uncounted
             )?;
         }
-        if 0 < self.no_answer {
+        if self.no_answer > 0 {
             write!(f, ", {} without an answer", self.no_answer)?;
         }
-        if 0 < self.invalid {
+        if self.invalid > 0 {
             write!(f, ", {} did not run", self.invalid)?;
         }
         Ok(())
@@ -317,8 +317,9 @@ pub fn newest_of_training(
 /// The start does not fit the world.
 pub fn replay(kept: &SavedCounterexample, scenario: Scenario) -> Result<Replayed, KeptError> {
     let Repeats { runs, gate } = scenario.repeats;
-    let episodes = (0..runs.max(1)).map(|_| once(kept, &scenario));
-    let mut episodes = episodes.collect::<Result<Vec<_>, _>>()?;
+    let mut episodes = (0..runs.max(1))
+        .map(|_| once(kept, &scenario))
+        .collect::<Result<Vec<_>, _>>()?;
     let (repeated, standing) = StartRepeated::of(&episodes, gate);
     let episode = episodes.swap_remove(standing);
     let recorded = &kept.counterexample;
@@ -347,7 +348,7 @@ pub fn replay(kept: &SavedCounterexample, scenario: Scenario) -> Result<Replayed
         first_difference,
         repeats_by_commands,
         ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
-        repeated: (1 < runs).then_some(repeated),
+        repeated: (runs > 1).then_some(repeated),
         unrepeatable: None,
         // Labels in the file are valid for the recorded run only.
         about: recorded.about.clone().filter(|_| identical),
@@ -535,8 +536,11 @@ mod tests {
         names: &[(&str, &str)],
     ) -> SavedCounterexample {
         let schema = episode.trace.schema();
-        let columns = names.iter().map(|(_, now)| schema.position(now));
-        let columns: Vec<usize> = columns.map(|column| column.expect("published")).collect();
+        let columns: Vec<usize> = names
+            .iter()
+            .map(|(_, now)| schema.position(now))
+            .map(|column| column.expect("published"))
+            .collect();
         let counterexample = Counterexample {
             signals: names.iter().map(|(then, _)| (*then).to_owned()).collect(),
             digests: digests_of(&episode.trace, &columns),

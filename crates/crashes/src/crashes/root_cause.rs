@@ -345,9 +345,10 @@ fn chance(
         }
     };
     // Every sample would be a whole replay, so whole decisions come first.
-    let coarse = (0..=judged.div_ceil(per_decision)).rev();
-    let coarse = coarse.map(|decision| decision * per_decision);
-    let mut coarse = coarse.filter(|after| *after <= judged);
+    let mut coarse = (0..=judged.div_ceil(per_decision))
+        .rev()
+        .map(|decision| decision * per_decision)
+        .filter(|after| *after <= judged);
     let at = match coarse.find(|after| avoids(*after, &mut unanswered)) {
         // Within a decision of the chance, samples are tried from its end.
         Some(from) => {
@@ -360,8 +361,9 @@ fn chance(
         // tried at every sample already, and a missing answer stays one.
         None if is_refuted || unanswered.is_some() => None,
         None => {
-            let between = (0..=judged).rev();
-            let mut between = between.filter(|after| !after.is_multiple_of(per_decision));
+            let mut between = (0..=judged)
+                .rev()
+                .filter(|after| !after.is_multiple_of(per_decision));
             between.find(|after| avoids(*after, &mut unanswered))
         }
     };

@@ -423,11 +423,13 @@ fn leaders(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
 
 /// Returns all counterexamples in order, with the sizes of their clusters.
 fn all_by_rank(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
-    let all = clusters.iter().flat_map(|cluster| {
-        let members = cluster.iter();
-        members.map(|at| (*at, cluster.len()))
-    });
-    let mut all: Vec<_> = all.collect();
+    let mut all: Vec<_> = clusters
+        .iter()
+        .flat_map(|cluster| {
+            let members = cluster.iter();
+            members.map(|at| (*at, cluster.len()))
+        })
+        .collect();
     all.sort_unstable();
     all
 }

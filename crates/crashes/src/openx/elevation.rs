@@ -77,8 +77,11 @@ impl<'a> Elevation<'a> {
 fn stations_m(heights: &RoadProfile<'_>, stretch: Stretch) -> Vec<f64> {
     let half_m = 0.5 * heights.vertical_curve_m;
     // Before the second of them, the first holds.
-    let changes = heights.grades.iter().skip(1);
-    let changes = changes.flat_map(|grade| [grade.from_s_m - half_m, grade.from_s_m + half_m]);
+    let changes = heights
+        .grades
+        .iter()
+        .skip(1)
+        .flat_map(|grade| [grade.from_s_m - half_m, grade.from_s_m + half_m]);
     let mut all: Vec<f64> = [stretch.from_s_m].into_iter().chain(changes).collect();
     all.retain(|s_m| (stretch.from_s_m..stretch.to_s_m).contains(s_m));
     all.sort_by(f64::total_cmp);

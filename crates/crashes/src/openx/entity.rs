@@ -152,8 +152,8 @@ fn category(body: &Body, vehicle: &Vehicle) -> &'static str {
         };
     }
     match body.mass_kg {
-        heavy if LORRY_KG < heavy => "truck",
-        _ if VAN_M < body.height_m => "van",
+        heavy if heavy > LORRY_KG => "truck",
+        _ if body.height_m > VAN_M => "van",
         _ => "car",
     }
 }
@@ -178,8 +178,9 @@ mod tests {
         let body = Body::shipped("bicyclist")
             .expect("shipped")
             .expect("a body");
-        let text = bicycle(&body, body.cyclist().expect("a cyclist"));
-        let text = text.document().expect("written");
+        let text = bicycle(&body, body.cyclist().expect("a cyclist"))
+            .document()
+            .expect("written");
         for part in [
             "vehicleCategory=\"bicycle\"",
             "maxSpeed=\"10\"",

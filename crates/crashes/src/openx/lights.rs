@@ -49,16 +49,18 @@ pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> XmlElement {
         // Recorded phases and not the cycle of the light: a replay shows what
         // was recorded.
         let shown: Vec<Phase> = passage.phases.iter().map(|row| row[number]).collect();
-        let phases = phases(&shown, spec.clock.sample_s).into_iter();
-        let phases = phases.enumerate().map(|(i, (phase, duration_s))| {
-            let state = XmlElement::new("TrafficSignalState")
-                .text("trafficSignalId", id(number))
-                .text("state", bulbs(phase));
-            XmlElement::new("Phase")
-                .text("name", format!("{} {}", i + 1, word(phase)))
-                .number("duration", duration_s)
-                .child(state)
-        });
+        let phases = phases(&shown, spec.clock.sample_s)
+            .into_iter()
+            .enumerate()
+            .map(|(i, (phase, duration_s))| {
+                let state = XmlElement::new("TrafficSignalState")
+                    .text("trafficSignalId", id(number))
+                    .text("state", bulbs(phase));
+                XmlElement::new("Phase")
+                    .text("name", format!("{} {}", i + 1, word(phase)))
+                    .number("duration", duration_s)
+                    .child(state)
+            });
         let controller = XmlElement::new("TrafficSignalController").text("name", &light.name);
         controller.children(phases)
     });
@@ -75,16 +77,23 @@ fn phases(shown: &[Phase], sample_s: f64) -> Vec<(Phase, f64)> {
     }
     // A phase ends at the first sample of the next phase, the last phase at the
     // final sample.
-    let ends = begun.iter().skip(1).map(|(_, sample)| *sample);
-    let ends: Vec<usize> = ends.chain([shown.len().saturating_sub(1)]).collect();
+    let ends: Vec<usize> = begun
+        .iter()
+        .skip(1)
+        .map(|(_, sample)| *sample)
+        .chain([shown.len().saturating_sub(1)])
+        .collect();
     let last = begun.len().saturating_sub(1);
-    let spans = begun.iter().zip(ends).enumerate();
-    let spans = spans.map(|(number, ((phase, from), to))| {
-        // Players repeat the cycle of a controller. A long last phase keeps
-        // them from starting it again before the scenario ends.
-        let longer_s = if number == last { LAST_LONGER_S } else { 0.0 };
-        (*phase, sample_time_s(to - from, sample_s) + longer_s)
-    });
+    let spans = begun
+        .iter()
+        .zip(ends)
+        .enumerate()
+        .map(|(number, ((phase, from), to))| {
+            // Players repeat the cycle of a controller. A long last phase keeps
+            // them from starting it again before the scenario ends.
+            let longer_s = if number == last { LAST_LONGER_S } else { 0.0 };
+            (*phase, sample_time_s(to - from, sample_s) + longer_s)
+        });
     spans.collect()
 }
 

@@ -258,10 +258,11 @@ fn ways(
     after: Option<&FilmAfterContact>,
 ) -> Result<Vec<Vec<Vertex>>, OpenXError> {
     let agents = spec.agents.iter().enumerate();
-    let ways = agents.map(|(number, agent)| {
-        path::vertices(&passage.motion, number, &agent.body, spec.clock.sample_s)
-    });
-    let mut ways: Vec<Vec<Vertex>> = ways.collect();
+    let mut ways: Vec<Vec<Vertex>> = agents
+        .map(|(number, agent)| {
+            path::vertices(&passage.motion, number, &agent.body, spec.clock.sample_s)
+        })
+        .collect();
     if let Some(after) = after {
         for (number, (way, agent)) in ways.iter_mut().zip(&spec.agents).enumerate() {
             path::go_on(way, after, number, &agent.body);
@@ -269,7 +270,7 @@ fn ways(
     }
     // Agents share their samples, so one short trajectory means that all are
     // short.
-    if ways.iter().all(|way| 2 <= way.len()) {
+    if ways.iter().all(|way| way.len() >= 2) {
         Ok(ways)
     } else {
         Err(OpenXError::NoMotion)

@@ -35,16 +35,17 @@ pub(super) fn document(
     let own = std::iter::once((&spec.world, &spec.road));
     let named = spec.roads.iter().map(|(name, placed)| (name, &placed.road));
     let elevation = Elevation::of(world);
-    let roads = own.chain(named).zip(world.courses()).enumerate();
-    let roads = roads.map(|(number, ((name, road), course))| {
-        let profile = elevation.map(|it| it.profile(number, stretch(number)));
-        let laid = element((number, name), road, (course, profile), stretch(number));
-        if spec.lights_of(number).next().is_some() {
-            laid.child(lights::signals(spec, number, stretch(number)))
-        } else {
-            laid
-        }
-    });
+    let roads = own.chain(named).zip(world.courses()).enumerate().map(
+        |(number, ((name, road), course))| {
+            let profile = elevation.map(|it| it.profile(number, stretch(number)));
+            let laid = element((number, name), road, (course, profile), stretch(number));
+            if spec.lights_of(number).next().is_some() {
+                laid.child(lights::signals(spec, number, stretch(number)))
+            } else {
+                laid
+            }
+        },
+    );
     XmlElement::new("OpenDRIVE").child(header).children(roads)
 }
 
@@ -122,7 +123,7 @@ fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
     let mut all = vec![line(stretch.from_s_m, begin_s_m)];
     all.extend(pieces);
     all.push(line(end_s_m, stretch.to_s_m));
-    all.retain(|piece| 0.0 < piece.length_m);
+    all.retain(|piece| piece.length_m > 0.0);
     let mut merged: Vec<RoadPiece> = Vec::with_capacity(all.len());
     for piece in all {
         match merged.last_mut() {
@@ -198,8 +199,9 @@ mod tests {
             to_s_m: 300.0,
         };
         let course = road.course().expect("a course");
-        let laid = geometries(&course, stretch).into_iter();
-        let laid = laid.map(|it| (it.from_s_m, it.length_m, it.curvature_per_m));
+        let laid = geometries(&course, stretch)
+            .into_iter()
+            .map(|it| (it.from_s_m, it.length_m, it.curvature_per_m));
         laid.collect()
     }
 

@@ -32,8 +32,7 @@ impl XmlElement {
     /// Marks without width, or that turn the direction of writing, are shown escaped.
     pub(super) fn text(mut self, name: &'static str, value: impl AsRef<str>) -> XmlElement {
         // XML 1.0 forbids most control characters, even escaped.
-        let value = value.as_ref().replace(char::is_control, " ");
-        let value = visible_markup(&value).into_owned();
+        let value = visible_markup(&value.as_ref().replace(char::is_control, " ")).into_owned();
         self.attributes.push((name, value));
         self
     }
@@ -131,8 +130,10 @@ mod tests {
     fn vertices_stand_on_one_line() {
         let position = XmlElement::new("Position").child(XmlElement::new("World").number("x", 1.0));
         let vertex = XmlElement::new("Vertex").child(position).on_one_line();
-        let text = XmlElement::new("All").child(vertex).document();
-        let text = text.expect("in memory");
+        let text = XmlElement::new("All")
+            .child(vertex)
+            .document()
+            .expect("in memory");
         assert!(
             text.contains("\n  <Vertex><Position><World x=\"1\"/></Position></Vertex>\n"),
             "{text}"

@@ -217,6 +217,7 @@ impl Gate {
             let starts = flips.both_fail.iter();
             starts.filter_map(move |&start| MoreSevere::of(start, one, other))
         };
+        // A start on which an ado breaks its rule, or that did not run, shows nothing.
         let passes =
             |it: &&StartOutcome| matches!(it, StartOutcome::Held | StartOutcome::Uncounted);
         Gate {
@@ -283,6 +284,7 @@ impl Gate {
     /// contacts only. It is worse if more starts become more severe than become
     /// less severe or are fixed.
     fn severity_decides(&self) -> bool {
+        // A fixed start is the greatest fall of severity.
         let better = self.less_severe + self.newly_fixed.len();
         self.baseline_passes == 0 && self.more_severe.len() > better
     }
@@ -303,8 +305,9 @@ impl Gate {
             .copied()
             .filter(|on| self.closing(*on) > 0 || closes_alone(on))
             .collect();
-        let asked = requested.contains(&GateOn::UnlessUnavoidable);
-        if asked && self.severity_decides() && !closed_by.contains(&GateOn::Severity) {
+        // Reasons that were chosen by name are taken by their word.
+        let by_default = requested.contains(&GateOn::UnlessUnavoidable);
+        if by_default && self.severity_decides() && !closed_by.contains(&GateOn::Severity) {
             closed_by.push(GateOn::Severity);
         }
         DecidedGate {

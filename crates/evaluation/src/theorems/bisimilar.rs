@@ -155,8 +155,8 @@ pub fn theorem_3(
 fn capturable(scenario: GridScenario<'_>) -> Result<usize, TheoremsError> {
     let world = scenario.world();
     let starts = world.spec().arena.starts();
-    let graph = GameGraph::explore_from(world, scenario.rulebook(), Depth::Sign, starts);
-    let graph = graph.map_err(|error| not_solved(&scenario, error.to_string()))?;
+    let graph = GameGraph::explore_from(world, scenario.rulebook(), Depth::Sign, starts)
+        .map_err(|error| not_solved(&scenario, error.to_string()))?;
     Ok(ValueTable::soonest(graph).successes())
 }
 
@@ -164,7 +164,7 @@ impl Theorem3 {
     fn judged(&self) -> TheoremOutcome {
         let pairs = self.inside.pairs;
         // A broken promise is a bug, whatever the premises, so it is reported first.
-        if 0 < self.misses {
+        if self.misses > 0 {
             return TheoremOutcome::Refuted {
                 why: format!(
                     "{} of {pairs} related counterexamples are not carried over",
@@ -248,12 +248,14 @@ impl GridComparison<'_> {
         promised: bool,
     ) -> (ReplayedOnGrid, usize) {
         let below = |found: &&FoundAt| !promised || self.epsilon < found.tau;
-        let pairs = starts.into_iter().filter_map(|both| {
-            let found = self.nominal.get(&self.coarse(both)).filter(below)?;
-            Some((both, found))
-        });
-        let mut pairs: Vec<(Position, &FoundAt)> = pairs.collect();
-        if MOST_PLAYED < pairs.len() {
+        let mut pairs: Vec<(Position, &FoundAt)> = starts
+            .into_iter()
+            .filter_map(|both| {
+                let found = self.nominal.get(&self.coarse(both)).filter(below)?;
+                Some((both, found))
+            })
+            .collect();
+        if pairs.len() > MOST_PLAYED {
             // The seed is fixed, so equal requests play the same pairs.
             LearnerRng::new(CHOICE).shuffle(&mut pairs);
             pairs.truncate(MOST_PLAYED);

@@ -108,8 +108,10 @@ impl Witness {
             };
         };
         let spec = apart(&self.spec, &rulebook.spec.secondary(&other));
-        let rules = self.rules.iter().zip(&rulebook.rules);
-        let rules: Vec<f64> = rules
+        let rules: Vec<f64> = self
+            .rules
+            .iter()
+            .zip(&rulebook.rules)
             .map(|(mine, rule)| apart(&mine.secondary, &rule.monitor.secondary(&other)))
             .collect();
         let rise = self.deepest.and_then(|deepest| {
@@ -170,8 +172,9 @@ impl Witness {
         }
         let mut scratch = Scratch::new();
         let mut values = |trace: &Trace, horizon: usize| -> Vec<f64> {
-            let rules = rulebook.rules.iter();
-            let rules: Vec<f64> = rules
+            let rules: Vec<f64> = rulebook
+                .rules
+                .iter()
                 .map(|rule| rule.monitor.robustness(trace, &mut scratch))
                 .collect();
             let spec = lost_by(&rulebook.spec, trace, horizon, &mut scratch);

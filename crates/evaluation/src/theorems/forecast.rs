@@ -87,7 +87,7 @@ pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[ForecastCase], alpha: 
         coverage: ratio(covered, tests.len()).unwrap_or(0.0),
         coverage_ci95: wilson(covered, tests.len()),
         chance_of_so_little: chance,
-        as_promised: TOO_IMPROBABLE <= chance,
+        as_promised: chance >= TOO_IMPROBABLE,
         predicted: ratio(predicted, tests.len()).unwrap_or(0.0),
         precision: ratio(both, predicted),
         recall: ratio(both, carried),
@@ -95,7 +95,7 @@ pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[ForecastCase], alpha: 
 }
 
 fn ratio(part: usize, whole: usize) -> Option<f64> {
-    (0 < whole).then(|| part as f64 / whole as f64)
+    (whole > 0).then(|| part as f64 / whole as f64)
 }
 
 /// Returns ⌈(n + 1)(1 − α)⌉. Beyond n there is no finite bound.
@@ -131,7 +131,7 @@ fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
 
 fn binomial_at_most(k: usize, m: usize, p: f64) -> f64 {
     // A probability of 0 or 1 has no finite logarithm and promises nothing testable.
-    if p <= 0.0 || 1.0 <= p {
+    if p <= 0.0 || p >= 1.0 {
         return 1.0;
     }
     let term = |j: usize| {
@@ -159,7 +159,7 @@ pub(super) fn word(value: f64) -> serde_json::Value {
     if value.is_finite() {
         value.into()
     } else {
-        if 0.0 < value { "inf" } else { "-inf" }.into()
+        if value > 0.0 { "inf" } else { "-inf" }.into()
     }
 }
 

@@ -103,8 +103,8 @@ pub fn grid_theorems(
 /// # Errors
 /// The world cannot be solved.
 pub fn optimal_values(scenario: GridScenario<'_>) -> Result<ValueTable, TheoremsError> {
-    let graph = GameGraph::explore(scenario.world(), scenario.rulebook(), Depth::Exact);
-    let graph = graph.map_err(|error| not_solved(&scenario, error.to_string()))?;
+    let graph = GameGraph::explore(scenario.world(), scenario.rulebook(), Depth::Exact)
+        .map_err(|error| not_solved(&scenario, error.to_string()))?;
     let discount = scenario.learner().discount();
     Ok(ValueTable::exact(
         graph,

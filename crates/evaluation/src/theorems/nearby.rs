@@ -240,7 +240,7 @@ impl Theorem1 {
                 ),
             };
         }
-        if ROUNDING < self.residual.max(self.unpaid) {
+        if self.residual.max(self.unpaid) > ROUNDING {
             return TheoremOutcome::Refuted {
                 why: format!(
                     "the table is not V*: its residual is {:.4}, and its greedy policy is paid up to {:.4} other than it says",
@@ -249,7 +249,7 @@ impl Theorem1 {
             };
         }
         let why = match (self.found, self.found_optimally, row.promising) {
-            _ if 0 < *late => format!(
+            _ if *late > 0 => format!(
                 "on {late} of {pairs} pairs a rule can only be broken, after decision T: the theorem needs one T"
             ),
             (0, ..) => "the trained ado found no counterexample".to_owned(),
@@ -365,8 +365,10 @@ pub fn theorem_2(
     let later: f64 = steps.map(|t| grid.discount.powi(t)).sum();
     let certified = approximation.certified;
     let alpha_of_starts = largest_gap(values.iter().copied(), &best);
-    let ahead = grid.positions.iter();
-    let ahead = ahead.map(|start| approximation.values.distance_ahead(truth, *start));
+    let ahead = grid
+        .positions
+        .iter()
+        .map(|start| approximation.values.distance_ahead(truth, *start));
     let alpha_ahead = ahead.fold(0.0, f64::max);
     let lost = best
         .iter()
@@ -454,7 +456,7 @@ impl Theorem2 {
                 ),
             };
         }
-        if 0 < misses || self.loss + ROUNDING < self.lost {
+        if misses > 0 || self.loss + ROUNDING < self.lost {
             return TheoremOutcome::Refuted {
                 why: format!(
                     "the greedy policy of V_k misses its bound on {misses} pairs; it loses {:.4} of at most {:.4}",
@@ -462,7 +464,7 @@ impl Theorem2 {
                 ),
             };
         }
-        let why = match self.rows.iter().any(|row| 0 < row.promising) {
+        let why = match self.rows.iter().any(|row| row.promising > 0) {
             _ if self.found == 0 => "no counterexample was found".to_owned(),
             true => return TheoremOutcome::Holds,
             false => format!(

@@ -227,8 +227,7 @@ impl TransferReplay<'_> {
     }
 
     fn benches(&self) -> Benches {
-        let changed = self.changed.iter();
-        let changed = changed.map(|(_, scenario)| scenario.bench());
+        let changed = self.changed.iter().map(|(_, scenario)| scenario.bench());
         (self.request.nominal.bench(), changed.collect())
     }
 

@@ -56,8 +56,10 @@ impl BestOfN<'_> {
             .flatten()
             .filter(|(played, ..)| played.fault.is_none());
         let simulations: u64 = valid.map(|(_, spent, _)| spent).sum();
-        let winners = played.iter().map(|p| p.as_ref().and_then(|(.., w)| *w));
-        let winners = winners.collect();
+        let winners = played
+            .iter()
+            .map(|p| p.as_ref().and_then(|(.., w)| *w))
+            .collect();
         let played = played.into_iter().map(|p| p.map(|(played, ..)| played));
         let mut evaluated = Evaluated::of(&self.request, played.collect(), watch);
         let row = &mut evaluated.row;
@@ -161,7 +163,7 @@ impl Actor for Exploring<'_> {
             self.held = self.dice.random_range(0..self.actions);
             self.left = self.dice.random_range(1..=HOLD);
         }
-        if 0 < self.left {
+        if self.left > 0 {
             self.left -= 1;
             return self.held;
         }

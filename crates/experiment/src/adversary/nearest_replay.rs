@@ -30,8 +30,8 @@ impl<'a> NearestReplay<'a> {
 
 impl Actor for NearestReplay<'_> {
     fn begin(&mut self, _seed: u64, start: &Start) {
-        let nearest = self.stored.nearest(start, self.rank + 1);
-        let nearest = nearest.get(self.rank);
+        let by_distance = self.stored.nearest(start, self.rank + 1);
+        let nearest = by_distance.get(self.rank);
         self.actions = nearest.map_or(&[], |nearest| &nearest.actions);
         self.next = 0;
     }

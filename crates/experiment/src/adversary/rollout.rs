@@ -262,7 +262,7 @@ impl EvalRequest<'_> {
         RepeatedEpisode {
             fault: episodes.iter().find_map(|episode| episode.fault.clone()),
             episode: episodes.swap_remove(standing),
-            repeated: (1 < runs).then_some(repeated),
+            repeated: (runs > 1).then_some(repeated),
             simulations,
             physics_steps,
         }
@@ -296,11 +296,13 @@ impl EvalRequest<'_> {
         // The rates below count valid episodes only.
         let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
         let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();
-        let violations = valid.clone();
-        let violations = violations.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
-        let violations = violations.count();
-        let uncounted = valid.clone();
-        let uncounted = uncounted.filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
+        let violations = valid
+            .clone()
+            .filter(|o| matches!(o.verdict, Verdict::Foul { .. }))
+            .count();
+        let uncounted = valid
+            .clone()
+            .filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
         let some_do_not = !self.scenario.rulebook().counts.is_violation();
         row.uncounted = some_do_not.then(|| uncounted.count());
         let late_violations = valid.clone().filter(|o| o.violation_before_contact).count();
@@ -330,10 +332,14 @@ impl EvalRequest<'_> {
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
         row.severity = ContactSeverity::of(&impacts);
-        let solved = played.iter().flatten();
-        let solved = solved.filter(|played| played.outcome.verdict.is_success());
-        let touching = solved.clone().map(|played| &played.outcome);
-        let touching = touching.filter(|outcome| outcome.closing_speed_mps.is_some());
+        let solved = played
+            .iter()
+            .flatten()
+            .filter(|played| played.outcome.verdict.is_success());
+        let touching = solved
+            .clone()
+            .map(|played| &played.outcome)
+            .filter(|outcome| outcome.closing_speed_mps.is_some());
         let closing = touching.clone().filter_map(|it| it.closing_speed_mps);
         row.success_closing_mps = ClosingSpeed::of(closing.collect());
         row.success_contacts = (row.successes > 0)
@@ -366,8 +372,11 @@ pub fn naturalness(
     scenario: &Scenario,
     failures: &[Option<&RecordedFailure>],
 ) -> Option<NaturalnessOfRow> {
-    let rated = failures.iter().flatten();
-    let rated: Vec<&SuccessRarity> = rated.filter_map(|it| it.rarity.as_ref()).collect();
+    let rated: Vec<&SuccessRarity> = failures
+        .iter()
+        .flatten()
+        .filter_map(|it| it.rarity.as_ref())
+        .collect();
     scenario.traffic().of_row(&rated)
 }
 

@@ -94,8 +94,9 @@ impl CrashFeatures {
 /// Returns the observed signals at equally spaced times, in half ranges.
 fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
     let last = trace.len().saturating_sub(1) as f64;
-    let times = (0..POINTS).map(|n| (last * n as f64 / (POINTS - 1) as f64).round() as usize);
-    let times: Vec<usize> = times.collect();
+    let times: Vec<usize> = (0..POINTS)
+        .map(|n| (last * n as f64 / (POINTS - 1) as f64).round() as usize)
+        .collect();
     let observed = scenario.world().observed().iter();
     let columns = observed.filter_map(|it| Some((trace.signal(&it.name)?, it.mid, it.half)));
     columns

@@ -59,8 +59,9 @@ impl EgoUnderTest {
                 scenario,
             }]);
         }
-        let known = ["nominal", "all"].into_iter();
-        let known = known.chain(world.reuse.keys().map(String::as_str));
+        let known = ["nominal", "all"]
+            .into_iter()
+            .chain(world.reuse.keys().map(String::as_str));
         Err(EgoError::Unknown {
             requested: requested.to_owned(),
             known: known.map(str::to_owned).collect(),

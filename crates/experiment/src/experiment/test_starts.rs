@@ -102,8 +102,10 @@ fn test_key(seed: u64, index: usize) -> StartKey {
 
 fn with_noise(scenario: &Scenario, seed: u64, starts: Vec<Start>) -> Vec<(Start, u64)> {
     let bench = scenario.bench();
-    let starts = starts.into_iter().enumerate();
-    let starts = starts.map(|(index, start)| (start, test_noise(&bench, seed, index)));
+    let starts = starts
+        .into_iter()
+        .enumerate()
+        .map(|(index, start)| (start, test_noise(&bench, seed, index)));
     starts.collect()
 }
 

@@ -185,15 +185,18 @@ mod tests {
         };
         // All questions are about the same starts, so that only their keys differ.
         let starts = untried_starts(&world(WORLD), 7, COUNT).starts;
-        let found = TrivialStarts::stored(Some(dir), ego, (seed, &starts), &watch);
-        let found = found.expect("not stopped");
+        let found =
+            TrivialStarts::stored(Some(dir), ego, (seed, &starts), &watch).expect("not stopped");
         let notes = notes.lock().expect("unpoisoned").clone();
         (found.known, found.played, notes)
     }
 
     fn only_file(dir: &Path) -> PathBuf {
-        let files = fs::read_dir(dir.join(DIR)).expect("a directory").flatten();
-        let files: Vec<PathBuf> = files.map(|file| file.path()).collect();
+        let files: Vec<PathBuf> = fs::read_dir(dir.join(DIR))
+            .expect("a directory")
+            .flatten()
+            .map(|file| file.path())
+            .collect();
         assert_eq!(files.len(), 1, "{files:?}");
         files[0].clone()
     }

@@ -97,9 +97,12 @@ impl Bisimulation {
         let steps = (most / unit + ROUNDING) as u32;
         let mut before = None;
         for epsilon in (0..=steps).map(|i| f64::from(i) * unit) {
-            let width = near(first, second, epsilon).into_iter();
-            let width = width.map(|(_, cells)| cells).max().unwrap_or(0);
-            if MOST_CANDIDATES < width.pow(4).saturating_mul(second.pairs()) {
+            let width = near(first, second, epsilon)
+                .into_iter()
+                .map(|(_, cells)| cells)
+                .max()
+                .unwrap_or(0);
+            if width.pow(4).saturating_mul(second.pairs()) > MOST_CANDIDATES {
                 return None;
             }
             let within = Bisimulation::within(first, second, epsilon);

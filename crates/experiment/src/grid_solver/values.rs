@@ -66,8 +66,9 @@ impl ValueTable {
         let close = alpha * (1.0 - discount) / (2.0 * discount);
         let mut sweeps = 0;
         loop {
-            let next = (0..table.layers.len()).map(|layer| table.backed_up(layer));
-            let next: Vec<Vec<f64>> = next.collect();
+            let next: Vec<Vec<f64>> = (0..table.layers.len())
+                .map(|layer| table.backed_up(layer))
+                .collect();
             let pairs = next.iter().flatten().zip(table.layers.iter().flatten());
             let moved = largest_gap(pairs);
             table.layers = next;

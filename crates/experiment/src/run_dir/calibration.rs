@@ -74,7 +74,7 @@ impl Calibration {
     /// Returns true if the ado solves nearly all of enough search-solved starts.
     pub fn is_complete(&self) -> bool {
         // Whole numbers, so that no rounding moves the threshold.
-        ENOUGH <= self.searched && COMPLETE * self.searched <= 100 * self.both
+        self.searched >= ENOUGH && COMPLETE * self.searched <= 100 * self.both
     }
 
     /// Returns the search in words.

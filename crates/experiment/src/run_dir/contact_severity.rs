@@ -53,8 +53,12 @@ impl ContactSeverity {
     /// Returns the effect of a list of contacts. `None` for an empty list.
     pub fn of(impacts: &[Impact]) -> Option<ContactSeverity> {
         let all = impacts.len().max(1) as f64;
-        let delta_v = impacts.iter().map(|impact| impact.ego_delta_v_mps);
-        let delta_v = ClosingSpeed::of(delta_v.collect())?;
+        let delta_v = ClosingSpeed::of(
+            impacts
+                .iter()
+                .map(|impact| impact.ego_delta_v_mps)
+                .collect(),
+        )?;
         let mut kinds: BTreeMap<CrashKind, f64> = BTreeMap::new();
         let mut max_injury_risk = BTreeMap::new();
         for impact in impacts {
@@ -84,7 +88,7 @@ impl Display for ContactSeverity {
             let comma = if n == 0 { "" } else { ", " };
             write!(f, "{comma}{:.0} % {}", 100.0 * share, kind.word())?;
         }
-        if 0.0 < self.struck_from_behind {
+        if self.struck_from_behind > 0.0 {
             let share = 100.0 * self.struck_from_behind;
             write!(f, " ({share:.0} % with the ego struck from behind)")?;
         }

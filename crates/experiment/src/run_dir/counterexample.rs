@@ -232,8 +232,10 @@ impl Counterexample {
         };
         content_hash::check(&text, hash).map_err(damaged)?;
         let changed = kept.change.ego.0.values().copied();
-        let commands = kept.ego_commands.iter();
-        let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
+        let commands = kept
+            .ego_commands
+            .iter()
+            .flat_map(|&(accel, lateral)| [accel, lateral]);
         let mut numbers = kept.start.values().copied().chain(changed).chain(commands);
         if numbers.any(|value| !value.is_finite()) {
             return Err(format("a value in it is not finite".to_owned()));
@@ -322,11 +324,11 @@ impl Counterexample {
             sha256: Some(content_hash::BLANK.to_owned()),
             ..self.clone()
         };
-        let text = ron::ser::to_string_pretty(&blank, pretty);
-        let text = text.map_err(|error| KeptError::Format {
-            path: path.into(),
-            why: error.to_string(),
-        })?;
+        let text =
+            ron::ser::to_string_pretty(&blank, pretty).map_err(|error| KeptError::Format {
+                path: path.into(),
+                why: error.to_string(),
+            })?;
         // The file that completes the pair is written last.
         write_file(&path.with_extension("csv"), csv_of(trace).as_bytes())?;
         write_file(path, content_hash::seal(&text).as_bytes())?;
@@ -359,11 +361,13 @@ impl Counterexample {
 
     /// Returns the commands of an external ego.
     pub fn commands(&self) -> Option<Arc<[Command]>> {
-        let commands = self.ego_commands.iter();
-        let commands = commands.map(|&(accel_mps2, lateral_mps)| Command {
-            accel_mps2,
-            lateral_mps,
-        });
+        let commands = self
+            .ego_commands
+            .iter()
+            .map(|&(accel_mps2, lateral_mps)| Command {
+                accel_mps2,
+                lateral_mps,
+            });
         (!self.ego_commands.is_empty()).then(|| commands.collect())
     }
 

@@ -90,8 +90,9 @@ impl DecisiveAction {
             return world.action_label(self.action);
         };
         let mut sets = driving.spec().action_sets();
-        let own = sets.find(|(name, ..)| *name == self.ado);
-        let own = own.filter(|(_, actions, _)| self.action < actions.len());
+        let own = sets
+            .find(|(name, ..)| *name == self.ado)
+            .filter(|(_, actions, _)| self.action < actions.len());
         own.map_or_else(
             || format!("action {}", self.action),
             |(_, actions, _)| actions.label(self.action),
@@ -146,8 +147,7 @@ impl RunDir {
         let Some(known) = known else {
             return Ok(());
         };
-        let text = serde_json::to_string(known);
-        let text = text.map_err(|error| self.invalid(&error))?;
+        let text = serde_json::to_string(known).map_err(|error| self.invalid(&error))?;
         self.write(KNOWN, text.as_bytes())?;
         self.manifest.known_sha256 = Some(sha256(text.as_bytes()));
         Ok(())

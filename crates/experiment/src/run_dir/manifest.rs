@@ -203,8 +203,7 @@ impl Manifest {
             sha256: content_hash::BLANK.to_owned(),
             ..self.clone()
         };
-        let text = serde_json::to_string_pretty(&blank);
-        let text = text.map_err(|error| RunError::Damaged {
+        let text = serde_json::to_string_pretty(&blank).map_err(|error| RunError::Damaged {
             path: run.join(MANIFEST),
             why: error.to_string(),
         })?;

@@ -202,8 +202,7 @@ impl RunDir {
             run.manifest.from_sha256 = Some(sha256(&bytes));
         }
         if !with.bank.is_empty() {
-            let text = serde_json::to_string(with.bank);
-            let text = text.map_err(run.damaged(BANK))?;
+            let text = serde_json::to_string(with.bank).map_err(run.damaged(BANK))?;
             run.write(BANK, text.as_bytes())?;
             run.manifest.bank_sha256 = Some(sha256(text.as_bytes()));
         }

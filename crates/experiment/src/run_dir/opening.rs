@@ -52,8 +52,11 @@ impl RunDir {
         if !run.manifest.is_finished() {
             let (progress, stored) = (path.join(PROGRESS), path.join(COUNTEREXAMPLES));
             run.progress = Growing::cut_back(progress, &run.manifest.progress)?;
-            let known = run.manifest.counterexamples.as_ref();
-            let known = known.map_or(Grown::default(), StoredCount::grown);
+            let known = run
+                .manifest
+                .counterexamples
+                .as_ref()
+                .map_or(Grown::default(), StoredCount::grown);
             run.counterexamples = Growing::cut_back(stored, &known)?;
         }
         Ok(run)

@@ -190,8 +190,11 @@ impl BrokenRule {
         for &rule in broken.flatten() {
             counts[rule] += 1;
         }
-        let counted = rulebook.rules.iter().zip(counts);
-        let counted = counted.filter(|(_, starts)| *starts > 0);
+        let counted = rulebook
+            .rules
+            .iter()
+            .zip(counts)
+            .filter(|(_, starts)| *starts > 0);
         counted
             .map(|(rule, starts)| BrokenRule {
                 ado: rule.ado.clone(),
@@ -229,8 +232,8 @@ impl FailureKind {
         for failure in failures {
             *counts.entry(failure).or_insert(0) += 1;
         }
-        let kinds = counts.into_iter();
-        let mut kinds: Vec<FailureKind> = kinds
+        let mut kinds: Vec<FailureKind> = counts
+            .into_iter()
             .map(|((leaf, contact), starts)| FailureKind {
                 leaf,
                 contact,
@@ -332,7 +335,7 @@ impl Row {
             // Only starts that the search evaluated count as beyond it.
             beyond += usize::from((theirs, mine) == (&Unsolved, &Solved));
         }
-        self.recall = (0 < search).then(|| both as f64 / search as f64);
+        self.recall = (search > 0).then(|| both as f64 / search as f64);
         self.beyond_search = Some(beyond);
     }
 
@@ -504,7 +507,7 @@ mod tests {
     #[test]
     fn every_key_of_a_row_is_on_the_page_of_json_keys() {
         let keys = keys(&complete());
-        assert!(60 < keys.len(), "{keys:?}");
+        assert!(keys.len() > 60, "{keys:?}");
         for key in keys {
             let row = format!("| `{key}` | ");
             assert!(PAGE.contains(&row), "docs/reference/json.md lacks `{key}`");

@@ -255,8 +255,12 @@ fn commented_header(text: &str) -> Option<Vec<String>> {
         return None;
     }
     let last = comments.iter().rev().find(|line| !line.trim().is_empty())?;
-    let names = last.trim_start().trim_start_matches('#').split(',');
-    let names: Vec<String> = names.map(|name| name.trim().to_owned()).collect();
+    let names: Vec<String> = last
+        .trim_start()
+        .trim_start_matches('#')
+        .split(',')
+        .map(|name| name.trim().to_owned())
+        .collect();
     let fits = names.len() == first.split(',').count();
     (fits && !is_values(names.iter().map(String::as_str))).then_some(names)
 }
@@ -581,8 +585,8 @@ mod tests {
 
     #[test]
     fn good_files_are_read() {
-        let trace = trace_of_csv("time,x,on\n0,1,true\n0.1,2,false\n0.2,3,true\n", None);
-        let trace = trace.expect("a trace");
+        let trace =
+            trace_of_csv("time,x,on\n0,1,true\n0.1,2,false\n0.2,3,true\n", None).expect("a trace");
         assert_eq!(trace.dt_s(), 0.1);
         assert_eq!(trace.signal("x"), Some([1.0, 2.0, 3.0].as_slice()));
         assert_eq!(trace.signal("on"), Some([1.0, 0.0, 1.0].as_slice()));
@@ -682,8 +686,8 @@ mod tests {
             ];
             for stamp in stamps {
                 let text = stamped(rate_hz, stamp);
-                let read = read_trace(&text, &TraceOptions::default());
-                let read = read.unwrap_or_else(|error| panic!("{rate_hz} Hz: {error}\n{text}"));
+                let read = read_trace(&text, &TraceOptions::default())
+                    .unwrap_or_else(|error| panic!("{rate_hz} Hz: {error}\n{text}"));
                 assert_eq!(read.trace.dt_s(), 1.0 / rate_hz);
                 assert_eq!(read.time.as_deref(), Some("sim_time"));
             }

@@ -88,7 +88,7 @@ impl Stored {
         // selection's algorithm.
         let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         let count = count.min(ranked.len());
-        if 0 < count && count < ranked.len() {
+        if count > 0 && count < ranked.len() {
             // A selection before the sort, since `count` is small and the file
             // may have 50 000 lines.
             ranked.select_nth_unstable_by(count - 1, nearer);

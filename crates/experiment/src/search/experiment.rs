@@ -156,18 +156,20 @@ impl ExperimentCell {
             outcomes,
             successes,
         } = evaluated;
-        let results = outcomes.into_iter().zip(successes);
-        let results = results.map(|(outcome, success)| {
-            outcome.map(|outcome| StartResult {
-                outcome: StartOutcome::from(&outcome.verdict),
-                verdict: Some(outcome.verdict),
-                closing_speed_mps: outcome.closing_speed_mps,
-                impact: outcome.impact,
-                simulations: outcome.simulations,
-                physics_steps: outcome.physics_steps,
-                success,
-            })
-        });
+        let results = outcomes
+            .into_iter()
+            .zip(successes)
+            .map(|(outcome, success)| {
+                outcome.map(|outcome| StartResult {
+                    outcome: StartOutcome::from(&outcome.verdict),
+                    verdict: Some(outcome.verdict),
+                    closing_speed_mps: outcome.closing_speed_mps,
+                    impact: outcome.impact,
+                    simulations: outcome.simulations,
+                    physics_steps: outcome.physics_steps,
+                    success,
+                })
+            });
         ExperimentCell::of(ego, starts, row, results.collect())
     }
 

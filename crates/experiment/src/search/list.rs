@@ -215,7 +215,7 @@ mod tests {
         let none_switched = row(Switches(0).into(), 0);
         assert_eq!(all.solved, none_switched.solved);
         assert_eq!(all.sims_per_start, none_switched.sims_per_start);
-        assert!(0 < all.successes && few.sims_per_start < all.sims_per_start);
+        assert!(all.successes > 0 && few.sims_per_start < all.sims_per_start);
         // The method takes a budget and refuses the other options.
         assert!(MethodOption::Budget.help().contains("constants"));
         assert!(!MethodOption::From.help().contains("constants"));
@@ -251,9 +251,11 @@ mod tests {
         let (_, table) = GUIDE.split_once("| `--method` |").expect("the table");
         let (table, _) = table.split_once("\n\n").expect("its end");
         let row = |method: &MethodInfo| {
-            let options = method.takes.iter();
-            let options = options.map(|o| format!("`{}` ({})", o.usage(), o.default_text()));
-            let options: Vec<String> = options.collect();
+            let options: Vec<String> = method
+                .takes
+                .iter()
+                .map(|o| format!("`{}` ({})", o.usage(), o.default_text()))
+                .collect();
             format!(
                 "| `{}` | {} | {} |",
                 method.name,

@@ -159,7 +159,7 @@ impl SearchRequest<'_> {
             sequences: searched.clone().map(|found| found.unconfirmed).sum(),
             starts: searched
                 .clone()
-                .filter(|found| 0 < found.unconfirmed && found.actions.is_none())
+                .filter(|found| found.unconfirmed > 0 && found.actions.is_none())
                 .count(),
         });
         row.method = self.method.text(self.budget, row.unconfirmed);

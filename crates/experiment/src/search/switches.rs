@@ -34,7 +34,7 @@ impl SearchMethod<'_> for Switches {
             text.push_str(&format!(
                 ", pre-screened on the kinematic plant, {sequences} unconfirmed"
             ));
-            if 0 < starts {
+            if starts > 0 {
                 text.push_str(&format!(" (nothing else on {starts} starts)"));
             }
         }
@@ -78,7 +78,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
             found.failure = confirmer.failure();
             found.actions = Some(actions.to_vec());
         }
-        if played.success || MAX_CONFIRMATIONS <= found.simulations {
+        if played.success || found.simulations >= MAX_CONFIRMATIONS {
             WalkControl::Stop
         } else {
             WalkControl::Continue

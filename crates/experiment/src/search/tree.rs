@@ -235,8 +235,10 @@ mod tests {
 
     #[test]
     fn sequences_go_on_from_what_is_played_and_switch_where_they_may() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(crate::sim::PlantKind::Kinematic);
+        let world = Scenario::shipped("acc")
+            .expect("shipped")
+            .expect("sound")
+            .on(crate::sim::PlantKind::Kinematic);
         let mut root = world.bench();
         let before = vec![1, 1, 1];
         let mut played = Vec::new();
@@ -265,8 +267,9 @@ mod tests {
         assert!(!played.is_empty(), "some sequence succeeds on some start");
         for actions in played {
             assert_eq!(actions[..3], before);
-            let switches = (4..actions.len()).filter(|&at| actions[at - 1] != actions[at]);
-            let switches: Vec<usize> = switches.collect();
+            let switches: Vec<usize> = (4..actions.len())
+                .filter(|&at| actions[at - 1] != actions[at])
+                .collect();
             assert!(
                 switches.len() == 1 && switches[0].is_multiple_of(4),
                 "{actions:?}"

@@ -362,14 +362,19 @@ impl LaneRuns {
 
     /// Returns the memory of all runs, and of what they share, if it is known.
     pub(super) fn bytes(&self) -> Option<usize> {
-        let controllers = self.controllers.iter();
-        let controllers = controllers.map(|it| size_of_val(&**it) + size_of_val(it));
+        let controllers = self
+            .controllers
+            .iter()
+            .map(|it| size_of_val(&**it) + size_of_val(it));
         let vehicles = self.vehicles.iter().map(|it| {
             let columns = size_of_val(&*it.actuators) + size_of_val(&*it.keepers);
             size_of::<Drivetrains>() + columns + size_of_val(&*it.chosen)
         });
-        let columns = self.columns.iter().chain([&self.checks]);
-        let columns = columns.map(|it| size_of_val(it) + it.capacity() * size_of::<f64>());
+        let columns = self
+            .columns
+            .iter()
+            .chain([&self.checks])
+            .map(|it| size_of_val(it) + it.capacity() * size_of::<f64>());
         let shared = size_of::<LaneRuns>()
             + size_of_val(&*self.scene.states)
             + size_of_val(&*self.scene.on_road)

@@ -103,8 +103,9 @@ impl VectorEnv {
         let lanes = LaneWorld::of(world, signals.unwrap_or(&[]));
         let group = |first: usize| {
             let runs = LANES.min(count - first);
-            let lanes = lanes.as_ref();
-            let lanes = lanes.and_then(|it| LaneRuns::new(it, runs, signals.is_some()));
+            let lanes = lanes
+                .as_ref()
+                .and_then(|it| LaneRuns::new(it, runs, signals.is_some()));
             match lanes {
                 Some(lanes) => Group::Lanes(Box::new(lanes)),
                 None => Group::Benches(BenchRuns::new(world, runs)),
@@ -270,11 +271,14 @@ impl VectorEnv {
     /// not count. `None` for [`EnvLayout::Benches`], and for formulas that running numbers
     /// do not decide ([`crate::stl::Monitor::running`]).
     pub fn bytes_per_environment(&self) -> Option<usize> {
-        let bytes = self.groups.iter().map(|group| match group {
-            Group::Lanes(lanes) => Some(size_of::<Group>() + lanes.bytes()?),
-            Group::Benches(_) => None,
-        });
-        let bytes: usize = bytes.sum::<Option<usize>>()?;
+        let bytes: usize = self
+            .groups
+            .iter()
+            .map(|group| match group {
+                Group::Lanes(lanes) => Some(size_of::<Group>() + lanes.bytes()?),
+                Group::Benches(_) => None,
+            })
+            .sum::<Option<usize>>()?;
         Some(bytes.div_ceil(self.count.max(1)))
     }
 }

@@ -65,7 +65,7 @@ impl CampaignPage {
                     @for map in group { div class="card" { (start_map(map)) } }
                 }
             }
-            @if 0 < left_out { p { (left_out) " more maps are not drawn: their starts are in the merged file." } }
+            @if left_out > 0 { p { (left_out) " more maps are not drawn: their starts are in the merged file." } }
         }
     }
 }

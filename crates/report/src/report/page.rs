@@ -43,7 +43,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
                     p { (report.about_tested) }
                     (reuse::rows(&report.tested))
                 }
-                @if 1 < report.costs.len() {
+                @if report.costs.len() > 1 {
                     h2 { "What it costs" }
                     p { "One simulation is one episode. The trained ado has paid its training and then plays each start once; a search pays for every start." }
                     (results::costs(&report.costs))
@@ -121,9 +121,9 @@ pub(super) fn world(scenario: &Scenario) -> Markup {
             }
         } }
         @if !constants.is_empty() {
-            p { "Constants: " @for (n, (name, value)) in constants.iter().enumerate() { @if 0 < n { ", " } code { (name) " = " (value) } } "." }
+            p { "Constants: " @for (n, (name, value)) in constants.iter().enumerate() { @if n > 0 { ", " } code { (name) " = " (value) } } "." }
         }
-        p { "Actions: " @for action in 0..actions { @if 0 < action { "; " } (scenario.action_label(action)) } "." }
+        p { "Actions: " @for action in 0..actions { @if action > 0 { "; " } (scenario.action_label(action)) } "." }
         details {
             summary { "Starts" }
             div class="wide" { table {

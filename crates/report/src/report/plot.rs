@@ -305,7 +305,7 @@ pub(super) fn heat_map(map: &HeatMap) -> Markup {
                     title { (cell.about) }
                     rect class="held" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) {}
                     rect class="hot" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) fill-opacity=(format!("{:.2}", cell.share)) {}
-                    @if 0.0 < cell.dot {
+                    @if cell.dot > 0.0 {
                         circle class="foul" cx=(px(left + width / 2.0)) cy=(px(top + height / 2.0)) r=(px(0.45 * width.min(height) * cell.dot.sqrt())) {}
                     }
                 }

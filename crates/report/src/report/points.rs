@@ -64,13 +64,13 @@ impl PointsPage<'_> {
                     p class="note" { (self.summary) }
                     h2 { "Points" }
                     (self.table())
-                    @if 0 < all { h2 { "Failures, the worst first" } }
+                    @if all > 0 { h2 { "Failures, the worst first" } }
                     @for (nth, chosen) in self.examples.iter().enumerate() { (example(scenario, chosen, nth, all)) }
                     (world(scenario))
                     h2 { "How to make it again" }
                     pre { @for command in &self.commands { (command) "\n" } }
                 }
-                @if 0 < all { script { (PreEscaped(animation::SCRIPT)) } } }
+                @if all > 0 { script { (PreEscaped(animation::SCRIPT)) } } }
             }
         };
         visible_markup(&page.into_string()).into_owned()

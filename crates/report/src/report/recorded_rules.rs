@@ -22,7 +22,7 @@ pub fn recorded_rules_junit<'a>(
                 testsuite name=(name) tests=(rules.len()) failures=(failures(rules)) errors="0" {
                     @for rule in *rules {
                         testcase classname=(name) name=(rule.rule) {
-                            @if 0 < rule.episodes {
+                            @if rule.episodes > 0 {
                                 failure type="rule violation" message=(format!("{} episodes of {} vehicles", rule.episodes, rule.vehicles)) {
                                     (in_words(rule))
                                 }

@@ -19,7 +19,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
                 td { (row.ego) } td data-l="ado" { (row.ado) } td class="m" data-l="method" { (row.method) }
                 td class="n" data-l="success" {
                     (success(row))
-                    @if 0 < row.invalid { ", " (row.invalid) " invalid" }
+                    @if row.invalid > 0 { ", " (row.invalid) " invalid" }
                 }
                 td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate)) {} }
                 td data-l="95 %" { (interval(row)) }

@@ -163,11 +163,12 @@ impl MarkovLaw {
     pub(super) fn probabilities(&self, row: &[f64], last: usize) -> Vec<f64> {
         let mut next = self.transitions[last].clone();
         // `max` turns an undefined rate into 0.
-        let rates = self
+        let rates: Vec<f64> = self
             .onsets
             .iter()
-            .map(|it| it.rate_per_s.eval(row).max(0.0));
-        let rates: Vec<f64> = rates.map(|rate| rate.min(1e9)).collect();
+            .map(|it| it.rate_per_s.eval(row).max(0.0))
+            .map(|rate| rate.min(1e9))
+            .collect();
         let all: f64 = rates.iter().sum();
         if all <= 0.0 {
             return next;

@@ -124,7 +124,7 @@ impl Player<'_> {
             let order = |index: usize| self.order(stage, index, &content, components[index]);
             let is_counted = matches!(content, Content::Natural(_));
             // The first natural runs are judged by the rules, of which lanes know nothing.
-            let piece = if is_counted && self.has_lanes && JUDGED <= first {
+            let piece = if is_counted && self.has_lanes && first >= JUDGED {
                 let piece = self.lanes_piece(mixture, &items, order);
                 (self.watch.progress)((first + items.len()) as u64, total as u64);
                 piece
@@ -176,8 +176,11 @@ impl Player<'_> {
         let worker = || (self.world.lanes(), self.world.scenario.bench());
         let played = work.each(&groups, worker, |(lanes, bench), group, _| {
             let orders: Vec<Order<'_>> = group.iter().map(|index| order(*index)).collect();
-            let ends = self.world.play_lanes(lanes.as_mut()?, mixture, &orders);
-            let ends = ends.into_iter().zip(orders);
+            let ends = self
+                .world
+                .play_lanes(lanes.as_mut()?, mixture, &orders)
+                .into_iter()
+                .zip(orders);
             let runs = ends.map(|(run, order)| match run {
                 Some(run) => run,
                 None => self.one(bench, mixture, (&order, true)),
@@ -308,8 +311,9 @@ mod tests {
             dir: Some(dir.to_owned()),
             watch: &watch,
         };
-        let counts = player.count(0, 10, &Mixture::natural(1));
-        let counts = counts.map(|it| it.expect("not stopped"));
+        let counts = player
+            .count(0, 10, &Mixture::natural(1))
+            .map(|it| it.expect("not stopped"));
         let piece = player.piece(0, &Content::Natural(10), (0, 10));
         let file = player.file(&piece).expect("a directory");
         drop(player);
@@ -453,8 +457,11 @@ mod tests {
                 seed,
                 ..player(&watch, true)
             };
-            let runs = player.play(stage, Content::Natural(3), &Mixture::natural(1));
-            let runs = runs.expect("no disk").expect("not stopped").into_iter();
+            let runs = player
+                .play(stage, Content::Natural(3), &Mixture::natural(1))
+                .expect("no disk")
+                .expect("not stopped")
+                .into_iter();
             runs.map(|run| run.noise).collect::<Vec<u64>>()
         };
         assert_eq!(draws(9, 0), draws(9, 0));

@@ -132,7 +132,7 @@ impl Checks {
             bound: bound(&last, limit, natural_worst).min(1.0),
             refusals: Vec::new(),
         };
-        checks.refusals = if rounds.is_empty() && 0 < failures {
+        checks.refusals = if rounds.is_empty() && failures > 0 {
             vec![Refusal::without_rounds(failures, n)]
         } else {
             checks.found(tail, &covered)
@@ -181,7 +181,7 @@ impl Checks {
         }
         for (mode, [covered, probes]) in covered {
             let missed = (probes - covered) as f64 / (*probes).max(1) as f64;
-            if LEAST_PROBES <= *probes && UNCOVERED < missed {
+            if *probes >= LEAST_PROBES && missed > UNCOVERED {
                 let reason = format!(
                     "the proposals play {} of {probes} known counterexamples too rarely ({mode})",
                     probes - covered
@@ -256,11 +256,13 @@ fn coverage<'a>(
     probes: &[&'a Probe],
     heaviest: f64,
 ) -> IndexMap<&'a str, [usize; 2]> {
-    let rated = probes.par_iter().map(|probe| {
-        let covered = mixture.weight_of(&probe.run) <= heaviest;
-        (probe.run.failure().map(|it| it.mode.as_str()), covered)
-    });
-    let rated: Vec<(Option<&str>, bool)> = rated.collect();
+    let rated: Vec<(Option<&str>, bool)> = probes
+        .par_iter()
+        .map(|probe| {
+            let covered = mixture.weight_of(&probe.run) <= heaviest;
+            (probe.run.failure().map(|it| it.mode.as_str()), covered)
+        })
+        .collect();
     // In the order of the probes, so that equal estimates have equal refusals.
     let mut all: IndexMap<&str, [usize; 2]> = IndexMap::new();
     for (mode, covered) in rated {
@@ -310,8 +312,9 @@ mod tests {
     /// Checks a round of equal weights, with natural counterexamples of weight 1.
     fn checked(failures: usize, weight: f64) -> Checks {
         let run = RiskRun::ending(RunEnd::Failed(failure()));
-        let probes = vec![Probe { ego: 0, run }; LEAST_PROBES];
-        let probes: Vec<&Probe> = probes.iter().collect();
+        // With fewer probes nothing is refused.
+        let few = vec![Probe { ego: 0, run }; LEAST_PROBES];
+        let probes: Vec<&Probe> = few.iter().collect();
         let round = round(failures, weight);
         Checks::of(
             &[round],
@@ -343,6 +346,7 @@ mod tests {
     /// Natural runs, of which these numbers are outside X_init and fail.
     fn natural(n: usize, outside: usize, failing: usize) -> NaturalCounts {
         let end = |at: usize| {
+            // Order does not matter, so each kind of end is one block.
             if at < outside {
                 RunEnd::Outside
             } else if at < outside + failing {
@@ -403,6 +407,7 @@ mod tests {
         // A few heavy failures, beside light ones that hardly count.
         let mixed = |heavy: usize, light: usize| {
             let mut round = round(heavy + light, 1e-6);
+            // The first failures stand for a mode that the proposals hardly draw.
             round.failures[..heavy]
                 .iter_mut()
                 .for_each(|it| it.weight = 1.0);
@@ -467,9 +472,10 @@ mod tests {
         };
         // A weight of 2 would be a hundredth of the estimate.
         let refused = |covered: usize, uncovered: usize, others: usize| {
-            let all = (0..covered).map(|_| probe(0.25, "contact"));
-            let all = all.chain((0..uncovered).map(|_| probe(0.75, "contact")));
-            let all = all.chain((0..others).map(|_| probe(0.25, "other")));
+            let all = (0..covered)
+                .map(|_| probe(0.25, "contact"))
+                .chain((0..uncovered).map(|_| probe(0.75, "contact")))
+                .chain((0..others).map(|_| probe(0.25, "other")));
             let probes: Vec<Probe> = all.collect();
             let probes: Vec<&Probe> = probes.iter().collect();
             let natural = NaturalCounts::default();
@@ -568,7 +574,7 @@ mod tests {
         assert!((checks.greatest_share - greatest).abs() < 1e-9);
         assert!(checks.pareto_k.is_some() && checks.unseen_share.is_some());
         assert!(
-            1.2e-3 < checks.bound && checks.bound < 1.0,
+            checks.bound > 1.2e-3 && checks.bound < 1.0,
             "{}",
             checks.bound
         );

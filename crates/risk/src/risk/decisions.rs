@@ -85,8 +85,10 @@ impl<'a> Decisions<'a> {
     /// Returns the targets of some runs under V.
     pub(super) fn targets(&self, value: &impl ActionValues, runs: &[usize]) -> Targets {
         let heads = value.heads();
-        let found = runs.par_iter().map(|run| self.run_targets(value, *run));
-        let found: Vec<Vec<f64>> = found.collect();
+        let found: Vec<Vec<f64>> = runs
+            .par_iter()
+            .map(|run| self.run_targets(value, *run))
+            .collect();
         let mut targets = Targets {
             values: vec![LEAST; self.rows.len() * heads],
             rows: Vec::new(),

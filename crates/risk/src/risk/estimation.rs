@@ -121,8 +121,10 @@ impl<'a> Estimation<'a> {
             }
         };
         let egos = request.egos.iter().map(EgoUnderTest::scenario).enumerate();
-        let players = egos.clone().map(|(at, ego)| player(at, ego, false));
-        let players: Vec<Player<'a>> = players.collect();
+        let players: Vec<Player<'a>> = egos
+            .clone()
+            .map(|(at, ego)| player(at, ego, false))
+            .collect();
         let plant = request.settings.learn_on;
         let learners = egos.map(|(at, ego)| match (&models[at], plant) {
             (Some(model), _) => Some(player(at, &model.scenario, true)),
@@ -138,8 +140,11 @@ impl<'a> Estimation<'a> {
         let errors = models.iter().map(|model| model.as_ref()?.error);
         let surrogate_errors_m = errors.map(|it| it.map(|it| it.rms_m)).collect();
         let dimensions = traffic.starts.dimensions();
-        let names = request.egos.iter().map(|ego| ego.name().to_owned());
-        let names = names.collect();
+        let names = request
+            .egos
+            .iter()
+            .map(|ego| ego.name().to_owned())
+            .collect();
         let proposals = (request.settings.value, request.fault);
         let seed = request.settings.seed;
         let learning = Learning::begin(&players[0].world, names, proposals, seed);
@@ -246,12 +251,12 @@ impl<'a> Estimation<'a> {
                 self.note_round(ego, runs);
             }
             // Checks replay V on every probe, so the number of rounds comes first.
-            let are_enough = LEAST_ROUNDS <= round + 1;
+            let are_enough = round + 1 >= LEAST_ROUNDS;
             if are_enough && (0..self.players.len()).all(|ego| self.is_good(ego)) {
                 break;
             }
             // Two small rounds find the failures, larger ones measure them.
-            if 1 <= round {
+            if round >= 1 {
                 size *= 2;
             }
         }
@@ -326,14 +331,14 @@ impl<'a> Estimation<'a> {
         }
         // A part of many probes says the same.
         let step = self.probes.len().div_ceil(2000).max(1);
-        if 1 < step {
+        if step > 1 {
             self.probes = self.probes.iter().step_by(step).cloned().collect();
         }
         Ok(Some(()))
     }
 
     fn is_counted(&self) -> bool {
-        self.natural.iter().all(|it| ENOUGH <= it.failures())
+        self.natural.iter().all(|it| it.failures() >= ENOUGH)
     }
 
     fn note_round(&mut self, ego: usize, runs: Vec<RiskRun>) {
@@ -374,8 +379,11 @@ impl<'a> Estimation<'a> {
     /// Keeps the likeliest failure of every mode.
     fn note_likely(&mut self, ego: usize, failure: &EgoFailure, run: &RiskRun) {
         // The start adds nothing, because its uniform numbers are all equally likely.
-        let taken = run.actions.iter().enumerate();
-        let taken = taken.map(|(at, action)| f64::from(run.law(at)[*action as usize]));
+        let taken = run
+            .actions
+            .iter()
+            .enumerate()
+            .map(|(at, action)| f64::from(run.law(at)[*action as usize]));
         let log: f64 = taken.map(libm::log).sum();
         let same = |(other, _, known): &&mut (usize, f64, RiskRun)| {
             *other == ego && known.failure().is_some_and(|it| it.mode == failure.mode)
@@ -412,8 +420,9 @@ impl<'a> Estimation<'a> {
     }
 
     pub(super) fn report(mut self) -> RiskReport {
-        let all = (0..self.players.len()).map(|ego| self.ego_risk(ego));
-        let all: Vec<EgoRisk> = all.collect();
+        let all: Vec<EgoRisk> = (0..self.players.len())
+            .map(|ego| self.ego_risk(ego))
+            .collect();
         for ego in &all {
             // The worst ego decides, as the worst row of a table does.
             let faults = &self.watch.faults;
@@ -479,11 +488,19 @@ impl<'a> Estimation<'a> {
         if self.is_counted() {
             return EgoRisk::counted(name, natural);
         }
-        let likeliest = self.likeliest.iter().filter(|(of, ..)| *of == ego);
-        let likeliest = likeliest.map(|(_, _, run)| run.clone()).collect();
+        let likeliest = self
+            .likeliest
+            .iter()
+            .filter(|(of, ..)| *of == ego)
+            .map(|(_, _, run)| run.clone())
+            .collect();
         let checks = self.checks(ego);
-        let known = self.known_modes.iter().filter(|(of, _)| *of == ego);
-        let known: Vec<&str> = known.map(|(_, mode)| mode.as_str()).collect();
+        let known: Vec<&str> = self
+            .known_modes
+            .iter()
+            .filter(|(of, _)| *of == ego)
+            .map(|(_, mode)| mode.as_str())
+            .collect();
         EgoRisk::weighted(
             name,
             (&self.rounds[ego], &self.learning.inside()),
@@ -540,15 +557,20 @@ mod tests {
         estimation.note_round(0, runs);
         let round = &estimation.rounds[0][0];
         assert_eq!((round.len(), round.failures.len()), (6, 4));
-        let indices = round.failures.iter().map(|it| (it.index, it.lawful));
-        let indices: Vec<(usize, bool)> = indices.collect();
+        let indices: Vec<(usize, bool)> = round
+            .failures
+            .iter()
+            .map(|it| (it.index, it.lawful))
+            .collect();
         assert_eq!(indices, [(0, true), (2, false), (4, true), (5, true)]);
         assert_eq!((round.faults.len(), round.faults[0].index), (1, 3));
         assert_eq!(round.faults[0].weight, 1.0);
         assert_eq!(estimation.faults[0].invalid, 1);
         // The law prefers action 2, and each kind has one.
-        let likeliest = estimation.likeliest.iter();
-        let likeliest = likeliest.map(|(ego, _, run)| (*ego, run.actions[0]));
+        let likeliest = estimation
+            .likeliest
+            .iter()
+            .map(|(ego, _, run)| (*ego, run.actions[0]));
         assert_eq!(likeliest.collect::<Vec<_>>(), [(0, 2), (0, 0)]);
         std::fs::remove_dir_all(&dir).expect("removed");
     }
@@ -644,8 +666,10 @@ mod tests {
         estimation.note_round(0, vec![failed("lawful", 1)]);
         estimation.note_round(1, vec![failed("lawful", 2), failed("lawful", 0)]);
         estimation.note_round(0, vec![failed("lawful", 0)]);
-        let likeliest = estimation.likeliest.iter();
-        let likeliest = likeliest.map(|(ego, _, run)| (*ego, run.actions[0]));
+        let likeliest = estimation
+            .likeliest
+            .iter()
+            .map(|(ego, _, run)| (*ego, run.actions[0]));
         assert_eq!(likeliest.collect::<Vec<_>>(), [(0, 1), (1, 2)]);
         // Later rounds learn from all of them.
         assert_eq!(estimation.learning.runs(), 4);
@@ -678,8 +702,10 @@ mod tests {
         );
         assert_eq!(estimation.impossible, [1, 1]);
         assert_eq!(estimation.faults[1].runs, 3);
-        let probes = estimation.probes.iter();
-        let probes = probes.map(|it| (it.ego, it.run.failure().is_some()));
+        let probes = estimation
+            .probes
+            .iter()
+            .map(|it| (it.ego, it.run.failure().is_some()));
         assert_eq!(probes.collect::<Vec<_>>(), [(0, true), (1, true)]);
         let modes = estimation.known_modes.iter().map(|(ego, _)| *ego);
         assert_eq!(modes.collect::<Vec<_>>(), [0, 1]);
@@ -727,8 +753,10 @@ mod tests {
             (request.settings.learn_on, request.settings.surrogate) = (learn_on, surrogate);
             let watch = Watch::unwatched();
             let mut estimation = Estimation::begin(&request, vec![None], &watch);
-            let plants = estimation.learners.iter();
-            let plants = plants.filter_map(|it| it.world.scenario.plant().plant());
+            let plants = estimation
+                .learners
+                .iter()
+                .filter_map(|it| it.world.scenario.plant().plant());
             assert_eq!(plants.collect::<Vec<_>>(), Vec::from_iter(learn_on));
             assert!(estimation.learn_proposals().expect("no disk").is_some());
             let cost = estimation.cost;

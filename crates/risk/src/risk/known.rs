@@ -76,8 +76,10 @@ impl KnownFailure {
         for file in files {
             let kept = Counterexample::load(&file)?;
             let axes = world.axes();
-            let values = axes.iter().map(|axis| kept.start.get(&axis.name).copied());
-            let values: Option<Vec<f64>> = values.collect();
+            let values: Option<Vec<f64>> = axes
+                .iter()
+                .map(|axis| kept.start.get(&axis.name).copied())
+                .collect();
             let actions = world.spaces().actions;
             // A world of this name may have had other actions when the file was kept.
             let fits = kept.world == world.name() && kept.actions.iter().all(|it| *it < actions);
@@ -231,13 +233,14 @@ mod tests {
             value: ValueKind::Table,
             ..RiskSettings::default()
         };
-        let report = request.estimate(&Watch::unwatched()).expect("no disk");
-        let report = report.expect("not stopped");
+        let report = request
+            .estimate(&Watch::unwatched())
+            .expect("no disk")
+            .expect("not stopped");
         let kinds = &report.egos[0].likeliest;
-        let lawful = kinds
+        let mut lawful: Vec<(Start, u64, Vec<usize>)> = kinds
             .iter()
-            .filter(|run| run.failure().is_some_and(|it| it.lawful));
-        let mut lawful: Vec<(Start, u64, Vec<usize>)> = lawful
+            .filter(|run| run.failure().is_some_and(|it| it.lawful))
             .map(|run| {
                 let actions = run.actions.iter().map(|it| *it as usize);
                 let start = traffic.starts.start(&run.shares).expect("inside");
@@ -283,10 +286,11 @@ mod tests {
         };
         assert_eq!(fitting("name: \"acc\"", "name: \"other\""), []);
         let set = "Accelerations([-3.0, 0.0, 3.0]), neutral: 1";
-        let brakes = known
+        let brakes: Vec<KnownFailure> = known
             .iter()
-            .filter(|it| it.actions.iter().all(|action| *action == 0));
-        let brakes: Vec<KnownFailure> = brakes.cloned().collect();
+            .filter(|it| it.actions.iter().all(|action| *action == 0))
+            .cloned()
+            .collect();
         assert_eq!(fitting(set, "Accelerations([-3.0]), neutral: 0"), brakes);
     }
 

@@ -95,8 +95,11 @@ impl LawBinder<'_, '_> {
             }
         };
         let place = place.to("onsets");
-        let onsets = file.onsets.0.iter();
-        let onsets = onsets.map(|(name, onset)| self.onset(&place.to(name), labels, onset));
+        let onsets = file
+            .onsets
+            .0
+            .iter()
+            .map(|(name, onset)| self.onset(&place.to(name), labels, onset));
         Some(MarkovLaw {
             transitions,
             onsets: onsets.collect::<Option<Vec<Onset>>>()?,
@@ -160,7 +163,7 @@ impl LawBinder<'_, '_> {
         let decision_s = self.spec.clock.decision_s;
         let hold = libm::round(DECISION_S / decision_s);
         // A tolerance, since 0.1 s and its multiples are no binary fractions.
-        if hold < 1.0 || 1e-9 < (hold * decision_s - DECISION_S).abs() {
+        if hold < 1.0 || (hold * decision_s - DECISION_S).abs() > 1e-9 {
             let what = format!("decisions of {decision_s} s do not divide the model's 0.5 s");
             return refuse(what, "declare a `Markov` law");
         }
@@ -169,8 +172,10 @@ impl LawBinder<'_, '_> {
         let lateral = match (moves.is_empty(), lateral) {
             (true, None) => None,
             (false, Some(file)) => {
-                let labels = moves.iter().map(|it| format!("{it:?}").to_lowercase());
-                let labels: Vec<String> = labels.collect();
+                let labels: Vec<String> = moves
+                    .iter()
+                    .map(|it| format!("{it:?}").to_lowercase())
+                    .collect();
                 Some(self.markov(&place.to("lateral"), &labels, file)?)
             }
             (true, Some(_)) => {
@@ -201,8 +206,7 @@ pub(super) fn transitions(file: &MarkovFile, actions: usize) -> Result<Vec<Vec<f
                     "`transitions` has {actions} rows of {actions} weights"
                 ));
             }
-            let rows = rows.iter().map(|row| shares(row));
-            let rows: Option<Vec<Vec<f64>>> = rows.collect();
+            let rows: Option<Vec<Vec<f64>>> = rows.iter().map(|row| shares(row)).collect();
             rows.ok_or_else(|| "a row of `transitions` has no weight, or one below 0".to_owned())
         }
         (Some(stay), Some(leave), None) => {
@@ -238,7 +242,7 @@ pub(super) fn transitions(file: &MarkovFile, actions: usize) -> Result<Vec<Vec<f
 /// Returns weights as shares of their sum. `None`: there is none, or one is below 0.
 fn shares(weights: &[f64]) -> Option<Vec<f64>> {
     let sum: f64 = weights.iter().sum();
-    let fits = 0.0 < sum && weights.iter().all(|it| 0.0 <= *it);
+    let fits = sum > 0.0 && weights.iter().all(|it| *it >= 0.0);
     fits.then(|| weights.iter().map(|it| it / sum).collect())
 }
 
@@ -343,7 +347,7 @@ mod tests {
         assert_eq!(kept, [0.0, 0.0, 1.0, 0.0]);
         let next = law.probabilities(&[], [1, 1], 2);
         assert!((next.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-        assert!(0.8 < next[1] && next[3] < 1e-3, "{next:?}");
+        assert!(next[1] > 0.8 && next[3] < 1e-3, "{next:?}");
     }
 
     #[test]

@@ -57,8 +57,7 @@ impl Learning {
         let mut bench = world.scenario.bench();
         let drawn = (0..POOL as u64).map(|index| {
             let mut rng = generator("risk-pool", &[seed, index]);
-            let shares = (0..law.dimensions()).map(|_| rng.random::<f64>());
-            let shares: Vec<f64> = shares.collect();
+            let shares: Vec<f64> = (0..law.dimensions()).map(|_| rng.random::<f64>()).collect();
             let start = law.start(&shares);
             let state = start.map(|start| world.first_state(&mut bench, &start));
             (shares, state)
@@ -124,8 +123,9 @@ impl Learning {
         let failing = &failing[failing.len().saturating_sub(FITTED.1)..];
         let others = FITTED.0 - failing.len();
         let held = &held[held.len().saturating_sub(others)..];
-        let fitted = failing.iter().chain(held);
-        let fitted: Vec<(&RiskRun, Vec<bool>)> = fitted
+        let fitted: Vec<(&RiskRun, Vec<bool>)> = failing
+            .iter()
+            .chain(held)
             .map(|(ego, run)| (run, self.heads_of(*ego, run)))
             .collect();
         let (inputs, actions) = self.sizes;
@@ -152,7 +152,7 @@ impl Learning {
         let held = self.data.iter().filter(|(_, run)| run.failure().is_none());
         let mut excess = held.count().saturating_sub(FITTED.0);
         self.data.retain(|(_, run)| {
-            let drop = 0 < excess && run.failure().is_none();
+            let drop = excess > 0 && run.failure().is_none();
             excess -= usize::from(drop);
             !drop
         });
@@ -166,7 +166,7 @@ impl Learning {
                 *counts.entry(mode).or_default() += 1;
             }
         }
-        counts.retain(|mode, count| MODE_FAILURES <= *count && !self.modes.contains(mode));
+        counts.retain(|mode, count| *count >= MODE_FAILURES && !self.modes.contains(mode));
         counts.sort_by(|_, a, _, b| b.cmp(a));
         let room = MODES.saturating_sub(self.modes.len());
         let new: Vec<String> = counts.into_keys().take(room).collect();
@@ -212,8 +212,11 @@ impl Learning {
         });
         let rated: Vec<Vec<f64>> = rated.collect();
         let tree = |head: usize, of: fn(f64) -> f64| {
-            let pairs = self.pool.iter().zip(&rated);
-            let pairs = pairs.map(|((shares, _), values)| (shares.clone(), of(values[head])));
+            let pairs = self
+                .pool
+                .iter()
+                .zip(&rated)
+                .map(|((shares, _), values)| (shares.clone(), of(values[head])));
             StartTree::fit(&pairs.collect::<Vec<_>>(), self.dimensions)
         };
         // The first proposal tilts by the root of V, as its actions do.
@@ -225,11 +228,12 @@ impl Learning {
     /// Returns the greatest weight of an ego's failures so far, under a mixture.
     pub(super) fn limit(&self, ego: usize, mixture: &Mixture) -> f64 {
         let fails = |run: &RiskRun| run.failure().is_some() && run.is_possible();
-        let known = self
+        let known: Vec<&RiskRun> = self
             .data
             .iter()
-            .filter(|(of, run)| *of == ego && fails(run));
-        let known: Vec<&RiskRun> = known.map(|(_, run)| run).collect();
+            .filter(|(of, run)| *of == ego && fails(run))
+            .map(|(_, run)| run)
+            .collect();
         // Evenly over all rounds, because the weights of earlier ones are larger.
         let step = known.len().div_ceil(4000).max(1);
         let known: Vec<&RiskRun> = known.into_iter().step_by(step).collect();
@@ -361,7 +365,7 @@ mod tests {
         assert_eq!(inside(POOL).interval, [1.0; 2]);
         let half = inside(POOL / 2);
         assert!((half.probability - 0.5).abs() < 1e-12);
-        assert!(half.interval[0] < 0.5 && 0.5 < half.interval[1]);
+        assert!(half.interval[0] < 0.5 && half.interval[1] > 0.5);
         assert_eq!(inside(0).hits, 1);
     }
 }

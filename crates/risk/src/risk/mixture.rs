@@ -152,13 +152,13 @@ fn softened(values: &[f64]) -> Vec<f64> {
 /// Returns the law tilted by values, with a share of the law itself.
 fn tilted(law: &[f64], values: &[f64], share: f64) -> Vec<f64> {
     // An impossible action must not set the floor for the others.
-    let possible = law.iter().zip(values).filter(|(p, _)| 0.0 < **p);
+    let possible = law.iter().zip(values).filter(|(p, _)| **p > 0.0);
     let best = possible.map(|(_, v)| *v).fold(0.0, f64::max);
     let pairs = law.iter().zip(values);
     let raw: Vec<f64> = pairs.map(|(p, v)| p * v.max(FLOOR * best)).collect();
     let sum: f64 = raw.iter().sum();
     // Values of 0 prefer no action to another.
-    if 0.0 < sum {
+    if sum > 0.0 {
         let pairs = raw.iter().zip(law);
         pairs
             .map(|(it, p)| share * p + (1.0 - share) * it / sum)

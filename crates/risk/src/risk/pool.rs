@@ -175,11 +175,14 @@ impl Round {
 /// It is the square-root rule of Owen and Zhou: round k has n √k. Later rounds have better
 /// proposals, and shares that knew the results would bias the estimate.
 fn round_shares(rounds: &[Round]) -> Vec<f64> {
-    let raw = rounds.iter().zip(1..).map(|(round, k)| {
-        let k: u32 = k;
-        round.len() as f64 * libm::sqrt(f64::from(k))
-    });
-    let raw: Vec<f64> = raw.collect();
+    let raw: Vec<f64> = rounds
+        .iter()
+        .zip(1..)
+        .map(|(round, k)| {
+            let k: u32 = k;
+            round.len() as f64 * libm::sqrt(f64::from(k))
+        })
+        .collect();
     let sum: f64 = raw.iter().sum();
     raw.iter().map(|it| it / sum).collect()
 }
@@ -293,7 +296,7 @@ fn pareto_k(parts: &[f64]) -> Option<f64> {
     let threshold = *parts.get(tail)?;
     let excesses = parts[..tail].iter().map(|it| it - threshold);
     // Equal weights, as in worlds with few paths, have no tail.
-    let excesses: Vec<f64> = excesses.filter(|it| 0.0 < *it).collect();
+    let excesses: Vec<f64> = excesses.filter(|it| *it > 0.0).collect();
     match excesses.len() {
         0 => Some(0.0),
         // Too few for a fit, so the shape is that of a mean that barely exists.
@@ -346,8 +349,9 @@ pub(super) fn ratio(first: &[Round], second: &[Round]) -> Option<RiskEstimate> {
         values.extend(side(other, -b.probability));
         values.sort_by_key(|(index, ..)| *index);
         let paired = values.chunk_by(|a, b| a.0 == b.0);
-        let sums = paired.map(|of| (of[0].1, of.iter().map(|it| it.2).sum::<f64>()));
-        let sums: Vec<(usize, f64)> = sums.collect();
+        let sums: Vec<(usize, f64)> = paired
+            .map(|of| (of[0].1, of.iter().map(|it| it.2).sum::<f64>()))
+            .collect();
         let each = share / own.len() as f64;
         parts.extend(sums.iter().map(|(_, sum)| each * sum));
         variance += share * share * own.mean(sums.into_iter()).1;
@@ -427,9 +431,9 @@ mod tests {
         let mean = sum / n;
         let error = libm::sqrt((squares / n - mean * mean) / n);
         assert!((mean - truth).abs() < 3.0 * error, "{mean} ± {error}");
-        assert!(180 <= covered, "{covered} of 200 intervals cover");
+        assert!(covered >= 180, "{covered} of 200 intervals cover");
         // Without weights the estimate is that of the proposal.
-        assert!(0.3 < unweighted / n);
+        assert!(unweighted / n > 0.3);
     }
 
     #[test]
@@ -455,7 +459,7 @@ mod tests {
         fewer[0].failures.retain(|it| it.lawful);
         let found = ratio(&fewer, &own).expect("failures");
         let [lo, hi] = found.interval;
-        assert!(lo < 0.5 && 0.5 < hi && hi < 0.6, "{found:?}");
+        assert!(lo < 0.5 && hi > 0.5 && hi < 0.6, "{found:?}");
     }
 
     #[test]
@@ -464,7 +468,7 @@ mod tests {
         let limit = rounds[0].failures[0].weight;
         let none = bound(&rounds[0], limit, (0, 10_000));
         let two = bound(&rounds[0], limit, (2, 10_000));
-        assert!(0.002 < none && none < two, "{none} {two}");
+        assert!(none > 0.002 && none < two, "{none} {two}");
         // Weights beyond the limit leave the first part.
         assert!(bound(&rounds[0], 0.5 * limit, (0, 10_000)) < none);
     }
@@ -495,7 +499,7 @@ mod tests {
         let heavy = |i: u32| 1e-4 * libm::pow((f64::from(i) + 0.5) / 200.0, -1.2);
         let alone: Vec<f64> = (0..200).map(heavy).collect();
         let found = weight_tail(&[round(&alone)], 10.0).expect("enough");
-        assert!(0.7 < found.k && 0.3 < found.unseen, "{found:?}");
+        assert!(found.k > 0.7 && found.unseen > 0.3, "{found:?}");
         let mut beside = alone;
         beside.extend([1e-3; 4000]);
         let found = weight_tail(&[round(&beside)], 10.0).expect("enough");
@@ -516,7 +520,7 @@ mod tests {
             interval: [1e-9, 0.95],
             ..risk
         };
-        assert!(1.0 < wide.over(&rate).interval[1]);
+        assert!(wide.over(&rate).interval[1] > 1.0);
         assert_eq!(wide.over(&rate).at_most_one().interval[1], 1.0);
         // No hit leaves an upper end, above that of the count alone.
         let none = RiskEstimate::counted(0, 10_000);
@@ -663,7 +667,7 @@ mod tests {
         assert!((found.probability - 2.0).abs() < 1e-12);
         // The weaker of both limits it.
         assert_eq!((found.hits, found.ess.round()), (30, 30.0));
-        assert!(found.interval[0] < 2.0 && 2.0 < found.interval[1]);
+        assert!(found.interval[0] < 2.0 && found.interval[1] > 2.0);
         assert!(ratio(&many, &[equal(1000, 0, 1.0)]).is_none());
         // Failures on the same draws cancel out, and on others they do not.
         let mut elsewhere = few.clone();

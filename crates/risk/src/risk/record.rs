@@ -105,7 +105,7 @@ impl RiskRun {
     /// Returns whether the law of the actions can produce the run.
     pub(super) fn is_possible(&self) -> bool {
         // Component 0 has the ratio 1 as long as the law allows every action.
-        self.end != RunEnd::Impossible && self.ratios.first().is_some_and(|it| 0.0 < *it)
+        self.end != RunEnd::Impossible && self.ratios.first().is_some_and(|it| *it > 0.0)
     }
 
     /// Returns the fault, if the run is invalid by one.
@@ -129,7 +129,7 @@ impl RiskRun {
 pub(super) fn multiply(ratios: &mut [f64], proposals: &[Vec<f64>], law: &[f64], action: usize) {
     for (ratio, proposal) in ratios.iter_mut().zip(proposals) {
         // No proposal takes an action that the law excludes.
-        *ratio = if 0.0 < law[action] {
+        *ratio = if law[action] > 0.0 {
             *ratio * proposal[action] / law[action]
         } else {
             0.0

@@ -213,8 +213,10 @@ impl EgoRisk {
 
     /// Adds the share of kinds that counterexamples from elsewhere have shown, if any.
     pub(super) fn with_known(self, known: &[&str]) -> EgoRisk {
-        let of_known = self.modes.iter();
-        let of_known = of_known.filter(|it| known.contains(&it.mode.as_str()));
+        let of_known = self
+            .modes
+            .iter()
+            .filter(|it| known.contains(&it.mode.as_str()));
         let share = of_known.map(|it| it.share).sum();
         EgoRisk {
             known_share: (!known.is_empty() && !self.modes.is_empty()).then_some(share),
@@ -541,9 +543,9 @@ impl RiskReport {
             f,
             "\nruns per ego: {natural} natural, {exploring} exploring, {rounds} in rounds"
         )?;
-        if 0 < surrogate {
+        if surrogate > 0 {
             write!(f, ", {surrogate} for its surrogate, {learning} in it")?;
-        } else if 0 < learning {
+        } else if learning > 0 {
             write!(f, ", {learning} on another plant")?;
         }
         writeln!(f)
@@ -565,7 +567,7 @@ impl Display for RiskReport {
                 Some(checks) => self.checked(f, checks)?,
                 None => writeln!(f, "counted among {} natural runs", self.cost.natural)?,
             }
-            if 0 < ego.impossible {
+            if ego.impossible > 0 {
                 let n = ego.impossible;
                 writeln!(
                     f,
@@ -718,8 +720,10 @@ mod tests {
             it if it < 10 => RunEnd::Held { lawful: Some(true) },
             _ => RunEnd::Outside,
         });
-        let later = [RunEnd::Failed(failure), RunEnd::Held { lawful: None }];
-        let later = later.into_iter().cycle().take(1000);
+        let later = [RunEnd::Failed(failure), RunEnd::Held { lawful: None }]
+            .into_iter()
+            .cycle()
+            .take(1000);
         let mut natural = NaturalCounts::default();
         natural.add(judged.chain(later).map(RiskRun::ending).collect());
         let rate = natural.lawful_rate(FaultsAs::Held);
@@ -730,7 +734,7 @@ mod tests {
         let given = readings.fails_given_lawful.expect("a rate");
         assert_eq!((given.probability, given.interval[0]), (0.0, 0.0));
         assert!(
-            0.0 < given.interval[1] && given.interval[1] < 0.01,
+            given.interval[1] > 0.0 && given.interval[1] < 0.01,
             "{given:?}"
         );
         let fails = readings.fails.expect("counted");
@@ -811,8 +815,11 @@ mod tests {
         assert_eq!(readings.lawful.map(|it| it.probability), Some(0.8));
         assert_eq!((risk.judged, risk.impossible), (1000, 3));
         assert!(risk.between.is_none() && risk.is_weighted());
-        let shares = risk.modes.iter().map(|it| (it.mode.as_str(), it.share));
-        let shares: Vec<(&str, f64)> = shares.collect();
+        let shares: Vec<(&str, f64)> = risk
+            .modes
+            .iter()
+            .map(|it| (it.mode.as_str(), it.share))
+            .collect();
         assert_eq!(shares[0].0, "rear-end");
         assert!((shares[0].1 - 0.6).abs() < 1e-9 && (shares[1].1 - 0.4).abs() < 1e-9);
         assert!((risk.modes[0].risk.probability - 1.2e-3).abs() < 1e-9);

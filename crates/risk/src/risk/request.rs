@@ -143,8 +143,10 @@ impl<'a> RiskRequest<'a> {
             ..self.settings
         };
         let egos = self.egos.iter().map(ego_identity);
-        let known = self.known.iter();
-        let known = known.map(|it| json!([it.start, it.noise, it.actions]));
+        let known = self
+            .known
+            .iter()
+            .map(|it| json!([it.start, it.noise, it.actions]));
         content_hash::fingerprint(&json!({
             "version": env!("CARGO_PKG_VERSION"),
             "stored_runs": STORED_RUNS,
@@ -206,8 +208,7 @@ mod tests {
     #[test]
     fn everything_that_changes_a_stored_run_changes_the_digest() {
         let world = world();
-        let weak = EgoUnderTest::find(&world, "weak brakes").expect("fits");
-        let weak = weak[0].clone();
+        let weak = EgoUnderTest::find(&world, "weak brakes").expect("fits")[0].clone();
         let traffic = |text: &str| RiskTraffic::parse(&world, "t.ron", text).expect("sound");
         let (own, rarer) = (traffic(TRAFFIC), traffic(&TRAFFIC.replace("0.02", "0.01")));
         let egos = [EgoUnderTest::nominal(&world)];
@@ -311,8 +312,9 @@ mod tests {
         // Only the world differs.
         let text = world.text().replace("d_safe\": 4.7", "d_safe\": 4.8");
         assert_ne!(text, world.text());
-        let stricter = Scenario::parse("acc.ron", &text).expect("sound");
-        let stricter = stricter.on(PlantKind::Kinematic);
+        let stricter = Scenario::parse("acc.ron", &text)
+            .expect("sound")
+            .on(PlantKind::Kinematic);
         let [weak, strong] = changes;
         let egos = [
             own("one"),
@@ -329,8 +331,7 @@ mod tests {
         // A rebuilt program has its old command.
         let dir = tempfile::tempdir().expect("a directory");
         let file = dir.path().join("ego.sh");
-        let program = EgoUnderTest::program(&world, &[file.display().to_string()]);
-        let program = program.expect("driven");
+        let program = EgoUnderTest::program(&world, &[file.display().to_string()]).expect("driven");
         let built = |text: &str| {
             std::fs::write(&file, text).expect("written");
             of(&program)
@@ -345,8 +346,9 @@ mod tests {
         let world = world();
         let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
         let egos = [EgoUnderTest::nominal(&world), EgoUnderTest::nominal(&world)];
-        let found = RiskRequest::new(&traffic, &egos).surrogates(&Watch::unwatched());
-        let found = found.expect("not stopped");
+        let found = RiskRequest::new(&traffic, &egos)
+            .surrogates(&Watch::unwatched())
+            .expect("not stopped");
         assert!(found.len() == 2 && found.iter().all(Option::is_none));
     }
 }

@@ -55,8 +55,10 @@ mod tests {
         faults.add(&[held.clone(), ended(FaultKind::Timeout)]);
         faults.add(&[ended(FaultKind::Ended), held, ended(FaultKind::Timeout)]);
         assert_eq!((faults.runs, faults.invalid, faults.share()), (5, 3, 0.6));
-        let kinds = faults.faults.iter();
-        let kinds = kinds.map(|it| (it.kind, it.first_start, it.count));
+        let kinds = faults
+            .faults
+            .iter()
+            .map(|it| (it.kind, it.first_start, it.count));
         let expected = [(FaultKind::Timeout, 1, 2), (FaultKind::Ended, 2, 1)];
         assert_eq!(kinds.collect::<Vec<_>>(), expected);
     }

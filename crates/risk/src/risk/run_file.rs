@@ -78,11 +78,13 @@ fn damaged(path: &Path, why: impl ToString) -> RunError {
 /// # Errors
 /// The runs do not fit into a file, whose name is `path`.
 pub(super) fn bytes(piece: &PieceId, runs: &[RiskRun], path: &Path) -> Result<Vec<u8>, RunError> {
-    let meta = PieceMeta {
-        piece: piece.clone(),
-        ends: runs.iter().map(|run| run.end.clone()).collect(),
-    };
-    let meta = serde_json::to_string(&meta).map_err(|error| damaged(path, error))?;
+    let meta = serde_json::to_string(
+        &(PieceMeta {
+            piece: piece.clone(),
+            ends: runs.iter().map(|run| run.end.clone()).collect(),
+        }),
+    )
+    .map_err(|error| damaged(path, error))?;
     let mut file = TensorFile::new(meta);
     // Runs differ in length, so their joined tensors are cut by these sizes.
     let sizes = runs.iter().flat_map(|run| {
@@ -126,8 +128,9 @@ pub(super) fn read(expected: &PieceId, path: &Path) -> Result<Option<Vec<RiskRun
         return Ok(None);
     }
     let bytes = file_bytes(path).map_err(|error| damaged(path, error))?;
-    let sealed = bytes.split_at_checked(bytes.len().saturating_sub(SEAL));
-    let sealed = sealed.filter(|(content, seal)| sha256(content).as_bytes() == *seal);
+    let sealed = bytes
+        .split_at_checked(bytes.len().saturating_sub(SEAL))
+        .filter(|(content, seal)| sha256(content).as_bytes() == *seal);
     let (content, _) = sealed.ok_or_else(|| damaged(path, "its hash differs"))?;
     let file = TensorFile::from_bytes(content).map_err(|error| damaged(path, error))?;
     let meta: PieceMeta =
@@ -142,8 +145,9 @@ pub(super) fn read(expected: &PieceId, path: &Path) -> Result<Option<Vec<RiskRun
     if meta.ends.len() != expected.runs {
         return Err(damaged(path, "its number of runs differs"));
     }
-    let runs = runs_of(&file, meta.ends).map_err(|error| damaged(path, error))?;
-    let runs = runs.ok_or_else(|| damaged(path, "its tensors do not fit each other"))?;
+    let runs = runs_of(&file, meta.ends)
+        .map_err(|error| damaged(path, error))?
+        .ok_or_else(|| damaged(path, "its tensors do not fit each other"))?;
     Ok(Some(runs))
 }
 

@@ -47,7 +47,7 @@ impl Shape {
         let ends = |mean: f64, sd: f64, (lo, hi): (f64, f64)| {
             let ends = [lo, hi].map(|end| normal_cdf((end - mean) / sd));
             // Far in a tail, both ends round to one probability, and nothing could be drawn.
-            let fits = lo < hi && 0.0 < sd && ends[0] < ends[1];
+            let fits = lo < hi && sd > 0.0 && ends[0] < ends[1];
             fits.then_some(ends)
                 .ok_or("`within` has no probability, or the spread is not above 0")
         };
@@ -102,7 +102,7 @@ impl Shape {
                 let above = cumulated.partition_point(|it| *it <= share);
                 let bin = above.clamp(1, bins) - 1;
                 let width = cumulated[bin + 1] - cumulated[bin];
-                let part = if 0.0 < width {
+                let part = if width > 0.0 {
                     (share - cumulated[bin]) / width
                 } else {
                     0.0
@@ -289,10 +289,12 @@ impl AxisBinder<'_, '_> {
 
     /// Binds an expression of axes that are drawn before.
     fn expression(&mut self, place: &ValuePath, text: Option<&str>) -> Option<BoundExpr> {
-        let signals = self.axes.iter().zip(&self.known);
-        let signals = signals.filter(|(_, known)| **known);
-        let known = signals.map(|(axis, _)| axis.name.clone());
-        let known: Vec<String> = known.collect();
+        let signals = self
+            .axes
+            .iter()
+            .zip(&self.known)
+            .filter(|(_, known)| **known);
+        let known: Vec<String> = signals.map(|(axis, _)| axis.name.clone()).collect();
         // All axes are in the schema, because positions are those in a start.
         let all = self
             .axes
@@ -427,8 +429,9 @@ mod tests {
             "\"ado.speed\": Uniform(within: (10, 20)),
              \"ego.speed\": Uniform(within: (0, 4), plus: \"ado.speed\"),
              \"ado.headway\": Uniform(within: (1, 2), times: \"ego.speed\", plus: \"4\")",
-        );
-        let law = law.expect("sound").starts;
+        )
+        .expect("sound")
+        .starts;
         let axes: Vec<String> = law.axes.iter().map(|it| it.name.clone()).collect();
         let at = |name: &str| axes.iter().position(|it| it == name).expect("an axis");
         let mut shares = vec![0.0; law.dimensions()];

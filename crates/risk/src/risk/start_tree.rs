@@ -165,7 +165,7 @@ mod tests {
         let mut starts = Vec::new();
         for _ in 0..4000 {
             let shares = vec![rng.random::<f64>(), rng.random::<f64>()];
-            let fails = shares[0] < 0.1 && 0.6 < shares[1];
+            let fails = shares[0] < 0.1 && shares[1] > 0.6;
             starts.push((shares, if fails { 0.3 } else { 1e-6 }));
         }
         let tree = StartTree::fit(&starts, 2);
@@ -177,7 +177,7 @@ mod tests {
             let uniform = [rng.random::<f64>(), rng.random::<f64>()];
             let shares = tree.draw(rng.random::<f64>(), &uniform);
             inverse += 1.0 / tree.density(&shares) / f64::from(n);
-            inside += i32::from(shares[0] < 0.125 && 0.5 < shares[1]);
+            inside += i32::from(shares[0] < 0.125 && shares[1] > 0.5);
         }
         assert!((inverse - 1.0).abs() < 0.08, "{inverse}");
         assert!(n / 2 < inside, "{inside} of {n} draws where failures are");
@@ -185,11 +185,12 @@ mod tests {
 
     #[test]
     fn boxes_contain_their_lower_ends_and_the_last_one_its_upper_end() {
-        let starts = (0..200).map(|at| {
-            let share = (f64::from(at) + 0.5) / 200.0;
-            (vec![share], if share < 0.5 { 1.0 } else { 0.0 })
-        });
-        let starts: Vec<_> = starts.collect();
+        let starts: Vec<_> = (0..200)
+            .map(|at| {
+                let share = (f64::from(at) + 0.5) / 200.0;
+                (vec![share], if share < 0.5 { 1.0 } else { 0.0 })
+            })
+            .collect();
         let tree = StartTree::fit(&starts, 1);
         for (share, density) in [(0.0, 1.9), (0.499, 1.9), (0.5, 0.1), (1.0, 0.1)] {
             let found = tree.density(&[share]);

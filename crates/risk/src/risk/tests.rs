@@ -312,8 +312,10 @@ fn impossible_counterexamples_count_once_for_each_ego() {
         ..settings(0)
     };
     request.known = &known;
-    let report = request.estimate(&Watch::unwatched()).expect("no disk");
-    let report = report.expect("not stopped");
+    let report = request
+        .estimate(&Watch::unwatched())
+        .expect("no disk")
+        .expect("not stopped");
     assert_eq!([0, 1].map(|ego: usize| report.egos[ego].impossible), [1, 1]);
     std::fs::remove_dir_all(&dir).expect("removed");
 }
@@ -371,8 +373,9 @@ fn mistakes_in_traffic_have_a_place_and_a_fix() {
 #[test]
 fn a_world_can_declare_its_traffic() {
     let declared = declaring(TRAFFIC).expect("sound");
-    let own = RiskTraffic::of_world(&declared).expect("fits");
-    let own = own.expect("declared");
+    let own = RiskTraffic::of_world(&declared)
+        .expect("fits")
+        .expect("declared");
     let named = RiskTraffic::parse(&declared, "traffic.ron", TRAFFIC).expect("fits");
     let counted = |traffic: &RiskTraffic| {
         let mut few = settings(1);
@@ -411,7 +414,7 @@ fn a_table_estimates_the_same_risk() {
         "{found:?} instead of {exact}"
     );
     // Counting the same number of runs would find about twelve failures.
-    assert!(100.0 < found.ess, "{found:?}");
+    assert!(found.ess > 100.0, "{found:?}");
     std::fs::remove_dir_all(&dir).expect("removed");
 }
 
@@ -447,7 +450,7 @@ fn natural_runs_side_by_side_have_the_bits_of_single_ones() {
             held += 1;
         }
     }
-    assert!(0 < failed && 9_000 < held, "{failed} failed, {held} held");
+    assert!(failed > 0 && held > 9_000, "{failed} failed, {held} held");
     std::fs::remove_dir_all(&dir).expect("removed");
 }
 
@@ -520,16 +523,16 @@ fn a_fault_is_in_every_number_of_a_risk_and_passes_no_limit() {
     let [least, most] = fragile.least_and_most().expect("counted");
     let invalid = fragile.faults.invalid;
     assert!(
-        200 < invalid && fragile.faults.runs == 1000,
+        invalid > 200 && fragile.faults.runs == 1000,
         "{:?}",
         fragile.faults
     );
     assert_eq!(most.hits, least.hits + invalid);
     assert!(least.hits < truth.hits && truth.hits <= most.hits);
     // Faults that are left out would make the fragile ego the better one.
-    assert!(report.ratio.is_none() && 1.0 < report.greatest_ratio().expect("two egos"));
+    assert!(report.ratio.is_none() && report.greatest_ratio().expect("two egos") > 1.0);
     let [least, most] = report.ratio_between.expect("faults");
-    assert!(least.probability < 0.6 && 0.95 < most.probability);
+    assert!(least.probability < 0.6 && most.probability > 0.95);
     let json = serde_json::to_value(&report).expect("JSON");
     let of_fragile = &json["egos"][0];
     assert!(of_fragile["fails"].is_null() && of_fragile["invalid"] == invalid);
@@ -556,15 +559,16 @@ fn failures_that_do_not_count_in_the_world_do_not_count_in_its_risk() {
             "judge: UntilViolation,",
             &format!("judge: UntilContact, counts: Contact(closing_mps: {closing_mps}),"),
         );
-        let world = Scenario::parse("acc.ron", &text).expect("sound");
-        let world = world.on(PlantKind::Kinematic);
+        let world = Scenario::parse("acc.ron", &text)
+            .expect("sound")
+            .on(PlantKind::Kinematic);
         let egos = [reckless(&world, false)];
         counted_with(&egos, 0.0).0
     };
     let soft = counting(5.0);
     assert_eq!(soft.counts, Counts::Contact { closing_mps: 5.0 });
     let fails = soft.egos[0].readings.fails.expect("counted");
-    assert!(300 < fails.hits, "{fails:?}");
+    assert!(fails.hits > 300, "{fails:?}");
     assert!(soft.to_string().contains("closing speed of 5 m/s or more"));
     let hard = counting(60.0);
     assert!(!hard.is_result() && hard.egos[0].is_weighted());

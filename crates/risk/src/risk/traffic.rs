@@ -173,8 +173,11 @@ fn bind(
     let none = Ordered::default();
     let declared = laws.file.as_ref().map_or(&none, |file| &file.starts);
     let starts = StartLaw::bind(world, (&laws.top, declared), &mut problems);
-    let uniform = world.axes().into_iter().map(|axis| axis.name);
-    let uniform = uniform.filter(|axis| !declared.0.contains_key(axis));
+    let uniform = world
+        .axes()
+        .into_iter()
+        .map(|axis| axis.name)
+        .filter(|axis| !declared.0.contains_key(axis));
     let bench = world.bench();
     let actions = LawBinder {
         spec: driving.spec(),
@@ -188,8 +191,11 @@ fn bind(
     // Invariant: laws without a problem are bound.
     let actions = actions.ok_or_else(|| problems.into_list())?;
     // The text of a model counts too, since its file may change under its name.
-    let model = laws.model.as_ref().map(|model| model.to_ron());
-    let model = model.unwrap_or_default();
+    let model = laws
+        .model
+        .as_ref()
+        .map(|model| model.to_ron())
+        .unwrap_or_default();
     Ok(RiskTraffic {
         source: laws.source(),
         exposure: laws.file.as_ref().and_then(|file| file.exposure),

@@ -91,7 +91,7 @@ impl ActionValues for ValueNetwork {
             let mean = |own: &[f32]| {
                 let pairs = own.iter().zip(law).enumerate();
                 // Impossible actions are skipped, because exponentials take most of the time.
-                let pairs = pairs.filter(|(action, (_, p))| *action != without && 0.0 < **p);
+                let pairs = pairs.filter(|(action, (_, p))| *action != without && **p > 0.0);
                 pairs
                     .map(|(_, (it, p))| f64::from(*p) * value_of(*it))
                     .sum()
@@ -168,7 +168,7 @@ mod tests {
     fn runs() -> Vec<RiskRun> {
         let run = |i: u32| {
             let (state, action) = (f32::from((i % 2) as u8), i / 2 % 2);
-            let fails = action == 1 && 0.5 < state;
+            let fails = action == 1 && state > 0.5;
             let failure = EgoFailure {
                 mode: "contact".to_owned(),
                 lawful: true,

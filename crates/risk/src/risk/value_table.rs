@@ -143,8 +143,10 @@ impl TableOfV {
     /// Returns the inputs by which failing runs differ most from others.
     fn chosen(&self, data: &Decisions<'_>) -> Vec<TableColumn> {
         let step = data.rows.len().div_ceil(SAMPLE).max(1);
-        let sample = data.rows.iter().step_by(step);
-        let sample: Vec<(&[f32], bool)> = sample
+        let sample: Vec<(&[f32], bool)> = data
+            .rows
+            .iter()
+            .step_by(step)
             .map(|(run, decision)| {
                 let (run, fails) = &data.runs[*run];
                 (run.input(*decision), fails.contains(&true))
@@ -154,17 +156,18 @@ impl TableOfV {
             return vec![column(input, &sample)];
         }
         let width = sample[0].0.len();
-        let rated = (0..width).map(|input| {
-            let column = column(input, &sample);
-            (separation(&column, &sample), column)
-        });
-        let mut rated: Vec<(f64, TableColumn)> = rated.collect();
+        let mut rated: Vec<(f64, TableColumn)> = (0..width)
+            .map(|input| {
+                let column = column(input, &sample);
+                (separation(&column, &sample), column)
+            })
+            .collect();
         // Stable, so that equal inputs keep their order.
         rated.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut cells = 1;
         let fits = |(_, column): &(f64, TableColumn)| {
             let more = cells * column.bins();
-            let fits = 1 < column.bins() && more <= CELLS;
+            let fits = column.bins() > 1 && more <= CELLS;
             cells = if fits { more } else { cells };
             fits
         };
@@ -180,8 +183,11 @@ impl ActionValues for TableOfV {
 
     fn means_without(&self, input: &[f32], law: &[f32], without: usize) -> Vec<f64> {
         let mean = |own: &[f64]| {
-            let pairs = own.iter().zip(law).enumerate();
-            let pairs = pairs.filter(|(action, _)| *action != without);
+            let pairs = own
+                .iter()
+                .zip(law)
+                .enumerate()
+                .filter(|(action, _)| *action != without);
             pairs.map(|(_, (v, p))| v * f64::from(*p)).sum()
         };
         self.values(input).chunks(self.actions).map(mean).collect()
@@ -241,7 +247,7 @@ mod tests {
                 lawful: true,
                 preventable: None,
             };
-            let fails = action == 1 && 2.5 < state;
+            let fails = action == 1 && state > 2.5;
             RiskRun {
                 shares: Vec::new(),
                 noise: 0,
@@ -271,14 +277,14 @@ mod tests {
     fn a_table_finds_the_input_and_the_action_that_fail() {
         let table = fitted(TableOfV::new(1, 2));
         let high = table.values(&[5.0, 3.0]);
-        assert!(0.8 < high[1] && high[0] < 1e-3, "{high:?}");
+        assert!(high[1] > 0.8 && high[0] < 1e-3, "{high:?}");
         let low = table.values(&[5.0, 0.0]);
         assert!(low[1] < 0.2 * high[1], "{low:?}");
         // The first input says nothing, so a table over it alone knows only the action.
         let blind = fitted(TableOfV::over(0, 1, 2));
         let (high, low) = (blind.values(&[5.0, 3.0]), blind.values(&[5.0, 0.0]));
         assert_eq!(high, low);
-        assert!(0.1 < high[1] && high[1] < 0.4, "{high:?}");
+        assert!(high[1] > 0.1 && high[1] < 0.4, "{high:?}");
     }
 
     #[test]

@@ -156,7 +156,7 @@ impl Demonstrations {
         dice: &mut LearnerRng,
         batch: &mut Batch,
     ) {
-        if 0 < size {
+        if size > 0 {
             self.replay.sample(size, beta, dice, &mut self.drawn);
             batch.append(&self.drawn);
         }
@@ -252,8 +252,12 @@ impl GuideMemory {
         bundle.put::<u64>("shown/starts", &[n], indices);
         let lengths = self.episodes.iter().map(|shown| shown.actions.len() as u64);
         bundle.put::<u64>("shown/lengths", &[n], lengths.collect());
-        let actions = self.episodes.iter().flat_map(|shown| &shown.actions);
-        let actions: Vec<u32> = actions.map(|&action| action as u32).collect();
+        let actions: Vec<u32> = self
+            .episodes
+            .iter()
+            .flat_map(|shown| &shown.actions)
+            .map(|&action| action as u32)
+            .collect();
         bundle.put("shown/followed", &[actions.len()], actions);
         bundle.put("shown/next", &[1], vec![self.oldest as u64]);
     }

@@ -261,7 +261,7 @@ impl Dqn {
         }
         let RunningEpisode { held, holding, .. } = self.running;
         self.running.holding = holding.saturating_sub(1);
-        if 0 < holding { held } else { greedy }
+        if holding > 0 { held } else { greedy }
     }
 
     /// Records an episode that has ended.
@@ -369,7 +369,7 @@ impl Learner for Dqn {
                 }
             }
             // Truncated or unfinished plays are no proof of success in this environment.
-            if ended == Some(End::Terminated) && 0.0 < total {
+            if ended == Some(End::Terminated) && total > 0.0 {
                 self.succeeded(one.index, &buffer);
                 kept += 1;
             }

@@ -159,8 +159,7 @@ impl PerAdoSettings {
     /// Its updates are spaced so that all of `ados` together make as many as a common
     /// learner.
     pub(super) fn learner_of(&self, part: &PartSpaces, ados: usize) -> LearnerSettings {
-        let own = self.ados.get(&part.name).unwrap_or(&self.learner);
-        let mut own = own.clone();
+        let mut own = self.ados.get(&part.name).unwrap_or(&self.learner).clone();
         // Every learner takes part in each decision, so all have the whole number.
         own.fix(self.decisions);
         own.kind_mut().space_updates(ados as u64);

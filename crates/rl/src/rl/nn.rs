@@ -69,7 +69,7 @@ impl Layer {
 
 /// Returns true if a row as long as the batch fills registers.
 fn fits_registers(batch: usize) -> bool {
-    0 < batch && batch.is_multiple_of(LANES)
+    batch > 0 && batch.is_multiple_of(LANES)
 }
 
 /// Buffers of a [`Tape`] for a layer of few outputs.
@@ -283,7 +283,7 @@ impl Mlp {
                 Some(hidden) => (&hidden[..], self.layers[i - 1].width),
             };
             let out = &mut after[0][..batch * layer.width];
-            if 0 < i && layer.is_narrow() && fits_registers(batch) {
+            if i > 0 && layer.is_narrow() && fits_registers(batch) {
                 let room = Room {
                     turned: &mut tape.turned,
                     narrow: &mut tape.narrow,
@@ -333,7 +333,7 @@ impl Mlp {
             // dW = xᵀ · delta. Exchanged strides read the inputs transposed.
             let weights = &mut gradient[layer.weights..layer.end];
             let start = &tape.zeros[..layer.width];
-            if 0 < i && layer.is_narrow() {
+            if i > 0 && layer.is_narrow() {
                 // dWᵀ = deltaᵀ · x: the same sums, in full registers.
                 let turned = &mut tape.narrow[..LANES * row];
                 let (used, padding) = turned.split_at_mut(layer.turned_rows() * row);

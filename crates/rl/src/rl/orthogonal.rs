@@ -29,7 +29,7 @@ pub(super) fn orthogonal_matrix(
         }
         let length = libm::sqrt(vector.iter().map(|a| a * a).sum());
         // A draw within the span of the others has no direction left, so draw again.
-        if 1e-6 < length {
+        if length > 1e-6 {
             vector.iter_mut().for_each(|a| *a /= length);
             basis.push(vector);
         }

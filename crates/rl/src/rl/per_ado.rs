@@ -82,10 +82,11 @@ impl LearnerKind for PerAdoSettings {
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let parts = self.parts_of(spaces);
         let ados = parts.len();
-        let parts = parts.into_iter().enumerate();
-        let parts = parts.map(|(i, part)| {
-            let learner = self.learner_of(&part, ados);
-            let learner = learner.kind().build(&own_spaces(&part), seed_of(seed, i));
+        let parts = parts.into_iter().enumerate().map(|(i, part)| {
+            let learner = self
+                .learner_of(&part, ados)
+                .kind()
+                .build(&own_spaces(&part), seed_of(seed, i));
             AdoLearner::new(part, learner)
         });
         Box::new(PerAdo::of(
@@ -100,14 +101,17 @@ impl LearnerKind for PerAdoSettings {
         let parts = self.parts_of(spaces);
         let ados = parts.len();
         let bundles = policy::bundles(policy, &parts)?;
-        let parts = parts.into_iter().zip(bundles).enumerate();
-        let parts = parts.map(|(i, (part, bundle))| {
-            let kind = self.learner_of(&part, ados);
-            let kind = kind.kind();
-            super::learner::expect_kind(&bundle, kind.bundles()[0])?;
-            let learner = kind.build_from(&own_spaces(&part), seed_of(seed, i), &bundle)?;
-            Ok(AdoLearner::new(part, learner))
-        });
+        let parts = parts
+            .into_iter()
+            .zip(bundles)
+            .enumerate()
+            .map(|(i, (part, bundle))| {
+                let kind = self.learner_of(&part, ados);
+                let kind = kind.kind();
+                super::learner::expect_kind(&bundle, kind.bundles()[0])?;
+                let learner = kind.build_from(&own_spaces(&part), seed_of(seed, i), &bundle)?;
+                Ok(AdoLearner::new(part, learner))
+            });
         let parts = parts.collect::<Result<Vec<AdoLearner>, BundleError>>()?;
         Ok(Box::new(PerAdo::of(
             self,
@@ -121,8 +125,7 @@ impl LearnerKind for PerAdoSettings {
         let parts = self.parts_of(spaces);
         let ados = parts.len();
         let bundles = policy::bundles(checkpoint, &parts)?;
-        let parts = parts.into_iter().zip(bundles);
-        let parts = parts.map(|(part, bundle)| {
+        let parts = parts.into_iter().zip(bundles).map(|(part, bundle)| {
             let kind = self.learner_of(&part, ados);
             let kind = kind.kind();
             super::learner::expect_kind(&bundle, kind.bundles()[1])?;
@@ -253,7 +256,7 @@ impl PerAdo {
             let step = env.step(action, &mut obs);
             total += step.reward;
             if let Some(end) = step.end {
-                return end == End::Terminated && 0.0 < total;
+                return end == End::Terminated && total > 0.0;
             }
         }
         false
@@ -261,8 +264,10 @@ impl PerAdo {
 
     /// Writes the bundles of all parts, made by `of`.
     fn save_parts(&self, bundle: &mut TensorFile, of: impl Fn(&dyn Learner) -> TensorFile) {
-        let parts = self.parts.iter();
-        let parts = parts.map(|part| (part.spaces.clone(), of(&*part.learner)));
+        let parts = self
+            .parts
+            .iter()
+            .map(|part| (part.spaces.clone(), of(&*part.learner)));
         policy::save(bundle, (self.observation, self.actions), parts.collect());
     }
 }
@@ -351,8 +356,11 @@ impl Learner for PerAdo {
 
     fn demonstrate(&mut self, env: &mut dyn Env, shown: &[Demonstration]) -> usize {
         // Played once for all: a learner that keeps no demonstrations cannot tell.
-        let succeed = shown.iter().filter(|shown| self.succeeds(env, shown));
-        let succeed: Vec<Demonstration> = succeed.cloned().collect();
+        let succeed: Vec<Demonstration> = shown
+            .iter()
+            .filter(|shown| self.succeeds(env, shown))
+            .cloned()
+            .collect();
         let (mut unit, parts) = (1, self.parts.len());
         for (at, part) in self.parts.iter_mut().enumerate() {
             let mut own = OnePart {
@@ -412,8 +420,10 @@ impl Learner for PerAdo {
     }
 
     fn policy(&self) -> Box<dyn Policy> {
-        let parts = self.parts.iter();
-        let parts = parts.map(|part| (part.spaces.clone(), part.learner.policy()));
+        let parts = self
+            .parts
+            .iter()
+            .map(|part| (part.spaces.clone(), part.learner.policy()));
         Box::new(PerAdoPolicy::new(self.observation, parts))
     }
 

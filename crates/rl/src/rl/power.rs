@@ -95,10 +95,11 @@ fn log2(x: f32) -> (f32, f32) {
     let v = 1.0 / (ax + bp);
     let s = u * v;
     let s_h = high(s);
-    let t_h = (((normal as u32 >> 1) & 0xffff_f000) | 0x2000_0000)
-        .wrapping_add(0x0040_0000)
-        .wrapping_add((middle as u32) << 21);
-    let t_h = f32::from_bits(t_h);
+    let t_h = f32::from_bits(
+        (((normal as u32 >> 1) & 0xffff_f000) | 0x2000_0000)
+            .wrapping_add(0x0040_0000)
+            .wrapping_add((middle as u32) << 21),
+    );
     let t_l = ax - (t_h - bp);
     let s_l = v * ((u - s_h * t_h) - s_h * t_l);
     // log ax

@@ -125,7 +125,7 @@ impl ReplayBuffer {
             .filter(|row| row[1] == 0.0)
             .map(|row| f64::from(row[0]));
         let (sum, count) = ends.fold((0.0, 0u64), |(sum, count), end| (sum + end, count + 1));
-        (0 < count).then(|| (sum / count as f64) as f32)
+        (count > 0).then(|| (sum / count as f64) as f32)
     }
 
     /// Fills `batch` with `size` draws. β is the strength of the correction.

@@ -39,7 +39,7 @@ impl SumTree {
         self.nodes[node] = value;
         // Summed anew from both children: adding the difference would accumulate
         // rounding, and the tree would depend on its history.
-        while 1 < node {
+        while node > 1 {
             node /= 2;
             self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
         }
@@ -73,7 +73,7 @@ impl SumTree {
                 let node = leaves[at] / 2;
                 self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
                 // Neighbours with one parent go on as one.
-                kept += usize::from(0 < at && node != before);
+                kept += usize::from(at > 0 && node != before);
                 leaves[kept] = node;
                 before = node;
             }
@@ -107,7 +107,7 @@ impl SumTree {
                 let [left, right] = children[*node];
                 // Rounding may leave the mass at the very end. The walk then stays on the
                 // side with positive leaves.
-                let goes_right = (left <= *mass) & (0.0 < right);
+                let goes_right = (left <= *mass) & (right > 0.0);
                 // A product, since the compiler turns every choice between two numbers into
                 // a branch, which would be mispredicted half of the time.
                 *mass -= left * f64::from(u8::from(goes_right));

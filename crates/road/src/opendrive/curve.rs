@@ -96,14 +96,14 @@ fn split(
     arcs: &mut Vec<CurveArc>,
 ) {
     // What is already too much is not split any further.
-    if MOST_ARCS < arcs.len() as f64 {
+    if arcs.len() as f64 > MOST_ARCS {
         return;
     }
     let (start, end) = (at(from_m), at(to_m));
     let pair = pair_of(start, end);
     let pair_m: f64 = pair.iter().map(|(_, bend)| bend.length_m).sum();
     // A straight part has no length to share out.
-    let scale = if 0.0 < pair_m {
+    let scale = if pair_m > 0.0 {
         (to_m - from_m) / pair_m
     } else {
         0.0
@@ -113,7 +113,7 @@ fn split(
         let off = at(from_m + share * (to_m - from_m)).sees(&here);
         libm::hypot(off.x_m, off.y_m) + beside_m * off.heading_rad.abs() <= NEAR_M
     });
-    if !is_near && LEAST_M < to_m - from_m {
+    if !is_near && to_m - from_m > LEAST_M {
         let middle_m = 0.5 * (from_m + to_m);
         split(at, (from_m, middle_m), beside_m, arcs);
         split(at, (middle_m, to_m), beside_m, arcs);
@@ -122,7 +122,7 @@ fn split(
     let mut along_m = from_m;
     for (start, bend) in pair {
         let covers_m = bend.length_m * scale;
-        if 0.0 < covers_m {
+        if covers_m > 0.0 {
             arcs.push(CurveArc {
                 from_m: along_m,
                 covers_m,
@@ -155,7 +155,7 @@ pub(crate) fn pair_of(start: Pose, end: Pose) -> [(Pose, Bend); 2] {
     let bent = 2.0 * (1.0 - cos);
     let root = (along * along + bent * square).sqrt();
     // This form of the root has no difference that could cancel.
-    let reach_m = if 0.0 < along + root {
+    let reach_m = if along + root > 0.0 {
         square / (along + root)
     } else {
         0.0

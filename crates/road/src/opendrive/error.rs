@@ -125,14 +125,15 @@ impl ImportError {
     }
 
     fn place(&self) -> String {
-        let place = self.element.as_deref();
-        let place = place.map(|(element, line)| format!(", line {line}, {element}"));
+        let place = self
+            .element
+            .as_deref()
+            .map(|(element, line)| format!(", line {line}, {element}"));
         place.unwrap_or_default()
     }
 
     fn point(&self) -> String {
-        let point = self.point.as_deref();
-        let point = point.map(|(index, set)| {
+        let point = self.point.as_deref().map(|(index, set)| {
             if set.is_empty() {
                 format!(", point {index}")
             } else {
@@ -144,8 +145,10 @@ impl ImportError {
 
     /// Returns the error with a point, unless it already has a point.
     pub fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
-        let set = set.iter().map(|(name, value)| format!("{name} = {value}"));
-        let set: Vec<String> = set.collect();
+        let set: Vec<String> = set
+            .iter()
+            .map(|(name, value)| format!("{name} = {value}"))
+            .collect();
         let point = Box::new((index, set.join(", ")));
         for error in &mut self.more {
             error.point.get_or_insert_with(|| point.clone());

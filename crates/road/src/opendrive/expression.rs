@@ -79,7 +79,7 @@ impl<'a> ExpressionCursor<'a> {
     fn factor(&mut self) -> Result<f64, String> {
         // Guards the stack: a file can nest brackets or signs without end.
         self.depth += 1;
-        if MAX_DEPTH < self.depth {
+        if self.depth > MAX_DEPTH {
             return Err("its brackets nest too deeply".to_owned());
         }
         let value = self.atom();

@@ -185,15 +185,15 @@ impl RoadMap {
             let length_m = stretch.length_m();
             let at = |along_m: f64| stretch.pose(road, along_m, left_m);
             lost_m += stretch.slant_m(road);
-            let arcs = arcs_of(&at, length_m, 0.0);
-            let arcs = arcs.map_err(|what| road.node.refused(what, WINDS))?;
+            let arcs =
+                arcs_of(&at, length_m, 0.0).map_err(|what| road.node.refused(what, WINDS))?;
             for arc in arcs {
                 if begins.is_none() {
                     begins = Some(arc.start);
                     spot = arc.start;
                 }
                 let off = spot.sees(&arc.start);
-                if GAP_M < libm::hypot(off.x_m, off.y_m) || MOST_PER_M < arc.bend.per_m.abs() {
+                if libm::hypot(off.x_m, off.y_m) > GAP_M || arc.bend.per_m.abs() > MOST_PER_M {
                     let what = format!("lane {} of road `{}` jumps", stretch.lane, stretch.road);
                     let help = "let widths, offsets and linked roads go on where they end";
                     return Err(asks.refused(what, help));

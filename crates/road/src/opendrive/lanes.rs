@@ -83,8 +83,9 @@ impl RoadLanes {
         }
         let offsets = lanes.all("laneOffset").map(|it| cubic(it, "s", 0.0));
         let profile = road.child("lateralProfile").into_iter();
-        let banks = profile.flat_map(|it| it.all("superelevation"));
-        let banks = banks.map(|it| cubic(it, "s", 0.0));
+        let banks = profile
+            .flat_map(|it| it.all("superelevation"))
+            .map(|it| cubic(it, "s", 0.0));
         let sections = lanes.all("laneSection").map(|section| {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
             let sides = section.children.iter().flat_map(|side| side.all("lane"));
@@ -104,8 +105,7 @@ impl RoadLanes {
                 refused.get_or_insert_with(|| node.refused(what, help));
             }
         }
-        let ends_m = sections.iter().skip(1).map(|it| it.s_m);
-        let ends_m = ends_m.chain([length_m]);
+        let ends_m = sections.iter().skip(1).map(|it| it.s_m).chain([length_m]);
         for ((node, section), to_m) in lanes.all("laneSection").zip(&sections).zip(ends_m) {
             if let Err(error) = section.sound(node, to_m) {
                 refused.get_or_insert(error);
@@ -220,8 +220,10 @@ impl RoadLanes {
         let begins = self.sections.iter().enumerate().flat_map(|(i, section)| {
             let ends_m = self.sections.get(i + 1).map_or(f64::INFINITY, |it| it.s_m);
             let widths = section.lanes.iter().flat_map(|lane| &lane.widths);
-            let begins = widths.chain(&self.offsets).chain(&self.banks);
-            let begins = begins.map(|it| it.from_m);
+            let begins = widths
+                .chain(&self.offsets)
+                .chain(&self.banks)
+                .map(|it| it.from_m);
             let within = begins.filter(move |s_m| (section.s_m..ends_m).contains(s_m));
             within.chain([section.s_m]).map(move |s_m| (i, s_m))
         });

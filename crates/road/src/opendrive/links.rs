@@ -44,8 +44,10 @@ pub(crate) struct JunctionConnection {
 /// Signals by the controller that switches them.
 pub(super) fn controllers(root: &XmlNode) -> Result<BTreeMap<String, Vec<String>>, ImportError> {
     let controllers = root.all("controller").map(|controller| {
-        let signals = controller.all("control").map(|it| it.need("signalId"));
-        let signals = signals.map(|id| id.map(str::to_owned));
+        let signals = controller
+            .all("control")
+            .map(|it| it.need("signalId"))
+            .map(|id| id.map(str::to_owned));
         Ok((
             controller.need("id")?.to_owned(),
             signals.collect::<Result<_, _>>()?,
@@ -78,8 +80,10 @@ impl Junctions {
             })
         };
         let junctions = root.all("junction").map(|junction| {
-            let connections = junction.all("connection").map(connection);
-            let connections = connections.collect::<Result<_, ImportError>>()?;
+            let connections = junction
+                .all("connection")
+                .map(connection)
+                .collect::<Result<_, ImportError>>()?;
             Ok((junction.need("id")?.to_owned(), connections))
         });
         Ok(Junctions(junctions.collect::<Result<_, ImportError>>()?))

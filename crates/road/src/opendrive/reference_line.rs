@@ -93,8 +93,7 @@ pub(crate) fn pieces_of(
             "paramPoly3" | "poly3" if length_m == 0.0 => bend(0.0),
             "paramPoly3" | "poly3" => {
                 let curve = polynomial(shape, start, length_m)?;
-                let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, LANES_M);
-                let arcs = arcs.map_err(winds)?;
+                let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, LANES_M).map_err(winds)?;
                 arcs.into_iter().map(|arc| segment(s_m, arc)).collect()
             }
             other => {
@@ -187,10 +186,10 @@ fn joins(
     let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
     // Only what is off is named, or two numbers that look alike would be compared.
     let misfits = [
-        (MEET_M < (s_m - ends_m).abs())
+        ((s_m - ends_m).abs() > MEET_M)
             .then(|| format!("at s = {s_m:.3} m instead of {ends_m:.3} m")),
-        (MEET_M < off_m).then(|| format!("{off_m:.3} m off the end of the piece before it")),
-        (MEET_RAD < turned_rad)
+        (off_m > MEET_M).then(|| format!("{off_m:.3} m off the end of the piece before it")),
+        (turned_rad > MEET_RAD)
             .then(|| format!("turned by {turned_rad:.4} rad against the piece before it")),
     ];
     let misfits: Vec<String> = misfits.into_iter().flatten().collect();

@@ -99,7 +99,7 @@ impl RoadMap {
                 continue;
             };
             pieces += road.pieces.len();
-            if MOST_PIECES < pieces {
+            if pieces > MOST_PIECES {
                 let what = format!("the roads have more than {MOST_PIECES} lines and arcs so far");
                 let help = "cut out the roads that the scenario uses";
                 return Err(node.refused(what, help));
@@ -206,37 +206,42 @@ impl RoadMap {
         let on_lane = |(id, road): (&String, &ImportedRoad)| {
             let (s_m, t_m) = road.nearest(spot)?;
             let (section, lanes) = road.lanes.section(s_m)?;
-            let here = lanes.lanes.iter().filter(|lane| lane.drives);
-            let here = here.filter_map(|lane| {
-                let (middle_m, slope) = road.lanes.middle((section, s_m), lane.id)?;
-                let off_m = (t_m - middle_m).abs();
-                let is_on = off_m <= 0.5 * road.lanes.width_m(s_m, lane.id)?;
-                let turn_rad = if road.leads_forward(lane.id) { 0.0 } else { PI };
-                let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);
-                let road_rad = road.at(s_m, 0.0).heading_rad;
-                let along_rad = road_rad + turn_rad + slant_rad;
-                let faces_rad = road_rad + slant_rad;
-                let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
-                // Directions within 0.01 rad rank alike, so that the distance decides between them.
-                let rank = if is_turned {
-                    (turned_rad * 100.0).floor()
-                } else {
-                    0.0
-                };
-                let at = OnLane {
-                    road: id.clone(),
-                    lane: lane.id,
-                    s_m,
-                    t_m,
-                    forward: !is_turned || wrapped(spot.heading_rad - road_rad).abs() < FRAC_PI_2,
-                };
-                is_on.then_some(((rank, off_m), (at, wrapped(faces_rad))))
-            });
+            let here = lanes
+                .lanes
+                .iter()
+                .filter(|lane| lane.drives)
+                .filter_map(|lane| {
+                    let (middle_m, slope) = road.lanes.middle((section, s_m), lane.id)?;
+                    let off_m = (t_m - middle_m).abs();
+                    let is_on = off_m <= 0.5 * road.lanes.width_m(s_m, lane.id)?;
+                    let turn_rad = if road.leads_forward(lane.id) { 0.0 } else { PI };
+                    let slant_rad = libm::atan2(slope, 1.0 - road.per_m(s_m) * t_m);
+                    let road_rad = road.at(s_m, 0.0).heading_rad;
+                    let along_rad = road_rad + turn_rad + slant_rad;
+                    let faces_rad = road_rad + slant_rad;
+                    let turned_rad = wrapped(spot.heading_rad - along_rad).abs();
+                    // Directions within 0.01 rad rank alike, so that the distance decides between them.
+                    let rank = if is_turned {
+                        (turned_rad * 100.0).floor()
+                    } else {
+                        0.0
+                    };
+                    let at = OnLane {
+                        road: id.clone(),
+                        lane: lane.id,
+                        s_m,
+                        t_m,
+                        forward: !is_turned
+                            || wrapped(spot.heading_rad - road_rad).abs() < FRAC_PI_2,
+                    };
+                    is_on.then_some(((rank, off_m), (at, wrapped(faces_rad))))
+                });
             here.min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal))
         };
         let known = self.roads.iter().filter(|(_, road)| road.refused.is_none());
-        let found = known.filter_map(on_lane);
-        let found = found.min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+        let found = known
+            .filter_map(on_lane)
+            .min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal));
         found.map(|(_, at)| at)
     }
 
@@ -244,10 +249,14 @@ impl RoadMap {
     ///
     /// `asks` is the element that refers to the road.
     pub fn road(&self, asks: &XmlNode, id: &str) -> Result<&ImportedRoad, ImportError> {
-        let road = self.roads.get(id);
-        let road = road.ok_or_else(|| {
-            let known = self.roads.keys().take(10).map(String::as_str);
-            let known = known.collect::<Vec<_>>().join(", ");
+        let road = self.roads.get(id).ok_or_else(|| {
+            let known = self
+                .roads
+                .keys()
+                .take(10)
+                .map(String::as_str)
+                .collect::<Vec<_>>()
+                .join(", ");
             let help = format!("the roads of the file: {known}");
             let error = asks.refused(format!("there is no road `{id}`"), &help);
             error.following(self.is_unread)
@@ -274,7 +283,7 @@ impl ImportedRoad {
         // The declared length serves as the end of the road, so it must agree
         // with the pieces.
         let ends_m = pieces.last().map_or(0.0, |piece| piece.end().0);
-        if MEET_M < (ends_m - length_m).abs() {
+        if (ends_m - length_m).abs() > MEET_M {
             let what = format!("its length is {length_m:.3} m, that of its geometry {ends_m:.3} m");
             let help = "make both the same";
             refused.get_or_insert_with(|| road.refused(what, help));
@@ -394,8 +403,11 @@ impl ImportedRoad {
         self.lanes.middle((section, s_m), lane).ok_or_else(|| {
             let road = self.node.raw("id").unwrap_or_default();
             let section = self.lanes.section(s_m);
-            let lanes = section.into_iter().flat_map(|(_, it)| &it.lanes);
-            let lanes: Vec<String> = lanes.map(|it| it.id.to_string()).collect();
+            let lanes: Vec<String> = section
+                .into_iter()
+                .flat_map(|(_, it)| &it.lanes)
+                .map(|it| it.id.to_string())
+                .collect();
             let help = format!("its lanes there: {}", lanes.join(", "));
             asks.refused(format!("the road `{road}` has no lane {lane}"), &help)
         })
@@ -404,9 +416,10 @@ impl ImportedRoad {
     /// Driving lanes on the side of a lane with their widths, the outermost first.
     pub fn driven_beside(&self, lane: i32, s_m: f64) -> Vec<(i32, f64)> {
         let section = self.lanes.section(s_m);
-        let side = section.into_iter().flat_map(|(_, it)| &it.lanes);
-        let side = side.filter(|it| it.drives && it.id * lane > 0);
-        let mut side: Vec<(i32, f64)> = side
+        let mut side: Vec<(i32, f64)> = section
+            .into_iter()
+            .flat_map(|(_, it)| &it.lanes)
+            .filter(|it| it.drives && it.id * lane > 0)
             .filter_map(|it| Some((it.id, self.lanes.width_m(s_m, it.id)?)))
             .collect();
         side.sort_by_key(|(id, _)| -id.abs());

@@ -168,8 +168,9 @@ impl ParameterScope {
             .into_iter()
             .flat_map(|it| it.all("ParameterDeclaration"));
         for declaration in declarations {
-            let value = self.get(declaration.need("name")?.trim_start_matches('$'));
-            let value = value.unwrap_or_default();
+            let value = self
+                .get(declaration.need("name")?.trim_start_matches('$'))
+                .unwrap_or_default();
             let mut groups = declaration.all("ConstraintGroup").peekable();
             let mut holds = groups.peek().is_none();
             for group in groups {

@@ -35,8 +35,9 @@ impl Surface {
         let lanes = sides.flat_map(|side| side.all("lane"));
         // Materials of shoulders and sidewalks do not matter: no vehicle drives
         // there.
-        let driven = lanes.filter(|lane| lane.raw("type") == Some("driving"));
-        let driven: Vec<&XmlNode> = driven.collect();
+        let driven: Vec<&XmlNode> = lanes
+            .filter(|lane| lane.raw("type") == Some("driving"))
+            .collect();
         Ok(Surface {
             friction: friction(&driven)?,
             limit_mps: limit_mps(road, &driven)?,
@@ -69,8 +70,11 @@ fn limit_mps(
     let of_road = road
         .all("type")
         .map(|it| (it, "s", it.child("speed").unwrap_or(it)));
-    let of_lanes = driven.iter().flat_map(|lane| lane.all("speed"));
-    let of_lanes: Vec<_> = of_lanes.map(|it| (it, "sOffset", it)).collect();
+    let of_lanes: Vec<_> = driven
+        .iter()
+        .flat_map(|lane| lane.all("speed"))
+        .map(|it| (it, "sOffset", it))
+        .collect();
     // Lanes without a limit have that of the road, so both are compared.
     let limited = driven.iter().filter(|lane| lane.child("speed").is_some());
     let is_partly = !of_lanes.is_empty() && limited.count() < driven.len();
@@ -86,8 +90,9 @@ fn limit_mps(
     let mut known = has_none.then_some(None);
     for (record, begins, speed) in records {
         let limit_mps = max_mps(speed)?;
-        let begins_late = ParameterScope::default().number_or_zero(record, begins)? != 0.0;
-        let begins_late = begins_late && limit_mps.is_some() && known.is_none();
+        let begins_late = (ParameterScope::default().number_or_zero(record, begins)? != 0.0)
+            && limit_mps.is_some()
+            && known.is_none();
         if begins_late || known.is_some_and(|known| known != limit_mps) {
             let what = "a speed limit that changes along the road or from lane to lane is not read";
             let help = "keep one limit for the whole road on which the ego drives";
@@ -113,5 +118,5 @@ fn max_mps(speed: &XmlNode) -> Result<Option<f64>, ImportError> {
             return Err(speed.refused(what, "use m/s, km/h or mph"));
         }
     };
-    Ok((0.0 < value).then_some(value * per_mps))
+    Ok((value > 0.0).then_some(value * per_mps))
 }

@@ -50,7 +50,7 @@ impl XmlNode {
             let help = "check its path, which counts from the file that names it";
             at.error(error.to_string()).helped(help)
         })?;
-        if MAX_BYTES < text.len() {
+        if text.len() > MAX_BYTES {
             let what = format!("it is larger than {MAX_BYTES} bytes");
             return Err(at
                 .error(what)
@@ -82,7 +82,7 @@ impl XmlNode {
                 .get(counted..upto)
                 .map_or(0, |part| part.matches('\n').count());
             counted = upto;
-            if MAX_ITEMS < items {
+            if items > MAX_ITEMS {
                 let what = format!("it has more than {MAX_ITEMS} elements and attributes");
                 let at = At::element(path, "here".to_owned(), line);
                 return Err(at
@@ -106,7 +106,7 @@ impl XmlNode {
                     open.push(node);
                     // Guards the stack of the recursive functions that read the
                     // tree.
-                    if MAX_DEPTH < open.len() {
+                    if open.len() > MAX_DEPTH {
                         let what = format!("its elements nest more than {MAX_DEPTH} deep");
                         let at = At::element(path, "here".to_owned(), line);
                         return Err(at.error(what).helped(NO_XML));
@@ -149,7 +149,7 @@ impl XmlNode {
         (line, place): (usize, usize),
     ) -> Result<XmlNode, String> {
         let attributes = start.attributes().enumerate().map(|(count, attribute)| {
-            if MAX_ATTRIBUTES < count {
+            if count > MAX_ATTRIBUTES {
                 return Err(format!("it has more than {MAX_ATTRIBUTES} attributes"));
             }
             let attribute = attribute.map_err(|error| error.to_string())?;

@@ -28,8 +28,8 @@ struct WayPart<'a> {
 
 /// Returns banks in the form of a world file.
 pub fn bank_list(banks: &[Bank]) -> String {
-    let banks = banks.iter();
     let banks: Vec<String> = banks
+        .iter()
         .map(|bank| format!("({:.3}, {:.6})", bank.s_m, bank.slope))
         .collect();
     format!("[{}]", banks.join(", "))
@@ -37,8 +37,8 @@ pub fn bank_list(banks: &[Bank]) -> String {
 
 /// Returns grades in the form of a world file.
 pub fn grade_list(grades: &[Grade]) -> String {
-    let grades = grades.iter();
     let grades: Vec<String> = grades
+        .iter()
         .map(|grade| format!("({:.3}, {:.6})", grade.from_s_m, grade.rise))
         .collect();
     format!("[{}]", grades.join(", "))
@@ -63,13 +63,13 @@ impl RoadMap {
         let mut grades: Vec<Grade> = Vec::new();
         for part in self.parts(asks, stretches, left_m)? {
             let rise = part.rise();
-            if MAX_RISE < rise.abs() && LEAST_M < part.length_m() {
+            if rise.abs() > MAX_RISE && part.length_m() > LEAST_M {
                 let what = format!("it rises by {rise:.2} per metre");
                 let help = format!("keep rises from -{MAX_RISE} to {MAX_RISE}");
                 return Err(part.road.node.refused(what, &help));
             }
             let goes_on = |last: &Grade| (last.rise - rise).abs() <= SAME_RISE;
-            if LEAST_M < part.length_m() && !grades.last().is_some_and(goes_on) {
+            if part.length_m() > LEAST_M && !grades.last().is_some_and(goes_on) {
                 let from_s_m = part.on_way_m[0];
                 grades.push(Grade { from_s_m, rise });
             }
@@ -92,11 +92,13 @@ impl RoadMap {
         left_m: f64,
     ) -> Result<Vec<Bank>, ImportError> {
         let parts = self.parts(asks, stretches, left_m)?;
-        let all = parts.iter().map(|part| Bank {
-            s_m: 0.5 * (part.on_way_m[0] + part.on_way_m[1]),
-            slope: part.bank(),
-        });
-        let all: Vec<Bank> = all.collect();
+        let all: Vec<Bank> = parts
+            .iter()
+            .map(|part| Bank {
+                s_m: 0.5 * (part.on_way_m[0] + part.on_way_m[1]),
+                slope: part.bank(),
+            })
+            .collect();
         if all.iter().all(|bank| bank.slope == 0.0) {
             return Ok(Vec::new());
         }
@@ -219,8 +221,10 @@ impl WayPart<'_> {
             let to = plain.number(validity, "toLane")?;
             Ok((from.min(to)..=from.max(to)).contains(&lane))
         };
-        let lanes = signal.all("validity").map(includes);
-        let lanes = lanes.collect::<Result<Vec<bool>, ImportError>>()?;
+        let lanes = signal
+            .all("validity")
+            .map(includes)
+            .collect::<Result<Vec<bool>, ImportError>>()?;
         Ok(faces && (lanes.is_empty() || lanes.contains(&true)))
     }
 }

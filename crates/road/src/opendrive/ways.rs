@@ -111,7 +111,7 @@ impl ImportedPath {
         };
         let aside = spots
             .iter()
-            .find(|spot| STRAIGHT_M < begins.sees(spot).y_m.abs());
+            .find(|spot| begins.sees(spot).y_m.abs() > STRAIGHT_M);
         match aside {
             Some(_) => Err(asks.refused(
                 "a way that turns at its places is not read",
@@ -131,7 +131,7 @@ impl ImportedPath {
             piece.length_m = piece.length_m.min(left_m);
             left_m -= piece.length_m;
         }
-        self.pieces.retain(|piece| 0.0 < piece.length_m);
+        self.pieces.retain(|piece| piece.length_m > 0.0);
         self
     }
 
@@ -158,11 +158,13 @@ impl ImportedPath {
                 corners.len() - 1
             })
             .collect();
-        let sides = corners.windows(2).map(|pair| {
-            let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
-            (libm::hypot(dx, dy), libm::atan2(dy, dx))
-        });
-        let sides: Vec<(f64, f64)> = sides.collect();
+        let sides: Vec<(f64, f64)> = corners
+            .windows(2)
+            .map(|pair| {
+                let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
+                (libm::hypot(dx, dy), libm::atan2(dy, dx))
+            })
+            .collect();
         let Some((_, heading_rad)) = sides.first() else {
             return Err(asks.refused("a way that leads nowhere", "set its places apart"));
         };
@@ -175,11 +177,11 @@ impl ImportedPath {
         for (i, (length_m, heading_rad)) in sides.iter().enumerate() {
             let next = sides.get(i + 1);
             let turn_rad = next.map_or(0.0, |(_, next_rad)| wrapped(next_rad - heading_rad));
-            if MOST_CORNER_RAD < turn_rad.abs() {
+            if turn_rad.abs() > MOST_CORNER_RAD {
                 let help = "end the trajectory there, and begin another";
                 return Err(asks.refused("a way that turns back at a place is not read", help));
             }
-            let turns = SAME_RAD < turn_rad.abs();
+            let turns = turn_rad.abs() > SAME_RAD;
             let radius_m = CORNER_M / libm::tan(0.5 * turn_rad.abs());
             let next_cut_m = if turns { CORNER_M } else { 0.0 };
             let line_m = length_m - cut_m - next_cut_m;
@@ -211,7 +213,7 @@ impl ImportedPath {
     pub fn has_corners(&self) -> bool {
         self.pieces
             .iter()
-            .any(|piece| 1.0 < piece.per_m.abs() * SHARP_M)
+            .any(|piece| piece.per_m.abs() * SHARP_M > 1.0)
     }
 
     /// Removes lines at the end, since a path continues straight after its pieces.
@@ -288,10 +290,10 @@ impl OnWay {
     pub fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
         let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
         let first = course.locate(&other.way.begins);
-        if MOST_ASIDE_M < first.lateral_m.abs() {
+        if first.lateral_m.abs() > MOST_ASIDE_M {
             return None;
         }
-        let against = FRAC_PI_2 < first.heading_rad.abs();
+        let against = first.heading_rad.abs() > FRAC_PI_2;
         // Up to the end of both, in the direction of the other.
         let left_m = if against {
             first.s_m
@@ -366,7 +368,7 @@ impl Spiral {
     /// Returns a message for a spiral that winds up or would need too many arcs.
     pub fn arcs(&self, beside_m: f64) -> Result<Vec<Bend>, String> {
         let turn_rad = self.length_m * self.from_per_m.abs().max(self.to_per_m.abs());
-        if turn_rad.is_nan() || MOST_WINDS_RAD < turn_rad {
+        if turn_rad.is_nan() || turn_rad > MOST_WINDS_RAD {
             return Err(format!(
                 "a curvature from {} to {} 1/m on {} m",
                 self.from_per_m, self.to_per_m, self.length_m
@@ -388,7 +390,7 @@ impl Spiral {
         let outer = 1.0 / 12f64.sqrt();
         // Both ends together reach 2·outer beyond the middles.
         let arcs = (self.length_m / most_m + 1.0 - 2.0 * outer).ceil().max(1.0);
-        if MOST_ARCS < arcs {
+        if arcs > MOST_ARCS {
             return Err(format!(
                 "a spiral of {arcs} arcs: at most {MOST_ARCS} are read"
             ));

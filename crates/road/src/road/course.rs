@@ -167,7 +167,7 @@ impl Course {
             };
             // Beyond half a circle, `Leg::locate` (an atan2) would no longer be
             // unique.
-            if length_m <= 0.0 || PI < (length_m * curvature_per_m).abs() {
+            if length_m <= 0.0 || (length_m * curvature_per_m).abs() > PI {
                 return Err(CourseError {
                     what: format!("a piece of {length_m} m"),
                     help: "lengths are above 0, and an arc turns by half a circle at most"
@@ -410,7 +410,7 @@ impl Course {
         };
         let mut stations_m = vec![from_m.min(0.0) - DRAWN_BEYOND_M];
         // The run-in has negative s and is covered by the first station.
-        for leg in self.legs.iter().filter(|leg| 0.0 <= leg.from_s_m) {
+        for leg in self.legs.iter().filter(|leg| leg.from_s_m >= 0.0) {
             let points = if leg.curvature_per_m == 0.0 {
                 1
             } else {

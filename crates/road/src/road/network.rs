@@ -145,8 +145,7 @@ impl TravelLine<'_> {
     ///
     /// Follows the other path and detects where it changes sides.
     fn crossed_by(&self, other: &TravelLine<'_>) -> Vec<Crossing> {
-        let steps = (other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M;
-        let steps = steps.ceil() as usize;
+        let steps = ((other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M).ceil() as usize;
         let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
         // On the outside of a bend, a step covers more than its length.
         let outside = other.course.most_curvature_per_m() * other.lateral_m.abs();
@@ -157,8 +156,7 @@ impl TravelLine<'_> {
         while step < steps {
             // As far as the other path is away from this one, it cannot cross it.
             let far = (away_m / step_m) as usize;
-            let next = if 1 < far { step + far - 1 } else { step + 1 };
-            let next = next.min(steps);
+            let next = (if far > 1 { step + far - 1 } else { step + 1 }).min(steps);
             let (next_away_m, here_m) = self.seen_m(other, s_m(next));
             if next == step + 1 && (before_m < 0.0) != (here_m < 0.0) {
                 found.extend(self.crossing(other, (s_m(step), s_m(next)), before_m < 0.0));

@@ -37,8 +37,9 @@ impl Course {
         let from_m = from_m.max(-RUN_OUT_M);
         let to_m = to_m.min(self.end_s_m() + RUN_OUT_M);
         // Narrower than any crossing of two such roads.
-        let step_m = (0.5 * (left_m - right_m)).min(1.0);
-        let step_m = step_m.max((to_m - from_m) / MAX_STATIONS);
+        let step_m = (0.5 * (left_m - right_m))
+            .min(1.0)
+            .max((to_m - from_m) / MAX_STATIONS);
         let mut found: Option<SelfOverlap> = None;
         for i in 0..=((to_m - from_m) / step_m).ceil() as usize {
             let s_m = (from_m + i as f64 * step_m).min(to_m);
@@ -68,7 +69,7 @@ impl Course {
     fn other_station_m(&self, s_m: f64, (right_m, left_m): (f64, f64)) -> Option<(f64, f64)> {
         let across = [right_m, 0.0, 0.5 * (right_m + left_m), left_m];
         let found = across.map(|lateral_m| self.locate(&self.pose(s_m, lateral_m)).s_m);
-        let elsewhere = found.into_iter().filter(|at_m| SAME_M < (at_m - s_m).abs());
+        let elsewhere = found.into_iter().filter(|at_m| (at_m - s_m).abs() > SAME_M);
         elsewhere.fold(None, |known, at_m| match known {
             None => Some((at_m, at_m)),
             Some((least_m, most_m)) => Some((at_m.min(least_m), at_m.max(most_m))),
@@ -113,8 +114,8 @@ mod tests {
 
     #[test]
     fn a_full_circle_meets_itself_at_both_ends() {
-        let found = overlap(&[arc(PI, 17.4), arc(PI, 17.4)], 0.0);
-        let found = found.expect("it comes back to its beginning");
+        let found =
+            overlap(&[arc(PI, 17.4), arc(PI, 17.4)], 0.0).expect("it comes back to its beginning");
         assert!(found.here_m.0 < 10.0, "{found:?}");
         assert!(
             (found.there_m.0 - 2.0 * PI * 17.4).abs() < 10.0,

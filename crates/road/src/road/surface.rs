@@ -63,15 +63,21 @@ impl SurfaceMesh {
 /// Returns stations between which the surface is nearly plane along the road.
 pub fn stations_m(course: &Course, profile: &RoadProfile, (from_m, to_m): (f64, f64)) -> Vec<f64> {
     let half_m = 0.5 * profile.vertical_curve_m;
-    let grades = profile.grades.iter().map(|grade| grade.from_s_m);
-    let grades = grades.flat_map(|s_m| [s_m - half_m, s_m + half_m]);
-    let pieces = course.pieces();
-    let pieces = pieces
+    let grades = profile
+        .grades
+        .iter()
+        .map(|grade| grade.from_s_m)
+        .flat_map(|s_m| [s_m - half_m, s_m + half_m]);
+    let arcs = course.pieces();
+    let pieces = arcs
         .iter()
         .flat_map(|piece| [piece.from_s_m, piece.from_s_m + piece.length_m]);
     let banks = profile.banks.iter().map(|bank| bank.s_m);
-    let edges = grades.chain(pieces).chain(banks);
-    let mut edges: Vec<f64> = edges.filter(|s_m| (from_m..to_m).contains(s_m)).collect();
+    let mut edges: Vec<f64> = grades
+        .chain(pieces)
+        .chain(banks)
+        .filter(|s_m| (from_m..to_m).contains(s_m))
+        .collect();
     edges.extend([from_m, to_m]);
     edges.sort_by(f64::total_cmp);
     edges.dedup();

@@ -74,7 +74,7 @@ impl Subject for Driven {
     }
 
     fn step(&mut self, episode: u64, step: usize) -> Option<StepNumbers> {
-        if SAMPLES <= step {
+        if step >= SAMPLES {
             // Programs wait for the next sample until the episode is finished.
             self.controller.finish();
             return None;
@@ -105,7 +105,7 @@ fn percept(episode: u64, step: usize) -> Percept {
         headway_m,
         lateral_m,
         speed_mps,
-        lane: usize::from(2.0 < lateral_m),
+        lane: usize::from(lateral_m > 2.0),
         x_m: headway_m,
         y_m: lateral_m,
         vx_mps: speed_mps,

@@ -51,7 +51,7 @@ pub(super) fn observed(spaces: &Spaces) -> impl Iterator<Item = String> {
 
 /// Returns a problem with a number of an observation.
 pub(super) fn unscaled(value: f64) -> Option<String> {
-    (WIDEST < value.abs()).then(|| format!("is {value}, beyond ±{WIDEST}"))
+    (value.abs() > WIDEST).then(|| format!("is {value}, beyond ±{WIDEST}"))
 }
 
 impl Subject for Stepped {
@@ -82,7 +82,7 @@ impl Subject for Stepped {
         let action = action(episode, step, self.spaces.actions);
         let taken = self.env.step(action, &mut obs);
         self.over = taken.end.is_some();
-        self.endless = !self.over && MOST_STEPS <= step;
+        self.endless = !self.over && step >= MOST_STEPS;
         // Encoded as a number, so that rows compare ends as well.
         let end = match taken.end {
             None => 0.0,

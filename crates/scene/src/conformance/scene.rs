@@ -69,15 +69,19 @@ impl PlayedScene {
 
 impl Subject for PlayedScene {
     fn names(&self) -> Vec<String> {
-        let signals = self.scene.schema().signals().iter();
-        let signals = signals.map(|signal| signal.name.to_string());
+        let signals = self
+            .scene
+            .schema()
+            .signals()
+            .iter()
+            .map(|signal| signal.name.to_string());
         signals.chain(observed(self.scene.spaces())).collect()
     }
 
     fn shapes(&self) -> Option<String> {
         let clock = self.scene.clock();
-        let still = clock.samples() == 0 || clock.samples_per_decision() == 0;
-        let still = still.then(|| "an episode without samples".to_owned());
+        let still = (clock.samples() == 0 || clock.samples_per_decision() == 0)
+            .then(|| "an episode without samples".to_owned());
         shapes(self.scene.spaces()).or(still)
     }
 

@@ -126,7 +126,7 @@ impl<'a> AdoTrack<'a> {
     /// Returns the state of the ego if it begins behind the ado in its lane.
     fn start(&self) -> Option<StartState> {
         let first = self.at(0);
-        let gap_m = self.gap_m(&first).filter(|gap_m| 0.0 <= *gap_m)?;
+        let gap_m = self.gap_m(&first).filter(|gap_m| *gap_m >= 0.0)?;
         self.is_in_lane_of(&first[0], &first[1])
             .then(|| StartState {
                 speed_mps: self.egos[3][0],

@@ -124,7 +124,7 @@ impl LimitedScene {
         let crosses = half_m <= off_m.abs() && after_m * off_m.signum() < half_m;
         let gap_m = own.0.s_m - spec.agents[agent].body.length_m - seen.0.s_m;
         let is_behind = own.0.s_m < seen.0.s_m - spec.agents[ego].body.length_m;
-        if !crosses || is_behind || CUT_IN_GAP_M < gap_m {
+        if !crosses || is_behind || gap_m > CUT_IN_GAP_M {
             return None;
         }
         // The crossing comes at the end of the decision at the latest.
@@ -197,11 +197,13 @@ impl Scene for LimitedScene {
 
     fn allowed(&self) -> Option<Vec<bool>> {
         let spec = self.world.spec();
-        let sets = spec.action_sets().zip(agents_of(spec));
-        let sets = sets.map(|((_, actions, neutral), agent)| match agent {
-            Some(agent) => self.allowed_of(agent, actions, neutral),
-            None => vec![true; actions.len()],
-        });
+        let sets = spec
+            .action_sets()
+            .zip(agents_of(spec))
+            .map(|((_, actions, neutral), agent)| match agent {
+                Some(agent) => self.allowed_of(agent, actions, neutral),
+                None => vec![true; actions.len()],
+            });
         Some(joint(&sets.collect::<Vec<_>>()))
     }
 

@@ -92,9 +92,9 @@ mod tests {
         let (mut meter, mut speed_mps) = (VehicleMeter::new(30.0, 0.05), 30.0);
         let mut all = Vec::new();
         for _ in 0..samples_in(10.0, decision_s) {
-            let allowed = [-6.0, -4.0, -3.0, -2.0, -1.0, -0.5];
-            let allowed = allowed.into_iter();
-            let mut allowed = allowed.filter(|it| meter.allows(&limit, *it, decision_s));
+            let mut allowed = [-6.0, -4.0, -3.0, -2.0, -1.0, -0.5]
+                .into_iter()
+                .filter(|it| meter.allows(&limit, *it, decision_s));
             let accel_mps2 = allowed.next().unwrap_or(0.0);
             let before_mps = speed_mps;
             for _ in 0..samples_in(decision_s, 0.05) {
@@ -164,7 +164,7 @@ mod tests {
         let [half, one, four] = [0.5, 1.0, 4.0].map(|it| hardest(&meter, 20.0, it));
         // A peak is the mean over a second, of which half a second is half.
         assert!((half - 2.0 * one).abs() < 0.25, "{half} and {one}");
-        assert!(0.5 < four && four < one, "{four} and {one}");
+        assert!(four > 0.5 && four < one, "{four} and {one}");
         // A part of a stretch is rated as the whole of it.
         assert_eq!(hardest(&meter, 20.0, 0.1), half);
         // Beyond the stretch that has begun, the next one counts as a whole.

@@ -69,7 +69,7 @@ pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotA
     let heading = |i: usize| row[i].state.pose.heading_rad;
     let turned_rad = heading(with) - heading(world.ego());
     // Reference drivers judge others on parallel axes only.
-    if ALONG < libm::sin(turned_rad).abs() {
+    if libm::sin(turned_rad).abs() > ALONG {
         return Some(NotApplicable::Crossing);
     }
     if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {

@@ -79,7 +79,7 @@ impl LaneRecord {
         self.first(|ego, other| {
             let encounter = self.encounter(ego, *other);
             // A lead that brakes is a danger before it is slower.
-            let slower = 0.0 < encounter.closing_mps() || other.accel_mps2 < -NOTABLE_MPS2;
+            let slower = encounter.closing_mps() > 0.0 || other.accel_mps2 < -NOTABLE_MPS2;
             // Laterally relevant: overlapping, inside RSS's lateral distance, or leaving
             // its lane.
             let beside_m = RssDriver::default().lateral_m(other.lateral_mps);
@@ -93,7 +93,7 @@ impl LaneRecord {
     fn leaves_lane(&self, ego: &LaneBody, other: &LaneBody) -> bool {
         let off_m = other.y_m - self.middle_m(other.y_m);
         let towards_m = if other.y_m < ego.y_m { off_m } else { -off_m };
-        WANDER_M < towards_m
+        towards_m > WANDER_M
     }
 
     /// Returns the middle of the lane of a lateral position.
@@ -118,17 +118,19 @@ impl LaneRecord {
             // Depth of the nearer side inside the ego's lane.
             0.5 * (self.lane_width_m + other.width_m) - off_m
         };
-        let sample = pairs.iter().position(|pair| INSIDE_M <= inside_m(pair))?;
+        let sample = pairs.iter().position(|pair| inside_m(pair) >= INSIDE_M)?;
         let came = &pairs[..sample];
         let (ego, other) = pairs[sample];
         // At sample 0 it is already inside, so it did not come from another lane.
-        let is_cut_in = 0 < sample && ego.x_m < other.x_m;
+        let is_cut_in = sample > 0 && ego.x_m < other.x_m;
         let encounter = self.encounter(ego, other);
         let ttc_s = encounter.ttc_s();
         let bound_s = RegDriver::default().bound_s(encounter.closing_mps());
         // Visibility counts backwards without a gap from the instant of the formula.
-        let seen = came.iter().rev();
-        let seen = seen.take_while(|(_, other)| VISIBLE_MPS < other.lateral_mps.abs());
+        let seen = came
+            .iter()
+            .rev()
+            .take_while(|(_, other)| other.lateral_mps.abs() > VISIBLE_MPS);
         let visible_s = seen.count() as f64 * self.sample_s;
         is_cut_in.then_some(CutIn {
             time_s: sample as f64 * self.sample_s,
@@ -137,7 +139,7 @@ impl LaneRecord {
             demands_avoidance: bound_s < ttc_s,
             constant_speed: came.iter().all(|it| it.1.accel_mps2.abs() <= NOTABLE_MPS2),
             // 1e-9 absorbs the rounding of samples × period.
-            visible: VISIBLE_S <= visible_s + 1e-9,
+            visible: visible_s + 1e-9 >= VISIBLE_S,
         })
     }
 }

@@ -246,8 +246,10 @@ impl Preventability {
     /// Returns the names of drivers that avoid it from the handover on, and the others.
     pub fn drivers(&self) -> [Vec<&'static str>; 2] {
         [true, false].map(|avoided| {
-            let drivers = self.handover.iter();
-            let drivers = drivers.filter(|(_, outcome)| outcome.avoided == avoided);
+            let drivers = self
+                .handover
+                .iter()
+                .filter(|(_, outcome)| outcome.avoided == avoided);
             drivers.map(|(driver, _)| driver.name()).collect()
         })
     }

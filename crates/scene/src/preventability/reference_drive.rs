@@ -125,7 +125,7 @@ impl ReplayRows {
     pub(super) fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
         let mut scratch = Scratch::default();
         let mut rules = rulebook.rules.iter();
-        let kept = rules.all(|rule| 0.0 < rule.monitor.robustness(&self.trace, &mut scratch));
+        let kept = rules.all(|rule| rule.monitor.robustness(&self.trace, &mut scratch) > 0.0);
         (kept, rulebook.spec.robustness(&self.trace, &mut scratch))
     }
 }

@@ -443,8 +443,9 @@ impl Replayer {
         let across_mps2 = ego.speed_mps * ego.speed_mps * self.scene.curvature_per_m();
         // The friction is that of the start at which the scene was taken up.
         let grip_mps2 = self.scene.road().friction() * self.grip * GRAVITY_MPS2;
-        let cap_mps2 = grip_mps2 * grip_mps2 - across_mps2 * across_mps2;
-        let cap_mps2 = cap_mps2.max(0.0).sqrt();
+        let cap_mps2 = (grip_mps2 * grip_mps2 - across_mps2 * across_mps2)
+            .max(0.0)
+            .sqrt();
         let wish_mps2 = match (seat, &mut at_wheel.driver) {
             // Full brakes have no reaction time and no build-up.
             (Seat::FullBrakes, _) => -cap_mps2,

@@ -93,7 +93,7 @@ impl Reward {
                 let rho = rho.clamp(-rho_max, rho_max);
                 // The jump separates the outcomes: a bare success is worth clearly more than
                 // a run that barely held.
-                let step = if 0.0 < rho { jump } else { -jump };
+                let step = if rho > 0.0 { jump } else { -jump };
                 let reward = step + (1.0 - jump) * libm::tanh(rho / scale);
                 // tanh saturates to ±1 in floating point, where a lawful run would tie.
                 reward.clamp(-OPEN, OPEN)

@@ -152,8 +152,10 @@ impl RunsJudge {
     /// `None` if the rulebook judges whole traces.
     pub fn new(rulebook: &Rulebook, samples: usize, runs: usize) -> Option<RunsJudge> {
         let fits = rulebook.judge == JudgeKind::UntilViolation && rulebook.counts.is_violation();
-        let rules = rulebook.rules.iter();
-        let rules = rules.map(|rule| RunsMonitor::new(&rule.monitor, samples, runs));
+        let rules = rulebook
+            .rules
+            .iter()
+            .map(|rule| RunsMonitor::new(&rule.monitor, samples, runs));
         fits.then(|| RunsJudge {
             spec: RunsMonitor::new(&rulebook.spec, samples, runs),
             rules: rules.collect(),
@@ -205,11 +207,11 @@ impl RunsJudge {
         let mut calm = self.rules.iter_mut().all(|rule| {
             let least = least(rule);
             read += usize::from(least.is_some());
-            least.is_some_and(|least| 0.0 < least)
+            least.is_some_and(|least| least > 0.0)
         });
         if calm {
             let least = least(&mut self.spec);
-            calm = least.is_some_and(|least| 0.0 <= least);
+            calm = least.is_some_and(|least| least >= 0.0);
             if !calm && least.is_some() {
                 self.spec.take_back(new.run);
             }
@@ -250,8 +252,12 @@ impl RunsJudge {
 
     /// Returns the memory of all runs, `None` if general monitors hide theirs.
     pub fn bytes(&self) -> Option<usize> {
-        let monitors = self.rules.iter().chain([&self.spec]);
-        let monitors = monitors.map(RunsMonitor::bytes).sum::<Option<usize>>()?;
+        let monitors = self
+            .rules
+            .iter()
+            .chain([&self.spec])
+            .map(RunsMonitor::bytes)
+            .sum::<Option<usize>>()?;
         Some(monitors + size_of_val(&*self.spec_lost) + size_of_val(&*self.work))
     }
 }

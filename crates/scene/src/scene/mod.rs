@@ -180,11 +180,13 @@ impl AfterContact {
 
     /// Returns the time and a clause of every collision and push, in the order of time.
     pub fn events(&self) -> Vec<(f64, String)> {
-        let events = self.described().into_iter();
-        let events = events.map(|(time_s, what, speeds)| match speeds {
-            Some(speeds) => (time_s, format!("{what}, {speeds}")),
-            None => (time_s, what),
-        });
+        let events = self
+            .described()
+            .into_iter()
+            .map(|(time_s, what, speeds)| match speeds {
+                Some(speeds) => (time_s, format!("{what}, {speeds}")),
+                None => (time_s, what),
+            });
         events.collect()
     }
 

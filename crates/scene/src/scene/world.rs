@@ -197,14 +197,18 @@ impl World {
         match self {
             World::Drive(world) => {
                 let spec = world.spec();
-                let offers = spec.catalogue().into_iter();
-                let offers = offers.map(|offer| (offer.signal, offer.always));
+                let offers = spec
+                    .catalogue()
+                    .into_iter()
+                    .map(|offer| (offer.signal, offer.always));
                 listed(offers, &spec.extra, &spec.derived)
             }
             World::Grid(world) => {
                 let spec = world.spec();
-                let offers = spec.catalogue().into_iter();
-                let offers = offers.map(|offer| (offer.signal, offer.always));
+                let offers = spec
+                    .catalogue()
+                    .into_iter()
+                    .map(|offer| (offer.signal, offer.always));
                 listed(offers, &spec.extra, &spec.derived)
             }
         }

@@ -151,9 +151,9 @@ impl FaultLog {
         state.add(start, fault);
         let invalid: u64 = state.faults.iter().map(|fault| fault.count).sum();
         let never_ran = invalid == state.episodes;
-        let patient = 0.0 < self.0.allowed && !never_ran;
+        let patient = self.0.allowed > 0.0 && !never_ran;
         // A program that cannot be started will not start later either.
-        if fault.kind == FaultKind::CannotStart || (PATIENCE <= streak && !patient) {
+        if fault.kind == FaultKind::CannotStart || (streak >= PATIENCE && !patient) {
             self.0.given_up.store(true, Ordering::Relaxed);
         }
     }
@@ -203,7 +203,7 @@ impl FaultLog {
         let worst = state.worst.as_ref().map_or(overall, |(worst, _)| *worst);
         // An ego without a single valid episode in a row never ran there, whatever share
         // is allowed. Other egos of the campaign do not excuse it.
-        let never_ran = 1.0 <= worst && !self.0.has_parts;
+        let never_ran = worst >= 1.0 && !self.0.has_parts;
         let tolerated = worst <= self.0.allowed && !never_ran && !self.has_given_up();
         if (invalid == 0 || tolerated) && state.unrepeatable.is_empty() {
             return None;

@@ -58,8 +58,10 @@ impl Testbench {
     pub fn margins(&self) -> Margins {
         let mut scratch = Scratch::default();
         let rulebook = &self.rulebook;
-        let rules = rulebook.rules.iter();
-        let rules = rules.map(|rule| rule.monitor.robustness(&self.trace, &mut scratch));
+        let rules = rulebook
+            .rules
+            .iter()
+            .map(|rule| rule.monitor.robustness(&self.trace, &mut scratch));
         Margins {
             rules: rules.collect(),
             spec: rulebook.spec.robustness(&self.trace, &mut scratch),

@@ -397,7 +397,7 @@ impl Testbench {
         }
         if stop == Some(Stop::Contact) && self.rulebook.judge == JudgeKind::WholeRun {
             // Bodies stop each other, so the sample of the contact is held until T.
-            while 0 < self.samples_left() && self.trace.push(&self.row).is_ok() {}
+            while self.samples_left() > 0 && self.trace.push(&self.row).is_ok() {}
         }
         let verdict = self
             .judge

@@ -19,8 +19,7 @@ fn samples(longest: usize) -> impl Strategy<Value = Vec<Sample>> {
     let row = (1..4usize, value(), value(), any::<bool>());
     prop::collection::vec(row, 1..longest).prop_map(|rows| {
         let mut time = 0;
-        let rows = rows.into_iter().enumerate();
-        let rows = rows.map(|(i, (gap, x, y, on))| {
+        let rows = rows.into_iter().enumerate().map(|(i, (gap, x, y, on))| {
             time += if i == 0 { 0 } else { gap };
             (time, [x, y, f64::from(u8::from(on))])
         });

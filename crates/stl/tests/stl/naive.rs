@@ -132,8 +132,7 @@ pub fn zeros() -> impl Strategy<Value = Vec<[f64; 3]>> {
 
 /// Rows of `x`, `y` and `on`, with many ties.
 pub fn rows() -> impl Strategy<Value = Vec<[f64; 3]>> {
-    let row = (-16..17i32, -8..9i32, any::<bool>());
-    let row = row.prop_map(|(x, y, on)| {
+    let row = (-16..17i32, -8..9i32, any::<bool>()).prop_map(|(x, y, on)| {
         [
             f64::from(x) / 4.0,
             f64::from(y) / 4.0,

@@ -181,9 +181,9 @@ fn every_row_of_the_documentation() {
     let signals = ["d", "v"].map(|name| Signal::real(name, "", "a number"));
     let mut trace = Trace::new(Schema::new(1.0, signals).unwrap().into());
     trace.push(&[0.0, 0.0]).unwrap();
-    let rows = include_str!("../../docs/stl-monitor.md").lines();
-    let rows = rows.skip_while(|row| !row.starts_with("| at d = v = 0"));
-    let rows: Vec<&str> = rows
+    let rows: Vec<&str> = include_str!("../../docs/stl-monitor.md")
+        .lines()
+        .skip_while(|row| !row.starts_with("| at d = v = 0"))
         .skip(2)
         .take_while(|row| row.starts_with('|'))
         .collect();

@@ -17,12 +17,14 @@ fn tracks() -> String {
     let users = [
         (0, 10, 20.0, [1.8, 4.5]),
         (1, 20, 15.0, [2.5, 9.0]),
+        // The inD family records pedestrians without a size.
         (2, 10, 1.5, [0.0, 0.0]),
     ];
     for (id, first, speed_mps, [width_m, length_m]) in users {
         for i in 0..60 {
             let x_m = speed_mps * f64::from(i) / RATE_HZ;
             let y_m = 10.0 * f64::from(id);
+            // Frames count from the beginning of the recording, not of the track.
             let frame = first + i;
             let _ = writeln!(
                 text,
@@ -155,8 +157,7 @@ fn contradictions_name_both_files_and_both_values() {
         ),
     ];
     for (tracks_meta, recording_meta, said, other) in cases {
-        let error = read(&tracks(), Some(&tracks_meta), Some(&recording_meta));
-        let error = error.expect_err(said);
+        let error = read(&tracks(), Some(&tracks_meta), Some(&recording_meta)).expect_err(said);
         let text = error.to_string();
         assert!(
             text.contains(said) && text.contains(other),
@@ -168,8 +169,9 @@ fn contradictions_name_both_files_and_both_values() {
 
 #[test]
 fn a_map_of_ones_own_may_not_state_another_rate_or_period() {
-    let meta = RecordingMeta::default().with_recording(RECORDING_META.as_bytes(), "r.csv");
-    let meta = meta.expect("a row");
+    let meta = RecordingMeta::default()
+        .with_recording(RECORDING_META.as_bytes(), "r.csv")
+        .expect("a row");
     let text = ColumnMap::shipped_text("ind").expect("shipped");
     let read = |map: &str, tracks: &str| {
         let map: ColumnMap = ron::from_str(map).expect("a map");
@@ -188,11 +190,12 @@ fn a_map_of_ones_own_may_not_state_another_rate_or_period() {
     );
     assert_eq!(read(text, &tracks()), "");
     // Time stamps have a period of their own, here of 1 s per frame.
-    let stamps = text.replace(
-        "Frames(column: \"frame\", rate_hz: 25.0)",
-        "Seconds(\"frame\")",
-    );
-    let stamps = stamps.replace("Components(\"xVelocity\", \"yVelocity\")", "Derived");
+    let stamps = text
+        .replace(
+            "Frames(column: \"frame\", rate_hz: 25.0)",
+            "Seconds(\"frame\")",
+        )
+        .replace("Components(\"xVelocity\", \"yVelocity\")", "Derived");
     let said = read(&stamps, &tracks());
     assert!(
         said.contains("but `t.csv`: at this rate its frames last 69.00 s"),

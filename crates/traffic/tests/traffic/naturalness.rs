@@ -38,7 +38,7 @@ fn braking(accel_mps2: f64, decisions: usize) -> DrivingBehaviour {
 #[test]
 fn counts_and_exposure_are_those_of_the_recordings() {
     let model = &*FITTED;
-    assert!(100.0 < model.exposure.vehicle_km, "{:?}", model.exposure);
+    assert!(model.exposure.vehicle_km > 100.0, "{:?}", model.exposure);
     let counted = f64::from(model.braking_peak.points[0].count);
     assert_eq!(counted, model.exposure.braking_events as f64);
     let rate = model.braking_peak.rate_of(1.0).rate;
@@ -53,14 +53,14 @@ fn shares_of_starts_are_those_of_a_count_by_hand() {
     let (mut all, mut tight) = (0, 0);
     for (track, leads) in analysis.recording.tracks.iter().zip(&analysis.leads.of) {
         for (lead, speed_mps) in leads.iter().zip(&track.speed_mps) {
-            let Some(lead) = lead.filter(|it| 0.0 <= it.gap_m) else {
+            let Some(lead) = lead.filter(|it| it.gap_m >= 0.0) else {
                 continue;
             };
             all += 1;
-            tight += usize::from(lead.gap_m <= 2.0 * speed_mps && 1.0 <= lead.closing_mps);
+            tight += usize::from(lead.gap_m <= 2.0 * speed_mps && lead.closing_mps >= 1.0);
         }
     }
-    assert!(50 < tight && tight < all / 3, "{tight} of {all}");
+    assert!(tight > 50 && tight < all / 3, "{tight} of {all}");
     let start = StartState {
         speed_mps: 30.0,
         gap_m: 60.0,
@@ -90,7 +90,7 @@ fn one_half_of_the_vehicles_predicts_the_other() {
         .iter()
         .filter(|row| row.tested_on.contains("half of the vehicles"));
     let (mut judged, mut refused) = (0, 0);
-    for row in halves.filter(|row| 20 <= row.events) {
+    for row in halves.filter(|row| row.events >= 20) {
         if row.quantity.starts_with("worst") {
             // The simulated drivers brake for a lead for seconds. The family of the model
             // has no lead, and the calibration must show it.
@@ -148,11 +148,11 @@ fn the_source_of_a_rate_is_named() {
     let model = TrafficModel::motorway();
     let source = |accel| {
         let rarity = model.rarity(&braking(accel, 3));
-        let braking = rarity
+        let braking = *rarity
             .events
             .iter()
-            .find(|it| it.to_string().starts_with("braking of"));
-        let braking = *braking.expect("an event");
+            .find(|it| it.to_string().starts_with("braking of"))
+            .expect("an event");
         (braking.per_1000_km.source, braking.to_string())
     };
     assert_eq!(source(-2.0).0, RateSource::Counted);
@@ -246,9 +246,9 @@ fn a_coarse_step_is_surprising_and_a_median_run_is_not() {
     let model = TrafficModel::motorway();
     let surprise = |it: &DrivingBehaviour| model.surprise(it).expect("decisions");
     let jump = surprise(&braking(-3.0, 4));
-    assert!(5.0 < jump.decades && jump.rank < 1e-3, "{jump:?}");
+    assert!(jump.decades > 5.0 && jump.rank < 1e-3, "{jump:?}");
     let calm = surprise(&braking(0.02, 4));
-    assert!(calm.decades < 1.0 && 0.5 < calm.rank, "{calm:?}");
+    assert!(calm.decades < 1.0 && calm.rank > 0.5, "{calm:?}");
     assert_eq!(model.surprise(&DrivingBehaviour::default()), None);
 }
 
@@ -262,8 +262,9 @@ fn hardest(limit: &NaturalLimit<'_>, decisions: usize) -> DrivingBehaviour {
     behaviour.accelerations_mps2 = vec![0.0; 3];
     for _ in 0..decisions {
         let mut actions = (0..=32).map(|i| -8.0 + 0.25 * f64::from(i));
-        let action = actions.find(|it| limit.allows_acceleration(&meter, *it));
-        let action = action.expect("keeping the speed is allowed");
+        let action = actions
+            .find(|it| limit.allows_acceleration(&meter, *it))
+            .expect("keeping the speed is allowed");
         meter.push(action);
         behaviour.accelerations_mps2.push(action);
     }

@@ -28,7 +28,7 @@ fn good(read: Read, bytes: &[u8]) -> TrafficRecording {
 
 fn varint(mut value: u64) -> Vec<u8> {
     let mut bytes = Vec::new();
-    while 0x7f < value {
+    while value > 0x7f {
         bytes.push(value as u8 | 0x80);
         value >>= 7;
     }

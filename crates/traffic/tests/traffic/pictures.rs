@@ -77,8 +77,8 @@ fn labels_and_their_lines_cover_no_body() {
         for text in elements(&svg, "text").filter(|it| it.contains("m/s")) {
             let (x, y) = (number(text, "x"), number(text, "y"));
             // Boxes lie between the rows of the labels, whose letters reach 3 px down.
-            let reaches = |it: &[f64; 2]| it[1] < 60.0 || 360.0 < it[1];
-            let is_in_row = y <= 57.0 || 372.0 <= y;
+            let reaches = |it: &[f64; 2]| it[1] < 60.0 || it[1] > 360.0;
+            let is_in_row = y <= 57.0 || y >= 372.0;
             let over = x < 0.0 || !is_in_row || boxes.iter().flatten().any(reaches);
             assert!(!over, "{text}");
         }

@@ -38,14 +38,14 @@ fn rows_episodes_and_the_worst_instant_are_those_of_a_count_by_hand() {
         let mut last = None;
         for (i, lead) in leads.iter().enumerate() {
             // Overlapping boxes are no evidence.
-            let Some(lead) = lead.filter(|it| 0.0 <= it.gap_m) else {
+            let Some(lead) = lead.filter(|it| it.gap_m >= 0.0) else {
                 continue;
             };
             let rho = lead.gap_m - 1.3 * track.speed_mps[i];
             if rho < 0.0 {
                 broken += 1;
                 vehicles += usize::from(last.is_none());
-                episodes += usize::from(last.is_none_or(|last| 20 < i - last));
+                episodes += usize::from(last.is_none_or(|last| i - last > 20));
                 last = Some(i);
             }
             if rho < worst.0 {
@@ -55,7 +55,7 @@ fn rows_episodes_and_the_worst_instant_are_those_of_a_count_by_hand() {
         }
     }
     let found = &found[0];
-    assert!(100 < broken && 10 < episodes, "{broken}, {episodes}");
+    assert!(broken > 100 && episodes > 10, "{broken}, {episodes}");
     assert_eq!((found.rows_broken, found.episodes), (broken, episodes));
     assert_eq!(
         (found.vehicles, found.rows),
@@ -78,10 +78,10 @@ fn a_rule_about_the_lead_says_nothing_without_one() {
         "not lead.present",
     ];
     let (found, leads) = results(&recording, &stl);
-    let clear = |it: &&Lead| 0.0 <= it.gap_m;
+    let clear = |it: &&Lead| it.gap_m >= 0.0;
     let count = |it: &Vec<Option<Lead>>| it.iter().flatten().filter(clear).count();
     let with_lead: usize = leads.of.iter().map(count).sum();
-    assert!(0 < with_lead && with_lead < recording.counts.rows);
+    assert!(with_lead > 0 && with_lead < recording.counts.rows);
     assert_eq!(found[0].rows_broken, with_lead);
     assert_eq!(found[1].rows_broken, with_lead);
     // The trap: as a number, presence would make the robustness 0 at every violation.
@@ -96,8 +96,9 @@ fn presence_as_a_number_is_refused() {
     let error = BoundRules::bind(
         &file(&["lead.present == 1 implies ego.lead.gap >= 2"]),
         &recording,
-    );
-    let error = error.err().expect("refused");
+    )
+    .err()
+    .expect("refused");
     assert!(error.to_string().contains("lead.present"), "{error}");
 }
 

@@ -150,7 +150,7 @@ fn change_lane(all: &mut [Car], time_s: f64) -> bool {
             if (-car.length_m - 10.0..it.length_m + 10.0).contains(&ahead_m) {
                 return false;
             }
-            behind |= (-60.0..0.0).contains(&ahead_m) && 100.0 < it.front_m;
+            behind |= (-60.0..0.0).contains(&ahead_m) && it.front_m > 100.0;
         }
         behind
     };
@@ -216,7 +216,7 @@ pub fn dlr(rows: &[Row], speed_factor: f64) -> String {
         let speed = speed_factor * row.speed_mps;
         let micros = 4659 + row.sample as u64 * 50_000;
         let seconds = micros / 1_000_000;
-        let is_truck = f64::from(u8::from(8.0 < row.length_m));
+        let is_truck = f64::from(u8::from(row.length_m > 8.0));
         let _ = writeln!(
             text,
             "2024-10-07 {:02}:{:02}:{:02}.{:06}+00:00,{},{:.3},{:.3},{:.3},{:.3},{:.3},{:.3},\

@@ -25,6 +25,7 @@ fn boxes_and_reversing_are_read_as_they_can_be() {
     let with_box = |length: &str, width: &str| {
         let line = |t: f64, id: &str, s: State| {
             let generic = generic_line(t, id, s);
+            // The box of `generic_line`.
             generic.replace(",4.5,1.8", &format!(",{length},{width}"))
         };
         let read = generic(&rows(&[("a", &ahead)], 10.0, 5.0, &line));
@@ -52,6 +53,7 @@ fn of_readings_of_headings_that_fit_the_nearest_is_named() {
     // By chance, degrees read as radians may be near the course or its opposite.
     for heading in [0.05, 0.3, 0.7, 1.2] {
         let car = steady(0.0, 0.0, heading, 20.0);
+        // A compass counts from the north, clockwise.
         let north = std::f64::consts::FRAC_PI_2;
         let said = |turned: &dyn Fn(f64) -> f64| {
             let line = |t: f64, id: &str, s: State| {
@@ -74,6 +76,7 @@ fn of_readings_of_headings_that_fit_the_nearest_is_named() {
     let header = "frame,id,x,y,width,height,xVelocity,yVelocity,xAcceleration,yAcceleration\n";
     let car = steady(0.0, 0.0, 0.0, 20.0);
     let line = |t: f64, id: &str, s: State| {
+        // The shipped map reads 25 frames per second.
         format!("{:.0},{id},{},0,4.5,1.8,{},0,0,0", 50.0 * t, s.x, s.speed)
     };
     let text = header.to_owned() + &rows(&[("a", &car)], 50.0, 10.0, &line);

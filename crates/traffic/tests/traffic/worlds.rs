@@ -42,7 +42,7 @@ fn integrated_speeds_would_miss_the_positions() {
         s_m += 1.003 * (pair[1] - pair[0]);
         worst = worst.max((s_m - pair[1]).abs());
     }
-    assert!(0.3 < worst, "{worst}");
+    assert!(worst > 0.3, "{worst}");
 }
 
 /// Positions of a track in the recording's frame.
@@ -64,7 +64,7 @@ fn followings_are_the_hardest_windows_first_and_stay_near_their_positions() {
         analyses[0].situations.windows(&analyses[0].recording).len()
     );
     let hardest = recorded.situations().map(|it| it.hardness);
-    assert!(1.0 < hardest.fold(0.0, f64::max));
+    assert!(hardest.fold(0.0, f64::max) > 1.0);
     for world in &recorded.worlds {
         let hardness: Vec<f64> = world.situations.iter().map(|it| it.hardness).collect();
         assert!(hardness.is_sorted_by(|a, b| b <= a), "{hardness:?}");
@@ -97,7 +97,7 @@ fn cut_ins_have_the_begin_the_duration_and_the_width_that_were_simulated() {
     let analyses = [Analysis::of(recorded(&rows))];
     let recorded = RecordedWorlds::of("cut", SituationKind::CutIn, &analyses, 100);
     let planned = recorded.situations().count();
-    assert!(10 <= planned && planned <= made, "{planned} of {made}");
+    assert!(planned >= 10 && planned <= made, "{planned} of {made}");
     assert_eq!(recorded.found, planned + recorded.left_out);
     let mut first = rows.first().map_or(0, |row| row.sample) as f64;
     first *= 0.05;
@@ -147,7 +147,7 @@ fn a_standing_lead_has_rates_that_world_files_accept() {
     let standing = vec![7.0; 201];
     let plan = SpeedPlan::fit(&standing, 0.05).expect("ten seconds");
     let rates = plan.rates_mps2();
-    assert!(rates.iter().all(|rate| 1e-3 <= *rate), "{rates:?}");
+    assert!(rates.iter().all(|rate| *rate >= 1e-3), "{rates:?}");
     assert!(
         plan.to_mps.iter().all(|to| (0.0..0.01).contains(to)),
         "{plan:?}"
@@ -166,8 +166,11 @@ fn worlds_have_no_recorded_row() {
             let numbers =
                 world.text.matches("speed_mps").count() + world.text.matches("to_mps").count();
             assert!(numbers <= 30, "{numbers}");
-            let rows = world.text.split("rows: [").nth(1).unwrap_or_default();
-            let rows = rows
+            let rows = world
+                .text
+                .split("rows: [")
+                .nth(1)
+                .unwrap_or_default()
                 .lines()
                 .filter(|line| line.trim_start().starts_with('['));
             for row in rows {

@@ -106,8 +106,11 @@ impl FailureArchive {
     /// A number is not finite.
     pub(super) fn to_text(&self) -> Result<String, serde_json::Error> {
         // Cells are ordered, so equal archives have equal bytes.
-        let lines = self.cells.values().map(serde_json::to_string);
-        let lines: Vec<String> = lines.collect::<Result<_, _>>()?;
+        let lines: Vec<String> = self
+            .cells
+            .values()
+            .map(serde_json::to_string)
+            .collect::<Result<_, _>>()?;
         Ok(lines.iter().map(|line| format!("{line}\n")).collect())
     }
 

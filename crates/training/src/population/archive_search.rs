@@ -461,8 +461,9 @@ mod tests {
                 index: known.index,
                 actions: known.actions.clone(),
             };
-            let again = worker.try_out(search.key(known.index), &candidate, &watch);
-            let again = again.expect("it fails again");
+            let again = worker
+                .try_out(search.key(known.index), &candidate, &watch)
+                .expect("it fails again");
             assert_eq!((&again.cell, again.severity), (&known.cell, known.severity));
         }
     }

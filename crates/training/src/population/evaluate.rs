@@ -145,8 +145,10 @@ impl PopulationTest<'_> {
         if watch.interrupted() {
             return Ok(None);
         }
-        let rows = played.iter_mut().chain(searched.as_mut());
-        let rows = rows.map(|cell| &mut cell.row);
+        let rows = played
+            .iter_mut()
+            .chain(searched.as_mut())
+            .map(|cell| &mut cell.row);
         check_repeatability(self.ego, &starts, rows, watch);
         let members = played.len();
         // The search comes last, where `results` splits it off.
@@ -214,9 +216,11 @@ fn failure_cells(
     watch: &Watch<'_>,
 ) -> Option<Vec<Vec<(usize, FailureCell)>>> {
     watch.phase("finding the cells of failures");
-    let failures = played.iter().enumerate();
-    let failures = failures.flat_map(|(at, cell)| cell.solved().into_iter().map(move |n| (at, n)));
-    let failures: Vec<(usize, usize)> = failures.collect();
+    let failures: Vec<(usize, usize)> = played
+        .iter()
+        .enumerate()
+        .flat_map(|(at, cell)| cell.solved().into_iter().map(move |n| (at, n)))
+        .collect();
     let Some(scenario) = played.first().map(|cell| cell.ego.scenario()) else {
         return Some(Vec::new());
     };
@@ -252,8 +256,10 @@ fn union_row(rows: &[Row]) -> Option<Row> {
         rows.iter()
             .any(|row| row.solved.get(at) == Some(&StartOutcome::Solved))
     };
-    let solved = union.solved.iter().enumerate();
-    let solved: Outcomes = solved
+    let solved: Outcomes = union
+        .solved
+        .iter()
+        .enumerate()
         .map(|(at, first)| {
             if any(at) {
                 StartOutcome::Solved
@@ -310,11 +316,13 @@ fn search_cells(
 
 /// Returns the counts, the most frequent cell first and equals in the order of cells.
 fn counted(incidence: BTreeMap<FailureCell, usize>) -> Vec<CellCount> {
-    let counts = incidence.into_iter().map(|(cell, starts)| CellCount {
-        cell,
-        failures: starts as u64,
-    });
-    let mut counts: Vec<CellCount> = counts.collect();
+    let mut counts: Vec<CellCount> = incidence
+        .into_iter()
+        .map(|(cell, starts)| CellCount {
+            cell,
+            failures: starts as u64,
+        })
+        .collect();
     // The sort is stable, which keeps the order of cells among equals.
     counts.sort_by_key(|count| std::cmp::Reverse(count.failures));
     counts

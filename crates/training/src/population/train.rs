@@ -269,8 +269,12 @@ impl DistinctTraining {
             // Invariant: another process is refused when its directory is opened.
             return Ok(false);
         };
-        let before = self.dir.manifest().archive.as_ref();
-        let before = before.map_or(0, |archive| archive.simulations);
+        let before = self
+            .dir
+            .manifest()
+            .archive
+            .as_ref()
+            .map_or(0, |archive| archive.simulations);
         let mut decisions = 0;
         for run in self.dir.members(members)? {
             decisions += run.manifest().decisions_done;
@@ -413,8 +417,10 @@ mod tests {
         let (whole, broken) = (dir.path().join("whole"), dir.path().join("broken"));
         let trained = train(&whole, false, &frequent(Watch::unwatched()));
         assert!(!trained.interrupted && trained.members.len() == 2);
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(3).build();
-        let threads = threads.expect("a pool");
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(3)
+            .build()
+            .expect("a pool");
         threads.install(|| {
             let stop = AtomicBool::new(false);
             let remarks = |remark: crate::experiment::Remark<'_>| {
@@ -464,10 +470,11 @@ mod tests {
         assert!(RunDir::open(&copy).is_err());
         fs::remove_file(copy.join("known.json")).expect("removed");
         assert!(RunDir::open(&copy).is_err());
-        let policies = members
+        let policies: Vec<Vec<u8>> = members
             .iter()
-            .map(|member| member.policy_bundle().expect("finished"));
-        let policies: Vec<Vec<u8>> = policies.map(|it| it.to_bytes().expect("bytes")).collect();
+            .map(|member| member.policy_bundle().expect("finished"))
+            .map(|it| it.to_bytes().expect("bytes"))
+            .collect();
         assert_ne!(policies[0], policies[1]);
         let archive = archive_of(&population).expect("sound");
         assert!(
@@ -475,10 +482,10 @@ mod tests {
             "the last search adds cells"
         );
         let text = fs::read_to_string(path.join("coverage.jsonl")).expect("a file");
-        let points = text
+        let points: Vec<CoveragePoint> = text
             .lines()
-            .map(|line| serde_json::from_str(line).expect("a point"));
-        let points: Vec<CoveragePoint> = points.collect();
+            .map(|line| serde_json::from_str(line).expect("a point"))
+            .collect();
         assert!(points.is_sorted_by_key(|point| (point.members, point.simulations, point.cells)));
         assert_eq!(points.last().map(|point| point.cells), Some(archive.len()));
     }

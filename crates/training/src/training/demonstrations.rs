@@ -82,7 +82,7 @@ pub(super) fn seed_training(
     let reached = seeded.sought.starts as usize;
     let again = unsolved.len();
     unsolved.extend(&indices[reached..]);
-    if FEW <= seeded.demonstrations.len() && bank.is_empty() {
+    if seeded.demonstrations.len() >= FEW && bank.is_empty() {
         let left = most.saturating_sub(seeded.sought.simulations);
         seeded.search_near(&training_search, left / 2, watch)?;
     }
@@ -187,15 +187,16 @@ impl Seeded {
             let tried = self.sought.starts as usize;
             // All starts at this price would take more than half of the budget.
             let dear = most < 2 * spent / (tried as u64).max(1) * indices.len() as u64;
-            if FEW <= self.demonstrations.len() && (dear || !is_bank_empty) {
+            if self.demonstrations.len() >= FEW && (dear || !is_bank_empty) {
                 break;
             }
             let few = (self.demonstrations.len() as f64) < ENOUGH * tried as f64;
-            if most <= spent || (TRIED <= tried && few) {
+            if most <= spent || (tried >= TRIED && few) {
                 break;
             }
-            let each = UNEVEN * (most - spent) / (indices.len() - tried) as u64;
-            let each = each.min((most - spent) / CHUNK as u64).max(1);
+            let each = (UNEVEN * (most - spent) / (indices.len() - tried) as u64)
+                .min((most - spent) / CHUNK as u64)
+                .max(1);
             let progress = (tried, indices.len());
             let effort = SearchEffort::Walk { switches: 1 };
             let found = training_search.search(chunk, (effort, each), progress, watch);
@@ -227,8 +228,8 @@ impl Seeded {
         for chunk in indices.chunks(CHUNK) {
             let left = until.saturating_sub(self.sought.simulations);
             // Easy starts leave most of their share, which hard ones may spend.
-            let share = UNEVEN * left / (indices.len() - done) as u64;
-            let share = share.min(left / chunk.len() as u64);
+            let share =
+                (UNEVEN * left / (indices.len() - done) as u64).min(left / chunk.len() as u64);
             if share == 0 {
                 break;
             }

@@ -35,8 +35,10 @@ struct CellRarity {
 
 impl CellRarity {
     fn of(scenario: &Scenario, cells: &[CellCount]) -> CellRarity {
-        let cells = cells.iter().map(|one| (one.cell.clone(), one.failures));
-        let cells: BTreeMap<FailureCell, u64> = cells.collect();
+        let cells: BTreeMap<FailureCell, u64> = cells
+            .iter()
+            .map(|one| (one.cell.clone(), one.failures))
+            .collect();
         CellRarity {
             failures: cells.values().sum(),
             cells,
@@ -99,8 +101,7 @@ impl GoalTracker {
             tracker.restore(checkpoint)?;
             // The checkpoint also counts what was known before the training.
             if tracker.rarity.is_some() {
-                let counts = checkpoint.rows::<u8>("goals/cells", &[])?;
-                let counts: Vec<CellCount> = from_json(counts)?;
+                let counts: Vec<CellCount> = from_json(checkpoint.rows::<u8>("goals/cells", &[])?)?;
                 tracker.rarity = Some(CellRarity::of(scenario, &counts));
             }
         }
@@ -157,8 +158,12 @@ impl GoalTracker {
         // Invariant: a story is text and words, which serde_json always writes.
         let classes = serde_json::to_vec(&classes).unwrap_or_default();
         bundle.put("goals/stories", &[classes.len()], classes);
-        let signals = self.groups.iter().flat_map(|(shape, _)| &shape.signals);
-        let signals: Vec<f64> = signals.copied().collect();
+        let signals: Vec<f64> = self
+            .groups
+            .iter()
+            .flat_map(|(shape, _)| &shape.signals)
+            .copied()
+            .collect();
         let width = signals.len() / n.max(1);
         bundle.put("goals/signals", &[n, width], signals);
         let counts = self.groups.iter().map(|(_, count)| *count).collect();
@@ -171,8 +176,7 @@ impl GoalTracker {
     }
 
     fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
-        let classes = bundle.rows::<u8>("goals/stories", &[])?;
-        let classes: Vec<CrashClass> = from_json(classes)?;
+        let classes: Vec<CrashClass> = from_json(bundle.rows::<u8>("goals/stories", &[])?)?;
         let n = classes.len();
         let counts = bundle.get::<u64>("goals/counts", &[n])?;
         // Without groups, there are no rows that state a width.
@@ -232,8 +236,10 @@ mod tests {
 
     #[test]
     fn a_failure_of_a_rare_cell_earns_more_and_less_each_time() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(PlantKind::Kinematic);
+        let world = Scenario::shipped("acc")
+            .expect("shipped")
+            .expect("sound")
+            .on(PlantKind::Kinematic);
         let episode = success(&world);
         let cell = CellFinder::new(&world).cell(&world, &episode);
         let other = FailureCell {
@@ -268,8 +274,9 @@ mod tests {
         let mut checkpoint = TensorFile::new("goals");
         rare.save(&mut checkpoint);
         let known = KnownFailures::default();
-        let resumed = GoalTracker::beyond(&world, Some(&known), Some(&checkpoint));
-        let mut resumed = resumed.expect("sound").expect("a goal");
+        let mut resumed = GoalTracker::beyond(&world, Some(&known), Some(&checkpoint))
+            .expect("sound")
+            .expect("a goal");
         assert_eq!(
             resumed.share(&world, &episode),
             rare.share(&world, &episode)

@@ -36,7 +36,7 @@ impl ProgressLog {
         let window = &mut self.window;
         window.episodes += 1;
         window.returns += f64::from(progress.episode_return);
-        window.solved += u64::from(0.0 < progress.episode_return);
+        window.solved += u64::from(progress.episode_return > 0.0);
         window.losses += progress.losses.sum;
         window.updates += progress.losses.updates;
         if window.episodes < self.report_episodes {
@@ -50,7 +50,7 @@ impl ProgressLog {
             solved_share: window.solved as f64 / window.episodes as f64,
             mean_return: window.returns / window.episodes as f64,
             exploration: progress.exploration,
-            mean_loss: (0 < window.updates).then(|| window.losses / window.updates as f64),
+            mean_loss: (window.updates > 0).then(|| window.losses / window.updates as f64),
         };
         if let Ok(text) = serde_json::to_string(&line) {
             self.lines.push_str(&text);

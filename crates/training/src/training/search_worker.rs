@@ -147,7 +147,7 @@ impl<'a> SearchWorker<'a> {
             if confirmed {
                 scouted.actions = Some(actions.to_vec());
             }
-            if confirmed || MAX_CONFIRMATIONS <= confirmations {
+            if confirmed || confirmations >= MAX_CONFIRMATIONS {
                 WalkControl::Stop
             } else {
                 WalkControl::Continue

@@ -359,8 +359,10 @@ impl OwnTime {
 
 /// Ends a training whose ego does not run.
 fn given_up(learner: &dyn Learner, watch: &Watch<'_>) -> Option<TrainError> {
-    let complaint = watch.faults.complaint();
-    let complaint = complaint.filter(|_| watch.faults.has_given_up())?;
+    let complaint = watch
+        .faults
+        .complaint()
+        .filter(|_| watch.faults.has_given_up())?;
     Some(TrainError::Faults {
         decisions: learner.decisions(),
         complaint,
@@ -421,12 +423,14 @@ mod tests {
     fn an_ego_that_breaks_while_the_ado_is_judged_loses_no_decision() {
         let broken = Arc::new(AtomicBool::new(false));
         let ego = Arc::clone(&broken);
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(PlantKind::Kinematic);
-        let world = world.with_ego(
-            "mine",
-            Arc::new(move || Box::new(Breaking(Arc::clone(&ego)))),
-        );
+        let world = Scenario::shipped("acc")
+            .expect("shipped")
+            .expect("sound")
+            .on(PlantKind::Kinematic)
+            .with_ego(
+                "mine",
+                Arc::new(move || Box::new(Breaking(Arc::clone(&ego)))),
+            );
         let request = TrainRequest {
             // Fewer than between two checkpoints.
             decisions: Some(300),

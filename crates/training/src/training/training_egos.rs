@@ -45,8 +45,11 @@ impl<'a> TrainingGym<'a> {
         let Some(episode) = self.gym.ended_episode() else {
             return;
         };
-        let member = self.scenario.drive().zip(self.member(self.index));
-        let member = member.map(|(driving, variant)| driving.with_member(&variant));
+        let member = self
+            .scenario
+            .drive()
+            .zip(self.member(self.index))
+            .map(|(driving, variant)| driving.with_member(&variant));
         let last = self.gym.spent().decisions;
         let first = last.saturating_sub(episode.actions.len() as u64) + 1;
         audience.episode(&ShownEpisode {

@@ -102,19 +102,24 @@ mod tests {
     /// by the count, far fewer where rules end them.
     #[test]
     fn a_walk_is_not_given_up_for_sequences_that_rules_end_early() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(PlantKind::Kinematic);
+        let world = Scenario::shipped("acc")
+            .expect("shipped")
+            .expect("sound")
+            .on(PlantKind::Kinematic);
         let training_search = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..20).collect();
         let solved = |simulations: u64| {
-            let found = training_search.search(
-                &indices,
-                (SearchEffort::Walk { switches: 2 }, simulations),
-                (0, indices.len()),
-                &watch,
-            );
-            let found: Vec<Scouted> = found.into_iter().flatten().collect();
+            let found: Vec<Scouted> = training_search
+                .search(
+                    &indices,
+                    (SearchEffort::Walk { switches: 2 }, simulations),
+                    (0, indices.len()),
+                    &watch,
+                )
+                .into_iter()
+                .flatten()
+                .collect();
             let most = found.iter().map(|it| it.simulations).max().unwrap_or(0);
             assert!(most <= simulations, "{most} of {simulations}");
             let solved = found.iter().filter(|it| it.actions.is_some());
@@ -122,7 +127,7 @@ mod tests {
         };
         let nominal = SearchWorker::new(&training_search.0, &watch).sequences(2);
         let all = solved(nominal);
-        assert!(5_000 < nominal && 10 < all, "{nominal} {all}");
+        assert!(nominal > 5_000 && all > 10, "{nominal} {all}");
         // Below the nominal count it still walks, coarsely first.
         assert!(all <= solved(nominal - 1) + 1);
         assert!(all <= 2 * solved(nominal / 20));
@@ -132,8 +137,10 @@ mod tests {
     /// fewer simulations than a walk takes.
     #[test]
     fn changes_of_known_successes_solve_other_starts() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(PlantKind::Kinematic);
+        let world = Scenario::shipped("acc")
+            .expect("shipped")
+            .expect("sound")
+            .on(PlantKind::Kinematic);
         let training_search = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..40).collect();
@@ -153,8 +160,11 @@ mod tests {
         let count = |known: &[Demonstration]| {
             let switches = 2;
             let effort = (SearchEffort::Mutate { known, switches }, 100);
-            let found = training_search.search(&others, effort, (0, 20), &watch);
-            let found: Vec<Scouted> = found.into_iter().flatten().collect();
+            let found: Vec<Scouted> = training_search
+                .search(&others, effort, (0, 20), &watch)
+                .into_iter()
+                .flatten()
+                .collect();
             assert!(found.iter().all(|it| it.simulations <= 101));
             let sequences = found.into_iter().filter_map(|it| it.actions);
             sequences

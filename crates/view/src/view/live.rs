@@ -18,8 +18,9 @@ use crate::world::Scenario;
 const SHARE: f64 = 0.03;
 /// Processor time that the first episodes may take in any case, in seconds.
 const HEAD_START_S: f64 = 0.05;
-/// Messages that may wait. Reports are small, and episodes never wait.
-const WAITING: usize = 4096;
+/// Messages that may wait. Episodes never wait.
+// So many reports are written within `PATIENCE` on a slow machine, too.
+const WAITING: usize = 1024;
 /// Time to write what is left when the command ends.
 const PATIENCE: Duration = Duration::from_secs(10);
 

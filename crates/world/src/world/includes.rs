@@ -11,27 +11,12 @@ use brakecheck_driver_model::{TrafficModel, TrafficRuleFile};
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile};
 use super::natural_file::{NaturalFile, SHIPPED, TrafficFile};
 use super::open_drive;
-use super::runs::{RunRefused, RunSource, refused};
+use super::runs::{IncludingFile, RunRefused, refused};
 use super::trained::{raw_text, with_values};
 use crate::natural::{DeclaredTraffic, motorway};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-
-/// World file that includes others.
-#[derive(Clone, Copy)]
-pub(super) struct IncludingFile<'a> {
-    pub(super) name: &'a str,
-    /// Source of the files that it includes.
-    pub(super) source: &'a dyn RunSource,
-}
-
-impl IncludingFile<'_> {
-    /// Returns the text of an included file.
-    pub(super) fn text(&self, name: &str) -> Result<String, RunRefused> {
-        self.source.text(name, self.name)
-    }
-}
 
 /// Returns the text with the content of all included files, `None` without any.
 ///

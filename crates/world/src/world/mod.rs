@@ -133,7 +133,7 @@ impl Scenario {
         match kind_of_world::kind(text).map_err(one)? {
             kind_of_world::WorldKind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                let origin = includes::IncludingFile {
+                let origin = runs::IncludingFile {
                     name: file,
                     source: runs,
                 };

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::environment_file::{LanesFile, OwnRoad};
 use super::file::{AgentFile, RoadFile, ScenarioFile};
-use super::includes::IncludingFile;
+use super::runs::IncludingFile;
 use crate::opendrive::{LaneRoad, LaneStart, bank_list, grade_list, lane_road};
 use crate::road::{Piece, Priority};
 use crate::ron_file::Problems;

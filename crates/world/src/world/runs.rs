@@ -59,6 +59,21 @@ pub trait RunSource {
     }
 }
 
+/// World file that includes others.
+#[derive(Clone, Copy)]
+pub(super) struct IncludingFile<'a> {
+    pub(super) name: &'a str,
+    /// Source of the files that it includes.
+    pub(super) source: &'a dyn RunSource,
+}
+
+impl IncludingFile<'_> {
+    /// Returns the text of an included file.
+    pub(super) fn text(&self, name: &str) -> Result<String, RunRefused> {
+        self.source.text(name, self.name)
+    }
+}
+
 /// Source without any run, for texts without a file.
 pub(super) struct Nowhere;
 

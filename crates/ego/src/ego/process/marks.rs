@@ -36,6 +36,7 @@ pub(super) fn end_marked(mark: &str) {
     let mut pause = Duration::from_micros(200);
     loop {
         let found = marked(mark);
+        // A process that cannot be killed, in a system call for instance, is left behind.
         if found.is_empty() || deadline < Instant::now() {
             return;
         }
@@ -43,6 +44,7 @@ pub(super) fn end_marked(mark: &str) {
             let _ = kill_process(pid, Signal::KILL);
         }
         thread::sleep(pause);
+        // Most processes end at once, and a busy machine is not kept busy by looking.
         pause = (2 * pause).min(Duration::from_millis(10));
     }
 }
@@ -55,8 +57,10 @@ fn marked(mark: &str) -> Vec<Option<Pid>> {
     let own = std::process::id();
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
     let marked = processes.filter_map(|process| {
+        // Other entries of `/proc` are no processes.
         let number: u32 = process.file_name().to_str()?.parse().ok()?;
         let pid = Pid::from_raw(i32::try_from(number).ok()?)?;
+        // Processes of other users cannot be read, and are not started by an ego.
         let environment = std::fs::read(process.path().join("environ")).ok()?;
         if environment.is_empty() {
             return is_in_exec(&process.path()).then_some(None);

@@ -73,8 +73,11 @@ pub(super) fn acts(
     } = reader;
     blockers.keep(found.none());
     let is_broken = |it: &&EntityScript| it.is_broken && it.name != ground.ego.name;
-    let broken = scripts.iter().filter(is_broken);
-    let broken: Vec<String> = broken.map(|it| it.name.clone()).collect();
+    let broken: Vec<String> = scripts
+        .iter()
+        .filter(is_broken)
+        .map(|it| it.name.clone())
+        .collect();
     for (entity, script) in entities.iter_mut().zip(scripts) {
         entity.steps = script.steps;
         entity.approach = script.approach;

@@ -47,7 +47,7 @@ impl ImportedBody {
         let centre_m = scope.number(bounds.inner("Center")?, "x")?;
         let front_m = centre_m + 0.5 * length_m;
         let mass_kg = scope.number_or_zero(entity, "mass")?;
-        if MOST_LENGTH_M < length_m {
+        if length_m > MOST_LENGTH_M {
             let what = format!("a body of {length_m} m");
             let help = "split it into parts of 30 m at most, or leave it out";
             return Err(bounds.refused(what, help));
@@ -75,7 +75,7 @@ impl ImportedBody {
             "Pedestrian" => {
                 // A pedestrian without a mass gets a typical mass: physics
                 // needs a positive value.
-                let mass_kg = if 0.0 < mass_kg { mass_kg } else { 75.0 };
+                let mass_kg = if mass_kg > 0.0 { mass_kg } else { 75.0 };
                 format!(
                     // A plan carries the pedestrian, whatever these limits are.
                     "(name: {name:?}, kind: Walker(max_speed_mps: 10.0, accel_mps2: 10.0), \
@@ -186,7 +186,7 @@ fn bicycle(
         Some(limit) if limit.raw("maxSpeed").is_some() => scope.number(limit, "maxSpeed")?,
         _ => limits.max_speed_mps,
     };
-    let mass_kg = if 0.0 < mass_kg { mass_kg } else { body.mass_kg };
+    let mass_kg = if mass_kg > 0.0 { mass_kg } else { body.mass_kg };
     Ok(format!(
         "(name: {:?}, kind: Cyclist(wheelbase_m: {wheelbase_m}, front_overhang_m: {}, \
          wheel_radius_m: {}, max_speed_mps: {}, accel_mps2: {}, power_w: {}, brake_mps2: {}, \
@@ -228,19 +228,19 @@ struct ImportedVehicle<'a> {
 fn vehicle(it: ImportedVehicle<'_>) -> String {
     // Same width as the limit of two-wheelers in exported files.
     let narrow = it.width_m < 1.1;
-    let usual_kg = match (narrow, 2.2 < it.width_m) {
+    let usual_kg = match (narrow, it.width_m > 2.2) {
         (true, _) => 100.0,
         (_, true) => 12_000.0,
         _ => 1_500.0,
     };
-    let mass_kg = if 0.0 < it.mass_kg {
+    let mass_kg = if it.mass_kg > 0.0 {
         it.mass_kg
     } else {
         usual_kg
     };
     // Files give two-wheelers no track, and a narrow body needs stiff springs
     // to stay upright.
-    let track_m = if 0.1 < it.track_m && it.track_m <= it.width_m {
+    let track_m = if it.track_m > 0.1 && it.track_m <= it.width_m {
         it.track_m
     } else {
         0.8 * it.width_m

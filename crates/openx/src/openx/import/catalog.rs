@@ -85,25 +85,30 @@ impl Catalogs {
         let entry = list
             .children
             .iter()
-            .find(|it| it.raw("name") == Some(&name));
-        let entry = entry.ok_or_else(|| {
-            let entries = list.children.iter().filter_map(|it| it.raw("name"));
-            let entries: Vec<&str> = entries.take(MOST_NAMES).collect();
-            let help = format!("its entries: {}", entries.join(", "));
-            let what = format!("the catalog `{catalog}` has no entry `{name}`");
-            reference.refused(what, &help)
-        })?;
-        let assignments = reference.child("ParameterAssignments");
-        let assignments = assignments
+            .find(|it| it.raw("name") == Some(&name))
+            .ok_or_else(|| {
+                let entries: Vec<&str> = list
+                    .children
+                    .iter()
+                    .filter_map(|it| it.raw("name"))
+                    .take(MOST_NAMES)
+                    .collect();
+                let help = format!("its entries: {}", entries.join(", "));
+                let what = format!("the catalog `{catalog}` has no entry `{name}`");
+                reference.refused(what, &help)
+            })?;
+        let assignments = reference
+            .child("ParameterAssignments")
             .into_iter()
             .flat_map(|it| it.all("ParameterAssignment"));
-        let set = assignments.map(|it| {
-            Ok((
-                it.need("parameterRef")?.to_owned(),
-                scope.text(it, "value")?,
-            ))
-        });
-        let set = set.collect::<Result<Vec<_>, ImportError>>()?;
+        let set = assignments
+            .map(|it| {
+                Ok((
+                    it.need("parameterRef")?.to_owned(),
+                    scope.text(it, "value")?,
+                ))
+            })
+            .collect::<Result<Vec<_>, ImportError>>()?;
         // Only entries in use are reported, since the rest of a catalog does
         // not matter.
         self.dropped.look(entry);

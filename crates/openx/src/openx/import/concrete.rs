@@ -57,7 +57,7 @@ impl Concrete {
         for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
             let left_m = self.station(&entity.placed, &entity.at)?.y_m;
             let middle_m = self.lane_at(left_m) * self.lane_width_m;
-            let is_far = |left_m: f64| MOST_ASIDE_M < left_m.abs();
+            let is_far = |left_m: f64| left_m.abs() > MOST_ASIDE_M;
             // It may stand beside the way of somebody who crosses the ego's road.
             let ways = self.entities.iter().filter_map(|it| it.placed.way.as_ref());
             let mut beside = ways
@@ -108,8 +108,7 @@ impl Concrete {
                     let help = "place it on the road of the ego";
                     return Err(refused(what).helped(help));
                 }
-                let root = self.roads.get(road);
-                let root = root.ok_or_else(|| {
+                let root = self.roads.get(road).ok_or_else(|| {
                     refused(format!("there is no road `{road}`")).helped("place the ego on a road")
                 })?;
                 // The frame is a parallel of the reference line, and its length
@@ -263,8 +262,9 @@ impl Concrete {
             return f64::INFINITY;
         }
         let step_m = SHORTER_M.max(length_m / MOST_STEPS);
-        let shorter = (1..).map(|steps| length_m - f64::from(steps) * step_m);
-        let mut shorter = shorter.take_while(|ends_m| *ends_m > last_m);
+        let mut shorter = (1..)
+            .map(|steps| length_m - f64::from(steps) * step_m)
+            .take_while(|ends_m| *ends_m > last_m);
         // A road on which an entity is placed so late is left as it is, and
         // refused.
         shorter

@@ -57,8 +57,10 @@ pub(super) fn formula(
         let found = all.iter().find(|it| it.entity.name == name);
         let what = format!("no agent is called `{name}`");
         found.ok_or_else(|| {
-            let error = watch.at.error(what);
-            let error = error.helped("name an entity that the Init places");
+            let error = watch
+                .at
+                .error(what)
+                .helped("name an entity that the Init places");
             error.following(concrete.unread.iter().any(|it| it == name))
         })
     };
@@ -71,8 +73,11 @@ pub(super) fn formula(
         | Measure::Faster { target } => Some(find(target)?),
         _ => None,
     };
-    let who = watch.who.iter().map(|name| find(name));
-    let who = who.collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
+    let who = watch
+        .who
+        .iter()
+        .map(|name| find(name))
+        .collect::<Result<Vec<&EntityInFrame>, ImportError>>()?;
     let is_on_roads = !matches!(
         watch.measure,
         Measure::Speed | Measure::Acceleration | Measure::Faster { .. } | Measure::Gap { .. }
@@ -88,8 +93,8 @@ pub(super) fn formula(
     }
     let quantities = who
         .iter()
-        .map(|it| ConditionQuantity::of(concrete, watch, it, target));
-    let quantities = quantities.collect::<Result<Vec<ConditionQuantity>, ImportError>>()?;
+        .map(|it| ConditionQuantity::of(concrete, watch, it, target))
+        .collect::<Result<Vec<ConditionQuantity>, ImportError>>()?;
     let mut holding = quantities.iter().map(|it| it.holds_at_start(watch));
     let holds = if watch.needs_all {
         holding.all(|holds| holds)
@@ -98,8 +103,9 @@ pub(super) fn formula(
     };
     // An edge from false to true requires that it was false since the step waits.
     let is_seen = watch.rises && (holds || watch.is_late || quantities.iter().any(|it| it.is_near));
-    let parts = quantities.iter().zip(&who);
-    let parts: Vec<String> = parts
+    let parts: Vec<String> = quantities
+        .iter()
+        .zip(&who)
         .map(|(it, who)| it.text(watch, who, target, (parameter, is_first)))
         .collect();
     let text = match (&parts[..], watch.needs_all) {
@@ -180,7 +186,7 @@ impl ConditionQuantity {
                     start: clear_m.max(0.0),
                     over: is_time.then_some(who.entity.speed_mps),
                     // A time to what is behind is no value.
-                    is_defined: !is_time || (behind_m <= 0.0 && 0.0 < who.entity.speed_mps),
+                    is_defined: !is_time || (behind_m <= 0.0 && who.entity.speed_mps > 0.0),
                     ..plain(String::new(), 0.0)
                 }
             }
@@ -201,7 +207,7 @@ impl ConditionQuantity {
                     },
                     start: if *is_time { ahead_m } else { ahead_m.abs() },
                     over: is_time.then_some(who.entity.speed_mps),
-                    is_defined: !is_time || (0.0 <= ahead_m && 0.0 < who.entity.speed_mps),
+                    is_defined: !is_time || (ahead_m >= 0.0 && who.entity.speed_mps > 0.0),
                     is_near: false,
                 }
             }
@@ -251,7 +257,7 @@ impl ConditionQuantity {
                 ConditionQuantity {
                     start: clear_m,
                     over: Some(closing_mps),
-                    is_defined: 0.0 < clear_m && 0.0 < closing_mps,
+                    is_defined: clear_m > 0.0 && closing_mps > 0.0,
                     ..plain(
                         format!(
                             "({name}.{}.headway - {})",

@@ -186,7 +186,7 @@ pub(super) fn worlds(
             }),
         }
     }
-    let several = 1 < groups.len();
+    let several = groups.len() > 1;
     let groups = groups.iter().map(|group| &group.drafts);
     let worlds = groups.zip(1..).map(|(group, number)| {
         let name = if several {

@@ -82,7 +82,7 @@ pub fn lane_places(
         let id = node.need("id")?;
         let road = roads.road(node, id)?;
         let steps = libm::floor(road.length_m / step_m) as usize;
-        if MOST_PLACES < places.len() + steps {
+        if places.len() + steps > MOST_PLACES {
             let what = format!("its roads have more than {MOST_PLACES} places so far");
             return Err(node.refused(what, "cut out the roads that the recording uses"));
         }
@@ -115,8 +115,9 @@ fn lanes_of(
     side: i32,
 ) -> Result<Option<DrivenLanes>, ImportError> {
     let lanes = road.driven_beside(side, 0.0).into_iter();
-    let middles = lanes.map(|(lane, _)| road.middle_m(node, lane));
-    let middles: Vec<f64> = middles.collect::<Result<_, _>>()?;
+    let middles: Vec<f64> = lanes
+        .map(|(lane, _)| road.middle_m(node, lane))
+        .collect::<Result<_, _>>()?;
     let Some(&right_m) = middles.first() else {
         return Ok(None);
     };

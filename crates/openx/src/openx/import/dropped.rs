@@ -131,11 +131,14 @@ fn is_empty_element(node: &XmlNode) -> bool {
 ///
 /// Returns each condition with its time.
 pub(super) fn times(group: &XmlNode) -> Option<Vec<(&XmlNode, &XmlNode)>> {
-    let pairs = group.children.iter().map(|condition| {
-        let by = condition.child("ByValueCondition")?;
-        Some((condition, by.child("SimulationTimeCondition")?))
-    });
-    let pairs = pairs.collect::<Option<Vec<_>>>()?;
+    let pairs = group
+        .children
+        .iter()
+        .map(|condition| {
+            let by = condition.child("ByValueCondition")?;
+            Some((condition, by.child("SimulationTimeCondition")?))
+        })
+        .collect::<Option<Vec<_>>>()?;
     pairs
         .iter()
         .any(|(condition, time)| comes(condition, time))

@@ -18,8 +18,10 @@ pub(super) fn leaves_s(entity: &ImportedEntity, ahead_m: f64, ego_mps: f64) -> f
         if step.when.is_some() {
             // A pessimistic bound: the step may begin at any time, so the
             // greatest later speed counts from now on.
-            let later = entity.steps[i..].iter().flat_map(|it| &it.laws);
-            let later = later.filter_map(|law| to_mps(law, ego_mps));
+            let later = entity.steps[i..]
+                .iter()
+                .flat_map(|it| &it.laws)
+                .filter_map(|law| to_mps(law, ego_mps));
             journey.speed_mps = later.fold(journey.speed_mps, f64::max);
             return journey.leaves_s();
         }

@@ -216,7 +216,7 @@ impl ImportedLaw {
             } => Some(shape.peak() * (to_mps - from_mps?).abs() / rate_mps2),
             ImportedLaw::Speed { .. } => None,
             // A jump takes no time.
-            ImportedLaw::LaneChange { rate_mps, .. } if AT_ONCE_MPS <= *rate_mps => Some(0.0),
+            ImportedLaw::LaneChange { rate_mps, .. } if *rate_mps >= AT_ONCE_MPS => Some(0.0),
             ImportedLaw::LaneChange {
                 by_m,
                 rate_mps,

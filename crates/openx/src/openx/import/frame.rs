@@ -128,7 +128,7 @@ impl FrameOfEgo {
         let own_m = own.map(|(_, width_m)| *width_m);
         let width_m = own_m.or_else(|| line.lanes.width_m(at.s_m, at.lane));
         let width_m = width_m
-            .filter(|width_m| 0.0 < *width_m)
+            .filter(|width_m| *width_m > 0.0)
             .unwrap_or(USUAL_WIDTH_M);
         let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
         let (outer, lanes) = match (same, beside.len()) {
@@ -199,7 +199,7 @@ impl FrameOfEgo {
         };
         let place = on.located(asks, &ego.placed.spot)?;
         let off = place.spot().sees(&ego.placed.spot);
-        if SAME_WAY_M < off.x_m.abs() {
+        if off.x_m.abs() > SAME_WAY_M {
             let help = "place it on a lane, or name another entity with --ego";
             return Err(asks.refused("the ego is not on the way along its lane", help));
         }
@@ -327,7 +327,7 @@ fn keeps_road(
         && fixed
         && alone
         && ego.route.is_empty()
-        && LEAST_AHEAD_M <= line.length_m - at.s_m)
+        && line.length_m - at.s_m >= LEAST_AHEAD_M)
 }
 
 /// Way of an entity along its own lane, from its place on.
@@ -353,7 +353,7 @@ fn own_way(
         middle_m - at.t_m
     };
     let on = roads.lane_way(asks, &drive, (left_m, slowest_mps(entity)))?;
-    if SAME_WAY_RAD < on.way.begins.sees(&entity.placed.spot).heading_rad.abs() {
+    if on.way.begins.sees(&entity.placed.spot).heading_rad.abs() > SAME_WAY_RAD {
         let help = "let it face along its lane, or let it follow a trajectory";
         return Err(entity.at.error("it moves across its lane").helped(help));
     }

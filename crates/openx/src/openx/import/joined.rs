@@ -52,7 +52,7 @@ pub(super) fn all_of(
     };
     // A time only matters once what it is delayed with could hold.
     let after_s = latest_s.map(|at_s| at_s - delay_s);
-    let after_s = after_s.filter(|after_s| 0.0 < *after_s);
+    let after_s = after_s.filter(|after_s| *after_s > 0.0);
     let watch = joined(group, watches, after_s, Measure::All);
     Ok(Some(StartTrigger::When { watch, delay_s }))
 }

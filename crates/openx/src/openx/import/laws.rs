@@ -240,7 +240,7 @@ pub(super) fn lane_change(
 ) -> Result<ImportedLaw, ImportError> {
     keeps_place(it)?;
     let value = scope.number_or_zero(it, "value")?;
-    let Some(shape) = shape_of(it)?.filter(|_| 0.0 < value) else {
+    let Some(shape) = shape_of(it)?.filter(|_| value > 0.0) else {
         return Ok(ImportedLaw::LaneChange {
             by_m,
             rate_mps: AT_ONCE_MPS,
@@ -251,12 +251,13 @@ pub(super) fn lane_change(
         "rate" => value,
         "time" => shape.peak() * by_m.abs() / value,
         "distance" => {
-            let speed_mps = speed_mps.filter(|speed_mps| 0.0 < *speed_mps);
-            let speed_mps = speed_mps.ok_or_else(|| {
-                let help = "state the change by a time or a rate";
-                let what = "a change by distance is not read where the speed is not constant";
-                it.refused(what, help)
-            })?;
+            let speed_mps = speed_mps
+                .filter(|speed_mps| *speed_mps > 0.0)
+                .ok_or_else(|| {
+                    let help = "state the change by a time or a rate";
+                    let what = "a change by distance is not read where the speed is not constant";
+                    it.refused(what, help)
+                })?;
             shape.peak() * by_m.abs() * speed_mps / slanted_m(shape, by_m, value)
         }
         _ => {
@@ -356,9 +357,10 @@ pub(super) fn speed_profile(
         return Err(it.refused("a profile of relative speeds is not read", help));
     }
     keeps_place(it)?;
-    let entries = it.all("SpeedProfileEntry");
-    let entries = entries.map(|it| Ok((scope.number(it, "time")?, scope.number(it, "speed")?)));
-    let entries = entries.collect::<Result<Vec<(f64, f64)>, ImportError>>()?;
+    let entries = it
+        .all("SpeedProfileEntry")
+        .map(|it| Ok((scope.number(it, "time")?, scope.number(it, "speed")?)))
+        .collect::<Result<Vec<(f64, f64)>, ImportError>>()?;
     if let Some((_, speed_mps)) = entries.iter().find(|(_, speed_mps)| *speed_mps < 0.0) {
         let help = "reversing is not read: a speed is at least 0";
         return Err(it.refused(format!("a speed of {speed_mps} m/s"), help));

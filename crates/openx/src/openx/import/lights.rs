@@ -48,9 +48,10 @@ pub(super) fn lights(
     (roads, passed): (&RoadMap, &[(String, f64)]),
     dropped: &DropLog,
 ) -> Result<Vec<ImportedLight>, ImportError> {
-    let controllers = root.child("RoadNetwork").into_iter();
-    let controllers = controllers.filter_map(|it| it.child("TrafficSignals"));
-    let controllers: Vec<&XmlNode> = controllers
+    let controllers: Vec<&XmlNode> = root
+        .child("RoadNetwork")
+        .into_iter()
+        .filter_map(|it| it.child("TrafficSignals"))
         .flat_map(|it| it.all("TrafficSignalController"))
         .collect();
     let mut found: Vec<ImportedLight> = Vec::new();
@@ -120,7 +121,7 @@ fn cycles(
         }
         before_s += duration_s;
     }
-    if 0.0 < before_s && before_s < LEAST_CYCLE_S {
+    if before_s > 0.0 && before_s < LEAST_CYCLE_S {
         let what = format!("its phases last {before_s} s together");
         let help = format!("let a cycle last {LEAST_CYCLE_S} s or longer");
         return Err(controller.refused(what, &help));
@@ -130,11 +131,11 @@ fn cycles(
         // The end of the last phase is that of the cycle, and a light that the
         // first phase leaves out still has its last state.
         let last = cycle.phases.last()?.1;
-        if 0.0 < cycle.phases.first()?.0 {
+        if cycle.phases.first()?.0 > 0.0 {
             cycle.phases.insert(0, (0.0, last));
         }
         cycle.phases.push((before_s, last));
-        (0.0 < before_s).then_some((signal, cycle))
+        (before_s > 0.0).then_some((signal, cycle))
     });
     Ok(cycles.collect())
 }
@@ -216,8 +217,10 @@ impl ImportedLight {
     pub(super) fn text(&self, until_s: f64) -> String {
         // A world refuses longer runs.
         let until_s = (until_s / STEP_S).ceil().min(MOST_STEPS) * STEP_S;
-        let schedule = self.cycle.schedule(until_s).into_iter();
-        let schedule: Vec<String> = schedule
+        let schedule: Vec<String> = self
+            .cycle
+            .schedule(until_s)
+            .into_iter()
             .map(|(at_s, phase)| format!("({:?}, {})", tidy(at_s), word(phase)))
             .collect();
         let letters = self.signal.chars();

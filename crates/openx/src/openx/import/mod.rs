@@ -110,7 +110,7 @@ impl Import<'_> {
                 refused_points += 1;
             }
             // Points of one file mostly have the same problems.
-            if MOST_REFUSED_POINTS < refused_points {
+            if refused_points > MOST_REFUSED_POINTS {
                 unread = Some("the later points");
                 break;
             }
@@ -150,7 +150,7 @@ impl Import<'_> {
         let mut dropped = protocol.dropped.list();
         // Worlds end before an entity leaves its road, which may be earlier
         // than in the file.
-        if 0 < cut {
+        if cut > 0 {
             dropped.push(DroppedElements {
                 kind: "what happens behind the end of a road",
                 file: self.scenario.to_owned(),

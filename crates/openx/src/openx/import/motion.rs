@@ -326,7 +326,7 @@ pub(super) fn first_speed_mps(
         // A body is never faster than its greatest speed.
         speed_mps = speed_mps.min(most_mps);
     }
-    if 0.0 <= speed_mps {
+    if speed_mps >= 0.0 {
         Ok((speed_mps, ramp))
     } else {
         let what = format!("it starts at {speed_mps} m/s");
@@ -356,8 +356,10 @@ pub(super) fn stop_s(
     scope: &ParameterScope,
     dropped: &DropLog,
 ) -> Result<Option<f64>, ImportError> {
-    let groups = board.child("StopTrigger");
-    let groups = groups.into_iter().flat_map(|it| it.all("ConditionGroup"));
+    let groups = board
+        .child("StopTrigger")
+        .into_iter()
+        .flat_map(|it| it.all("ConditionGroup"));
     let mut stop_s: Option<f64> = None;
     for group in groups {
         let Some(times) = times(group) else { continue };
@@ -411,8 +413,9 @@ pub(super) fn friction_of(
         "CatalogReference" => ground.catalogs.entry(it, scope, ground.files)?,
         _ => (it.clone(), scope.clone()),
     };
-    let condition = environment.child("RoadCondition");
-    let condition = condition.filter(|it| it.raw("frictionScaleFactor").is_some());
+    let condition = environment
+        .child("RoadCondition")
+        .filter(|it| it.raw("frictionScaleFactor").is_some());
     let scale = condition.map(|it| own.number(it, "frictionScaleFactor"));
     scale.transpose()
 }

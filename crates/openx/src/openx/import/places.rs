@@ -83,7 +83,7 @@ impl PositionContext<'_> {
         position: &XmlNode,
         scope: &ParameterScope,
     ) -> Result<Placed, ImportError> {
-        if MOST_DEPTH < self.depth {
+        if self.depth > MOST_DEPTH {
             let what = "its places refer to each other in a circle";
             let help = "place what it follows in the world or on lanes";
             return Err(position.refused(what, help));
@@ -126,8 +126,7 @@ impl PositionContext<'_> {
             }
             "RelativeLanePosition" => {
                 let other = self.other(it, scope)?;
-                let at = other.lane.as_ref().filter(|at| at.lane != 0);
-                let at = at.ok_or_else(|| {
+                let at = other.lane.as_ref().filter(|at| at.lane != 0).ok_or_else(|| {
                     let help = "place that by a `LanePosition`";
                     let error = it.refused("what it is relative to is on no lane", help);
                     error.following(self.roads.is_unread())
@@ -154,8 +153,7 @@ impl PositionContext<'_> {
             }
             "RelativeRoadPosition" => {
                 let other = self.other(it, scope)?;
-                let at = other.lane.as_ref();
-                let at = at.ok_or_else(|| {
+                let at = other.lane.as_ref().ok_or_else(|| {
                     let help = "place that by a `LanePosition` or a `RoadPosition`";
                     let error = it.refused("what it is relative to is on no road", help);
                     error.following(self.roads.is_unread())
@@ -355,7 +353,7 @@ impl PositionContext<'_> {
         // Two places are always on one line, but a route that turns faces elsewhere.
         let turns = |spot: &Pose| {
             let sine = libm::sin(spot.heading_rad - spots[0].heading_rad);
-            TURNED_SINE < sine.abs()
+            sine.abs() > TURNED_SINE
         };
         if let Some(lanes) = lanes.filter(|_| spots.iter().any(turns)) {
             return self.on_roads(it, scope, &lanes);
@@ -365,9 +363,11 @@ impl PositionContext<'_> {
         // Only the direction of the route matters here: it must be straight, with
         // the lanes along it.
         let begins = ImportedPath::through(&route, &spots)?.begins;
-        let bends = stops.iter().filter(|stop| stop.lane.is_some());
-        let mut bends = bends.map(|stop| begins.sees(&stop.spot).heading_rad.abs());
-        if bends.any(|off_rad| BENDS_RAD < off_rad) {
+        let mut bends = stops
+            .iter()
+            .filter(|stop| stop.lane.is_some())
+            .map(|stop| begins.sees(&stop.spot).heading_rad.abs());
+        if bends.any(|off_rad| off_rad > BENDS_RAD) {
             return self.on_lane_of(on, scope, &stops[0], along_m);
         }
         let last = spots.last().unwrap_or(&begins);
@@ -439,11 +439,14 @@ impl PositionContext<'_> {
         first: &Placed,
         along_m: f64,
     ) -> Result<Placed, ImportError> {
-        let lane = first.lane.as_ref().filter(|_| along_m == 0.0);
-        let lane = lane.ok_or_else(|| {
-            let help = "place it by a `LanePosition`";
-            on.refused("a place along a route that bends is not read", help)
-        })?;
+        let lane = first
+            .lane
+            .as_ref()
+            .filter(|_| along_m == 0.0)
+            .ok_or_else(|| {
+                let help = "place it by a `LanePosition`";
+                on.refused("a place along a route that bends is not read", help)
+            })?;
         let offset_m = scope.number_or_zero(on, "laneOffset")?;
         let (road, number) = (lane.road.clone(), lane.lane);
         self.on_lane(
@@ -466,8 +469,8 @@ impl PositionContext<'_> {
         };
         let stops = route
             .all("Waypoint")
-            .map(|stop| self.place(stop.inner("Position")?, &own));
-        let stops = stops.collect::<Result<Vec<Placed>, ImportError>>()?;
+            .map(|stop| self.place(stop.inner("Position")?, &own))
+            .collect::<Result<Vec<Placed>, ImportError>>()?;
         Ok((route, stops))
     }
 
@@ -524,7 +527,7 @@ fn within(it: &XmlNode, s_m: f64, length_m: f64, what: &str) -> Result<(), Impor
 /// The number 0 is skipped, because no driving lane has it.
 fn beside(lane: i32, by: i32) -> i32 {
     let there = lane + by;
-    match (lane < 0 && 0 <= there, 0 < lane && there <= 0) {
+    match (lane < 0 && there >= 0, lane > 0 && there <= 0) {
         (true, _) => there + 1,
         (_, true) => there - 1,
         _ => there,

@@ -109,7 +109,7 @@ fn step_of(
     }
     draft.text("does: [");
     for (i, law) in step.laws.iter().enumerate() {
-        if 0 < i {
+        if i > 0 {
             draft.text(", ");
         }
         law_of(draft, concrete, it, law, &axis);

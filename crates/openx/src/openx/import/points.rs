@@ -43,13 +43,13 @@ pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, 
             let values = axis_of(axis)?;
             // Checked before the product is built, which could exhaust the
             // memory.
-            if MAX_POINTS < points.len() * values.len() {
+            if points.len() * values.len() > MAX_POINTS {
                 let help = "split the file, or lengthen its steps";
                 return Err(axis.refused(format!("more than {MAX_POINTS} points"), help));
             }
             let longest = values.iter().map(Vec::len).max().unwrap_or(0);
             let values_each = longest + points.first().map_or(0, |point| point.0.len());
-            if MAX_VALUES < points.len() * values.len() * values_each {
+            if points.len() * values.len() * values_each > MAX_VALUES {
                 let help = "split the file, or set fewer parameters";
                 let what = format!("more than {MAX_VALUES} values of all points");
                 return Err(axis.refused(what, help));
@@ -73,8 +73,10 @@ fn axis_of(axis: &XmlNode) -> Result<Vec<Vec<(String, String)>>, ImportError> {
             let name = axis.need("parameterName")?;
             let values = match axis.only()? {
                 set if set.name == "DistributionSet" => {
-                    let values = set.all("Element").map(|it| it.need("value"));
-                    let values = values.map(|value| value.map(str::to_owned));
+                    let values = set
+                        .all("Element")
+                        .map(|it| it.need("value"))
+                        .map(|value| value.map(str::to_owned));
                     values.collect::<Result<Vec<_>, _>>()?
                 }
                 range if range.name == "DistributionRange" => range_of(range)?,
@@ -84,16 +86,18 @@ fn axis_of(axis: &XmlNode) -> Result<Vec<Vec<(String, String)>>, ImportError> {
             Ok(values.map(|value| vec![(name.to_owned(), value)]).collect())
         }
         "DeterministicMultiParameterDistribution" => {
-            let sets = axis.inner("ValueSetDistribution")?;
-            let sets = sets.all("ParameterValueSet").map(|set| {
-                let values = set.all("ParameterAssignment").map(|it| {
-                    Ok((
-                        it.need("parameterRef")?.to_owned(),
-                        it.need("value")?.to_owned(),
-                    ))
+            let sets = axis
+                .inner("ValueSetDistribution")?
+                .all("ParameterValueSet")
+                .map(|set| {
+                    let values = set.all("ParameterAssignment").map(|it| {
+                        Ok((
+                            it.need("parameterRef")?.to_owned(),
+                            it.need("value")?.to_owned(),
+                        ))
+                    });
+                    values.collect::<Result<Vec<_>, _>>()
                 });
-                values.collect::<Result<Vec<_>, _>>()
-            });
             sets.collect()
         }
         _ => Err(axis.refused("such a distribution is not read", KINDS)),

@@ -82,8 +82,8 @@ pub(super) fn steered(root: &XmlNode, objects: &[&XmlNode]) -> Vec<String> {
 
 /// Parameters that an action changes during the run.
 pub(super) fn changed_parameters(node: &XmlNode) -> Vec<String> {
-    let here = (node.name == "ParameterAction").then(|| node.raw("parameterRef"));
-    let here = here
+    let here = (node.name == "ParameterAction")
+        .then(|| node.raw("parameterRef"))
         .flatten()
         .map(|name| name.trim_start_matches('$').to_owned());
     let inner = node.children.iter().flat_map(changed_parameters);

@@ -108,7 +108,7 @@ impl Protocol {
     fn turns_relative(&self) -> bool {
         let header = self.root.child("FileHeader");
         let minor = header.and_then(|it| it.raw("revMinor"));
-        minor.and_then(number).is_some_and(|minor| 3.0 <= minor)
+        minor.and_then(number).is_some_and(|minor| minor >= 3.0)
     }
 
     fn declarations(&self) -> Option<&XmlNode> {
@@ -122,8 +122,8 @@ impl Protocol {
     /// Returns an error for a value of an undeclared parameter.
     pub(super) fn scope(&self, point: &ImportedPoint) -> Result<ParameterScope, ImportError> {
         let declared = |name: &str| {
-            let list = self.declarations();
-            let mut list = list
+            let mut list = self
+                .declarations()
                 .into_iter()
                 .flat_map(|it| it.all("ParameterDeclaration"));
             list.any(|it| it.raw("name") == Some(name))
@@ -182,13 +182,14 @@ impl Protocol {
     ) -> Option<Concrete> {
         let (board, init, objects) = blockers.keep(self.parts())?;
         let unread = |error: ImportError| error.before(ROADS);
-        let roads = blockers.keep(self.road_map(scope, files).map_err(unread));
-        let roads = roads.unwrap_or_else(|| Rc::new(RoadMap::unread()));
+        let roads = blockers
+            .keep(self.road_map(scope, files).map_err(unread))
+            .unwrap_or_else(|| Rc::new(RoadMap::unread()));
         blockers.keep(self.catalogs.sound());
         let changed = changed_parameters(&self.root);
         let absent = absent(init);
-        let privates = motion::present(init, &objects, (&absent, &self.catalogs), blockers);
-        let privates: Vec<&XmlNode> = privates.iter().collect();
+        let present = motion::present(init, &objects, (&absent, &self.catalogs), blockers);
+        let privates: Vec<&XmlNode> = present.iter().collect();
         let steered = steered(&self.root, &objects);
         let ambiguous = ambiguous(board);
         let nowhere = BTreeMap::new();
@@ -229,14 +230,18 @@ impl Protocol {
             unplaced: &unread,
             ..ground
         };
-        let scale = blockers.keep(motion::friction_scale(init, scope, ground));
-        let scale = scale.unwrap_or(1.0);
+        let scale = blockers
+            .keep(motion::friction_scale(init, scope, ground))
+            .unwrap_or(1.0);
         let (acts_stop_s, broken) = acts(board, scope, (ground, scale), (&mut entities, blockers));
         // The road of the ego decides: one world has one friction and one speed
         // limit.
-        let stop_s = blockers.keep(motion::stop_s(board, scope, &self.dropped));
-        let stop_s = stop_s.flatten().into_iter().chain(acts_stop_s);
-        let stop_s = stop_s.reduce(f64::min);
+        let stop_s = blockers
+            .keep(motion::stop_s(board, scope, &self.dropped))
+            .flatten()
+            .into_iter()
+            .chain(acts_stop_s)
+            .reduce(f64::min);
         unread.extend(broken);
         let asks = privates
             .iter()
@@ -269,8 +274,12 @@ impl Protocol {
         let unread = |error: ImportError| error.before(REST);
         let board = self.root.inner("Storyboard").map_err(unread)?;
         let init = board.inner("Init").and_then(|it| it.inner("Actions"));
-        let objects = self.root.inner("Entities").map_err(unread)?;
-        let objects: Vec<&XmlNode> = objects.all("ScenarioObject").collect();
+        let objects: Vec<&XmlNode> = self
+            .root
+            .inner("Entities")
+            .map_err(unread)?
+            .all("ScenarioObject")
+            .collect();
         // Whether a motion is read depends on whether it is that of the ego.
         let is_ego = |it: &&XmlNode| it.raw("name") == Some(&self.ego.name);
         if !objects.iter().any(is_ego) {
@@ -307,8 +316,10 @@ impl Protocol {
             lane_width_m,
             drive,
         } = FrameOfEgo::of(asks, &roads, (&mut entities, stop_s))?;
-        let ego = entities.iter().find(|it| it.is_ego);
-        let ego = ego.ok_or_else(|| asks.refused("the ego is deleted", DELETED))?;
+        let ego = entities
+            .iter()
+            .find(|it| it.is_ego)
+            .ok_or_else(|| asks.refused("the ego is deleted", DELETED))?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
         let mut blockers = Blockers::default();
         let friction = blockers.keep(roads.friction(road)).unwrap_or(1.0) * scale;
@@ -330,8 +341,9 @@ impl Protocol {
             self.dropped.note(kind, private.unwrap_or(&asks));
         }
         let (drive, left_m) = drive.unwrap_or_default();
-        let passed = blockers.keep(roads.lane_signals(asks, &drive, left_m));
-        let passed = passed.unwrap_or_default();
+        let passed = blockers
+            .keep(roads.lane_signals(asks, &drive, left_m))
+            .unwrap_or_default();
         // A world has one speed limit, or none.
         let limit_mps = roads.limit_mps(road).unwrap_or_else(|_| {
             self.dropped.note("speed limits that change", asks);
@@ -379,13 +391,15 @@ impl Protocol {
         (ground, objects, before): (PositionContext<'_>, &[&XmlNode], &[ImportedEntity]),
     ) -> Result<ImportedEntity, ImportError> {
         let name = begun.need("entityRef")?;
-        let object = objects.iter().find(|it| it.raw("name") == Some(name));
-        let object = object.ok_or_else(|| {
-            begun.refused(
-                "no agent has this name",
-                "name a `ScenarioObject` of the file",
-            )
-        })?;
+        let object = objects
+            .iter()
+            .find(|it| it.raw("name") == Some(name))
+            .ok_or_else(|| {
+                begun.refused(
+                    "no agent has this name",
+                    "name a `ScenarioObject` of the file",
+                )
+            })?;
         if ground.placed.contains_key(name) {
             let help = "join both `Private` of the entity";
             return Err(begun.refused("it is placed twice", help));
@@ -399,8 +413,8 @@ impl Protocol {
         let (speed_mps, ramp) = first.unwrap_or_default();
         let is_ego = name == self.ego.name;
         // The trajectory of an ego that is left states the speed with which it begins.
-        let timed_mps = motion::timed_mps(begun, scope, ground);
-        let timed_mps = timed_mps.filter(|_| is_ego && self.ego.is_left);
+        let timed_mps =
+            motion::timed_mps(begun, scope, ground).filter(|_| is_ego && self.ego.is_left);
         let speed_mps = timed_mps.unwrap_or(speed_mps);
         if is_ego && ramp.is_some() && !self.ego.is_left {
             let help = "--leave-ego leaves its events to your controller and lists them";
@@ -471,8 +485,10 @@ impl Protocol {
         scope: &ParameterScope,
         files: Files<'_>,
     ) -> Result<Rc<RoadMap>, ImportError> {
-        let file = self.root.child("RoadNetwork");
-        let file = file.and_then(|it| it.child("LogicFile"));
+        let file = self
+            .root
+            .child("RoadNetwork")
+            .and_then(|it| it.child("LogicFile"));
         let name = file.map(|file| scope.text(file, "filepath")).transpose()?;
         // Without a road file, everybody is on a plain.
         let Some((file, name)) = file.zip(name).filter(|(_, name)| !name.is_empty()) else {

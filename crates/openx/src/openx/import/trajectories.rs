@@ -60,11 +60,13 @@ impl PositionContext<'_> {
         let shape = trajectory.inner("Shape")?.only()?;
         match shape.name.as_str() {
             "Polyline" => {
-                let vertices = shape.all("Vertex").map(|vertex| {
-                    let placed = self.place(vertex.inner("Position")?, scope)?;
-                    Ok(placed.spot)
-                });
-                let vertices = vertices.collect::<Result<Vec<Pose>, ImportError>>()?;
+                let vertices = shape
+                    .all("Vertex")
+                    .map(|vertex| {
+                        let placed = self.place(vertex.inner("Position")?, scope)?;
+                        Ok(placed.spot)
+                    })
+                    .collect::<Result<Vec<Pose>, ImportError>>()?;
                 if let Ok(way) = ImportedPath::through(shape, &vertices) {
                     let last = vertices.last().unwrap_or(&way.begins);
                     return Ok(OnWay {
@@ -174,7 +176,7 @@ impl PositionContext<'_> {
         // A path that starts on a straight road is extended back to the start
         // of the road. Points that start elsewhere on the road then share a
         // world.
-        let lane = begins.lane.as_ref().filter(|at| 0.0 < at.s_m);
+        let lane = begins.lane.as_ref().filter(|at| at.s_m > 0.0);
         if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
             let first = line.at(0.0, at.t_m);
             let is_on = line.is_straight() && is_along(first.sees(&begins.spot).heading_rad, 0.0);
@@ -248,8 +250,10 @@ impl PositionContext<'_> {
         };
         let from_s = first_s + scope.number_or_zero(timing, "offset")?;
         let begins_m = at(&timed, from_s, |it| it);
-        let later = timed.iter().filter(|(at_s, _)| from_s < *at_s);
-        let later = later.map(|(at_s, at_m)| ((at_s - from_s) / scale, *at_m));
+        let later = timed
+            .iter()
+            .filter(|(at_s, _)| from_s < *at_s)
+            .map(|(at_s, at_m)| ((at_s - from_s) / scale, *at_m));
         let timed = std::iter::once((0.0, begins_m)).chain(later).collect();
         on.along_m = begins_m;
         Ok((on, Some(timed)))
@@ -258,8 +262,10 @@ impl PositionContext<'_> {
 
 /// Value between places at a value of their other coordinate.
 fn at(timed: &[TimedPlace], x: f64, of: impl Fn(TimedPlace) -> (f64, f64)) -> f64 {
-    let pairs = timed.windows(2).map(|pair| (of(pair[0]), of(pair[1])));
-    let mut pairs = pairs.filter(|(from, to)| from.0 <= x && x < to.0);
+    let mut pairs = timed
+        .windows(2)
+        .map(|pair| (of(pair[0]), of(pair[1])))
+        .filter(|(from, to)| from.0 <= x && x < to.0);
     let ends = timed.first().zip(timed.last());
     match (pairs.next(), ends) {
         (Some((from, to)), _) => from.1 + (to.1 - from.1) * (x - from.0) / (to.0 - from.0),
@@ -284,8 +290,8 @@ fn faces_ahead(shape: &XmlNode, vertices: &[Pose]) -> Result<(), ImportError> {
         let along_rad = libm::atan2(dy, dx);
         let ends = pair.iter().zip(&stated[i..]);
         let mut off = ends.filter(|(_, stated)| **stated);
-        let is_off = off.any(|(at, _)| FACES_RAD < wrapped(at.heading_rad - along_rad).abs());
-        if is_off && SHORT_M < libm::hypot(dx, dy) {
+        let is_off = off.any(|(at, _)| wrapped(at.heading_rad - along_rad).abs() > FACES_RAD);
+        if is_off && libm::hypot(dx, dy) > SHORT_M {
             let help = "leave the headings of its places out, or let them face along the way";
             return Err(shape.refused("a way whose places face elsewhere is not read", help));
         }

@@ -42,7 +42,7 @@ pub(super) fn starts(
                 .note("conditions of different instants", group);
             continue;
         }
-        if 1 < group.children.len() && group.children.iter().any(is_instant) {
+        if group.children.len() > 1 && group.children.iter().any(is_instant) {
             if never_together(group, scope)? {
                 context.0.catalogs.note("what never begins", node);
                 continue;
@@ -116,10 +116,11 @@ fn never_together(group: &XmlNode, scope: &ParameterScope) -> Result<bool, Impor
         if let Some(time) = by.and_then(|it| it.child("SimulationTimeCondition")) {
             is_first |= is_instant(condition) && scope.number(time, "value")? == 0.0;
         }
-        let way = condition.child("ByEntityCondition");
-        let way = way.and_then(|it| it.child("EntityCondition"));
+        let way = condition
+            .child("ByEntityCondition")
+            .and_then(|it| it.child("EntityCondition"));
         if let Some(way) = way.and_then(|it| it.child("TraveledDistanceCondition")) {
-            has_moved |= 0.0 < scope.number(way, "value")?;
+            has_moved |= scope.number(way, "value")? > 0.0;
         }
     }
     Ok(is_first && has_moved)
@@ -268,15 +269,13 @@ fn parameter(
     at_s: f64,
 ) -> Result<StartTrigger, ImportError> {
     let name = by.need("parameterRef")?.trim_start_matches('$');
-    let value = scope.get(name);
-    let value = value.ok_or_else(|| {
+    let value = scope.get(name).ok_or_else(|| {
         let help = "declare it in the `ParameterDeclarations`";
         by.refused(format!("there is no `{name}`"), help)
     })?;
     let rule = by.need("rule")?;
-    let holds = compared(value, rule, &scope.text(by, "value")?);
-    let holds =
-        holds.ok_or_else(|| by.refused(format!("the rule `{rule}` is not understood"), RULES))?;
+    let holds = compared(value, rule, &scope.text(by, "value")?)
+        .ok_or_else(|| by.refused(format!("the rule `{rule}` is not understood"), RULES))?;
     if rises {
         let what = format!("an edge of `{name}` never comes: a parameter does not change");
         return Err(by.refused(what, "write conditionEdge=\"none\""));
@@ -297,8 +296,8 @@ fn watch(
     let entities = kind.inner("TriggeringEntities")?;
     let who = entities
         .all("EntityRef")
-        .map(|it| scope.text(it, "entityRef"));
-    let who = who.collect::<Result<Vec<_>, _>>()?;
+        .map(|it| scope.text(it, "entityRef"))
+        .collect::<Result<Vec<_>, _>>()?;
     if who.is_empty() {
         return Err(entities.refused(
             "it has no triggering entity",

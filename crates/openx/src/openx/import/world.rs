@@ -45,12 +45,16 @@ const STEP_M: f64 = 100.0;
 /// Returns an error for content that a world file cannot express.
 pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, ImportError> {
     let mut blockers = Blockers::default();
-    let all = concrete.entities.iter();
-    let all = all.filter_map(|entity| blockers.keep(seen(concrete, entity)));
-    let mut all: Vec<EntityInFrame> = all.collect();
+    let mut all: Vec<EntityInFrame> = concrete
+        .entities
+        .iter()
+        .filter_map(|entity| blockers.keep(seen(concrete, entity)))
+        .collect();
     blockers.none()?;
-    let ego = all.iter().position(|it| it.entity.is_ego);
-    let ego = ego.ok_or_else(|| concrete.ego_at.error("the ego is deleted").helped(DELETED))?;
+    let ego = all
+        .iter()
+        .position(|it| it.entity.is_ego)
+        .ok_or_else(|| concrete.ego_at.error("the ego is deleted").helped(DELETED))?;
     let (ego_front_m, ego_mps) = (
         all[ego].spot.x_m + all[ego].entity.body.front_m,
         all[ego].entity.speed_mps,
@@ -106,8 +110,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     // road is the target itself.
     let hides = all
         .iter()
-        .any(|it| it.stands() && matches!(it.path, EntityPath::Turned));
-    let hides = hides
+        .any(|it| it.stands() && matches!(it.path, EntityPath::Turned))
         || all
             .iter()
             .filter(|it| it.stands() && !it.entity.body.on_foot)
@@ -216,11 +219,13 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
             bends(&pieces)
         ));
     }
-    let ways = all.iter().filter_map(|it| match it.path {
-        EntityPath::Own(begins, on) => Some((it, begins, on)),
-        _ => None,
-    });
-    let ways: Vec<_> = ways.collect();
+    let ways: Vec<_> = all
+        .iter()
+        .filter_map(|it| match it.path {
+            EntityPath::Own(begins, on) => Some((it, begins, on)),
+            _ => None,
+        })
+        .collect();
     if ways.is_empty() {
         return;
     }
@@ -252,8 +257,7 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
 
 /// Pieces in the form of a world file.
 fn bends(pieces: &[Bend]) -> String {
-    let pieces = pieces.iter().copied().flat_map(laid);
-    let pieces = pieces.map(|piece| {
+    let pieces = pieces.iter().copied().flat_map(laid).map(|piece| {
         if piece.per_m == 0.0 {
             format!("Line(length_m: {})", tidy(piece.length_m))
         } else {

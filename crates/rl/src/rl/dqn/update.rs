@@ -59,7 +59,7 @@ impl Dqn {
     ///
     /// Units die where nearly all returns are equal, as in worlds of few successes.
     fn renew_unused(&mut self) {
-        let due = 0 < self.adam.steps && self.adam.steps.is_multiple_of(RENEWAL);
+        let due = self.adam.steps > 0 && self.adam.steps.is_multiple_of(RENEWAL);
         if !due || self.shown.is_none() {
             return;
         }
@@ -98,10 +98,10 @@ impl Dqn {
         // Order of a batch: own transitions, the newest, successes. The loop below
         // relies on it.
         let own = size - shown;
-        let newest = usize::from(self.config.newest && 0 < own);
+        let newest = usize::from(self.config.newest && own > 0);
         self.replay
             .sample(own - newest, beta, &mut self.dice, batch);
-        if 0 < newest {
+        if newest > 0 {
             self.replay.append_newest(batch);
         }
         if let Some(successes) = &mut self.shown {

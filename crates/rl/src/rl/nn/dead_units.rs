@@ -28,7 +28,7 @@ impl UsedUnits {
             for row in rows[..batch * layer.width].chunks_exact(layer.width) {
                 used.iter_mut()
                     .zip(row)
-                    .for_each(|(used, on)| *used |= 0.0 < *on);
+                    .for_each(|(used, on)| *used |= *on > 0.0);
             }
         }
     }

@@ -100,8 +100,11 @@ impl Policy for PerAdoPolicy {
             let own: Vec<bool> = (0..actions)
                 .map(|action| {
                     let chosen = joint + unit * action;
-                    let rest = allowed.iter().enumerate();
-                    let mut rest = rest.skip(chosen).step_by(unit * actions);
+                    let mut rest = allowed
+                        .iter()
+                        .enumerate()
+                        .skip(chosen)
+                        .step_by(unit * actions);
                     rest.any(|(_, &allowed)| allowed)
                 })
                 .collect();

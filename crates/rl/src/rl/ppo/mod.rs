@@ -281,7 +281,7 @@ impl Ppo {
             let clip = self.config.clip as f32;
             // The clipped branch is flat: no gradient once the ratio has moved beyond the
             // clip in the direction of the advantage.
-            let flat = if 0.0 < advantage {
+            let flat = if advantage > 0.0 {
                 1.0 + clip < ratio
             } else {
                 ratio < 1.0 - clip

@@ -204,7 +204,7 @@ impl QTable {
                 self.table.values.resize(end, value as f32);
                 self.visits.resize(end, 0);
                 // No draw at a spread of 0, so the random stream does not depend on new cells.
-                if 0.0 < spread {
+                if spread > 0.0 {
                     for at in row * self.spaces.actions..end {
                         let drawn = value + spread * (2.0 * self.dice.unit() - 1.0);
                         self.table.values[at] = drawn as f32;

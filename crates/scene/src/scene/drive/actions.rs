@@ -361,7 +361,7 @@ fn bend_label(curvature_per_m: f64) -> String {
 
 /// Returns the ratio of a part to a whole, 0 for an empty whole.
 fn share(part: f64, whole: f64) -> f64 {
-    if 0.0 < whole { part / whole } else { 0.0 }
+    if whole > 0.0 { part / whole } else { 0.0 }
 }
 
 impl Lateral {

@@ -70,8 +70,9 @@ impl DriveScene {
     fn handed_over(&self) -> Box<dyn Plant> {
         let surface = surface_of(&self.layout.spec, &self.layout.network);
         let agents = self.layout.spec.agents.iter();
-        let bodies = agents.map(|agent| &agent.body);
-        let bodies = bodies.zip(self.state.states.iter().copied());
+        let bodies = agents
+            .map(|agent| &agent.body)
+            .zip(self.state.states.iter().copied());
         let mut plant = Rigid::taking_over(self.state.ground(), surface.as_ref(), bodies);
         for (id, command) in self.state.bodies.iter().zip(&self.commanded) {
             // A body on a plan keeps its velocity.

@@ -19,12 +19,13 @@ impl DriveSpec {
         let sideways = |i: usize| {
             let agent = &self.agents[i];
             let aside = agent.road != 0 || agent.facing_rad != 0.0;
-            1 < self.road.lanes() || agent.body.is_on_foot() || aside
+            self.road.lanes() > 1 || agent.body.is_on_foot() || aside
         };
         let mut seen = Vec::new();
         let stands = |i: usize| matches!(self.agents[i].drive, Drive::Scripted(Script::Stand));
-        let others = (0..self.agents.len()).filter(|&i| i != ego && !stands(i));
-        let others: Vec<usize> = others.collect();
+        let others: Vec<usize> = (0..self.agents.len())
+            .filter(|&i| i != ego && !stands(i))
+            .collect();
         for &other in &others {
             let pair = format!("{}.{}", name(ego), name(other));
             seen.push(format!("{pair}.headway"));
@@ -79,8 +80,9 @@ impl DriveSpec {
         let seen: Vec<SignalReading> = observed.collect();
         let hidden = |name: &&'a String| {
             let sources = self.sources(&all, name);
-            let mut sources = sources.iter();
-            sources.any(|source| !source.is_untouched(self) && !self.is_implied_by(&seen, *source))
+            sources
+                .iter()
+                .any(|source| !source.is_untouched(self) && !self.is_implied_by(&seen, *source))
         };
         read.iter().filter(hidden).map(String::as_str).collect()
     }
@@ -113,8 +115,10 @@ impl DriveSpec {
         }
         let mut derived = self.derived.iter();
         let derived = derived.find(|derived| derived.signal.name == name);
-        let parts = derived.map(|derived| derived.expr.signals());
-        let parts = parts.into_iter().flatten();
+        let parts = derived
+            .map(|derived| derived.expr.signals())
+            .into_iter()
+            .flatten();
         parts.flat_map(|part| self.sources(all, part)).collect()
     }
 

@@ -12,8 +12,7 @@ use crate::sim::{BodyState, rotation_by};
 
 /// Returns a percept with all other agents named, to be filled per sample.
 pub fn blank(spec: &DriveSpec, ego: usize) -> Percept {
-    let others = spec.agents.iter().enumerate();
-    let others = others.filter(|&(i, _)| i != ego);
+    let others = spec.agents.iter().enumerate().filter(|&(i, _)| i != ego);
     Percept {
         others: others
             .map(|(_, agent)| Seen {

@@ -155,7 +155,7 @@ impl TrainedAdo {
         let (decision_s, sample_s) = (home.clock.decision_s, here.clock.sample_s);
         let ratio = decision_s / sample_s;
         // A tolerance, since 0.3 / 0.1 is no integer in binary.
-        if ratio.round() < 1.0 || 1e-6 < (ratio - ratio.round()).abs() {
+        if ratio.round() < 1.0 || (ratio - ratio.round()).abs() > 1e-6 {
             return Err(TrainedError::Period {
                 decision_s,
                 sample_s,
@@ -163,18 +163,22 @@ impl TrainedAdo {
         }
         let parts = self.parts(here, own)?;
         let (basic, derived) = needed(home);
-        let inputs = basic.iter().map(|needed| input(home, here, &parts, needed));
-        let inputs = inputs.collect::<Result<Vec<Input>, TrainedError>>()?;
-        let signals = basic.iter().map(|needed| needed.signal.clone());
-        let signals = signals.chain(derived.iter().map(|derived| derived.signal.clone()));
+        let inputs = basic
+            .iter()
+            .map(|needed| input(home, here, &parts, needed))
+            .collect::<Result<Vec<Input>, TrainedError>>()?;
+        let signals = basic
+            .iter()
+            .map(|needed| needed.signal.clone())
+            .chain(derived.iter().map(|derived| derived.signal.clone()));
         let schema = Schema::new(home.clock.sample_s, signals)?;
         let bound = derived
             .iter()
-            .map(|derived| derived.expr.bind(&schema, &home.constants));
-        let bound = bound.collect::<Result<Vec<BoundExpr>, StlError>>()?;
+            .map(|derived| derived.expr.bind(&schema, &home.constants))
+            .collect::<Result<Vec<BoundExpr>, StlError>>()?;
         // Invariant: the training world was assembled, so it publishes them.
-        let observed = Observation::bind(&home.observe, &schema);
-        let observed = observed.map_err(|name| no_agent(name, &home.world))?;
+        let observed = Observation::bind(&home.observe, &schema)
+            .map_err(|name| no_agent(name, &home.world))?;
         Ok(Frozen {
             who: here.names().who(own).ok_or_else(|| no_agent("", own))?,
             actions: self.actions.clone(),

@@ -111,10 +111,10 @@ impl DriveLayout {
                     })
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let observed = Observation::bind(&spec.observe, &schema);
-        let observed = observed.map_err(|name| SceneError::Observed {
-            name: name.to_owned(),
-        })?;
+        let observed =
+            Observation::bind(&spec.observe, &schema).map_err(|name| SceneError::Observed {
+                name: name.to_owned(),
+            })?;
         // Joint actions are numbers in mixed radix, and the first ado is the
         // lowest digit. `DriveScene::decide` reads them in the same order.
         let (mut actions, mut neutral) = (1, 0);
@@ -123,8 +123,11 @@ impl DriveLayout {
             actions *= set.len();
         }
         let frozen = frozen(&spec)?;
-        let whens = spec.agents.iter().map(|agent| whens(&spec, &schema, agent));
-        let whens = whens.collect::<Result<_, _>>()?;
+        let whens = spec
+            .agents
+            .iter()
+            .map(|agent| whens(&spec, &schema, agent))
+            .collect::<Result<_, _>>()?;
         Ok(DriveLayout {
             frozen,
             turns: turns(&spec),

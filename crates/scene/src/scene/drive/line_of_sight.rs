@@ -103,8 +103,10 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
         hide_behind_crests(scene, ego, seen);
     }
     let visibility_m = scene.weather.map(|weather| weather.visibility_m);
-    let reach_m = [visibility_m, spec.sensors.range_m].into_iter().flatten();
-    let reach_m = reach_m.fold(f64::INFINITY, f64::min);
+    let reach_m = [visibility_m, spec.sensors.range_m]
+        .into_iter()
+        .flatten()
+        .fold(f64::INFINITY, f64::min);
     if reach_m < f64::INFINITY {
         let eye = states[ego].pose.point_m();
         let seen = seen.get_or_insert_with(|| vec![true; states.len()]);

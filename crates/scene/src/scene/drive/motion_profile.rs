@@ -73,7 +73,7 @@ impl SpeedRamp {
     /// Returns the distance between two instants, without an end of the ramp between.
     pub(super) fn way_m(&self, from_s: f64, to_s: f64) -> f64 {
         let lasts_s = self.lasts_s();
-        let changes = self.shape != ChangeShape::Linear && 0.0 < lasts_s;
+        let changes = self.shape != ChangeShape::Linear && lasts_s > 0.0;
         if changes && to_s <= self.ends_s() + SAME_S {
             let share = |time_s: f64| ((time_s - self.begins_s) / lasts_s).clamp(0.0, 1.0);
             let part = self.shape.accumulated(share(to_s)) - self.shape.accumulated(share(from_s));
@@ -111,7 +111,7 @@ impl Swing {
 
     /// Returns whether it displaces its body at once, without a motion.
     pub(super) fn is_jump(&self) -> bool {
-        JUMP_MPS <= self.most_mps()
+        self.most_mps() >= JUMP_MPS
     }
 
     /// Returns its way within an interval in which the body drives `way_m`.
@@ -147,7 +147,7 @@ impl Swing {
             return 0.0;
         }
         let share = (time_s - self.begins_s) / self.lasts_s;
-        if 0.0 < self.lasts_s && (0.0..1.0).contains(&share) {
+        if self.lasts_s > 0.0 && (0.0..1.0).contains(&share) {
             match self.shape {
                 ChangeShape::Cosine => 0.5 * self.by_m * PI / self.lasts_s * libm::sin(PI * share),
                 shape => self.by_m / self.lasts_s * shape.rate(share),

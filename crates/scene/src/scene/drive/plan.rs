@@ -330,7 +330,7 @@ impl MeetEgo<f64> {
         }
         let left_s = until_s - steady_m / self.speed_mps;
         // Without time for the ramp no finite acceleration exists.
-        if left_s < 0.0 || (left_s == 0.0 && 0.0 < ramp_m) {
+        if left_s < 0.0 || (left_s == 0.0 && ramp_m > 0.0) {
             return Err((
                 format!(
                     "the ego is at {} m after {until_s} s, before the steady part could be driven",
@@ -387,8 +387,9 @@ mod tests {
 
     #[test]
     fn who_has_time_stands_first() {
-        let approach = meet(SteadyPart::Metres(12.0)).approach((0.0, 10.0), 14.0);
-        let approach = approach.expect("it fits");
+        let approach = meet(SteadyPart::Metres(12.0))
+            .approach((0.0, 10.0), 14.0)
+            .expect("it fits");
         // 12 m take 3 s of the 10, 2 m from a standstill 1 s.
         assert_eq!((approach.from_mps, approach.begins_s), (0.0, 6.0));
         assert!((driven_m(&approach, 10.0) - 14.0).abs() < 1e-12);
@@ -396,10 +397,11 @@ mod tests {
 
     #[test]
     fn who_has_no_time_begins_moving() {
-        let approach = meet(SteadyPart::Seconds(5.0)).approach((0.0, 10.0), 34.0);
-        let approach = approach.expect("it fits");
+        let approach = meet(SteadyPart::Seconds(5.0))
+            .approach((0.0, 10.0), 34.0)
+            .expect("it fits");
         assert_eq!(approach.begins_s, 0.0);
-        assert!(0.0 < approach.from_mps && approach.from_mps < 4.0);
+        assert!(approach.from_mps > 0.0 && approach.from_mps < 4.0);
         assert!((driven_m(&approach, 10.0) - 34.0).abs() < 1e-12);
     }
 

@@ -397,13 +397,13 @@ impl PlanRun {
         );
         // At low speeds the direction of the velocity is mostly noise, and a
         // standing body must not turn.
-        let moves = TURNING_MPS <= ahead_mps.max(sideways_mps.abs());
+        let moves = ahead_mps.max(sideways_mps.abs()) >= TURNING_MPS;
         if !self.carried.on_foot && moves {
             let towards_rad = libm::atan2(velocity_mps.y, velocity_mps.x);
             self.heading_rad = self.carried.turned(self.heading_rad, towards_rad, driven_m);
         }
         let planned_mps = ahead(speed_mps);
-        if !self.carried.on_foot && TURNING_MPS <= planned_mps.max(sideways_mps.abs()) {
+        if !self.carried.on_foot && planned_mps.max(sideways_mps.abs()) >= TURNING_MPS {
             let aside_mps = sin * planned_mps + sideways_mps;
             let towards_rad = libm::atan2(aside_mps, cos * planned_mps);
             self.planned_rad = self

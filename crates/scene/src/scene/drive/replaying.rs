@@ -76,8 +76,10 @@ impl DriveWorld {
                 }
             }
         }
-        let ends = motion.at(last).iter().enumerate();
-        let ends: Vec<Onward> = ends
+        let ends: Vec<Onward> = motion
+            .at(last)
+            .iter()
+            .enumerate()
             .map(|(agent, body)| {
                 let on_foot = spec.agents[agent].body.is_on_foot();
                 let course = self.0.network.course_of(agent);

@@ -33,7 +33,7 @@ fn is_off(it: &bool) -> bool {
 impl Sensors {
     /// Returns whether equal starts and actions can give different episodes.
     pub fn is_noisy(&self) -> bool {
-        0.0 < self.position_sd_m || 0.0 < self.speed_sd_mps
+        self.position_sd_m > 0.0 || self.speed_sd_mps > 0.0
     }
 }
 
@@ -68,7 +68,7 @@ impl Sensing {
     /// Its own state stays exact. Until the delay has passed, it sees the first
     /// sample. `noise_scale` is a factor on all standard deviations.
     pub fn look(&mut self, percept: &mut Percept, noise_scale: f64) {
-        if 0 < self.delay {
+        if self.delay > 0 {
             self.seen.push_back(percept.clone());
             let old = if self.delay < self.seen.len() {
                 self.seen.pop_front()

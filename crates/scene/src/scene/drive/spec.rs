@@ -374,8 +374,7 @@ impl DriveSpec {
         let own = std::iter::once(self.road.course());
         let placed = self.roads.values().map(|placed| placed.course());
         let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
-        let travellers = self.agents.iter().enumerate();
-        let travellers = travellers.map(|(i, agent)| Traveller {
+        let travellers = self.agents.iter().enumerate().map(|(i, agent)| Traveller {
             road: agent.road,
             // Agents are taken to drive in the middle of their range of starts:
             // crossings are fixed once per road and do not depend on the places
@@ -415,12 +414,18 @@ impl DriveSpec {
             LightDrive::Ado { actions, neutral } => Some((light.name.as_str(), actions, *neutral)),
             LightDrive::Trained(_) | LightDrive::Schedule(_) => None,
         });
-        let weather = self.weather.iter();
-        let weather = weather.map(|it| (it.name.as_str(), &it.actions, it.neutral));
-        let road = self.road_ado.iter();
-        let road = road.map(|it| (it.name.as_str(), &it.actions, it.neutral));
-        let turns = self.turns.iter();
-        let turns = turns.map(|it| (it.name.as_str(), &it.actions, it.neutral));
+        let weather = self
+            .weather
+            .iter()
+            .map(|it| (it.name.as_str(), &it.actions, it.neutral));
+        let road = self
+            .road_ado
+            .iter()
+            .map(|it| (it.name.as_str(), &it.actions, it.neutral));
+        let turns = self
+            .turns
+            .iter()
+            .map(|it| (it.name.as_str(), &it.actions, it.neutral));
         let bodiless = weather.chain(road).chain(turns);
         agents.chain(lights).chain(bodiless)
     }

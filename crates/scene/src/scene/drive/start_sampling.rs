@@ -96,8 +96,10 @@ impl DriveSpec {
 
     fn carried(&self, agent: usize, whens: Arc<[Option<Monitor>]>) -> PlanConstants {
         let agent = &self.agents[agent];
-        let road = agent.road.checked_sub(1);
-        let road = road.and_then(|number| self.roads.get_index(number));
+        let road = agent
+            .road
+            .checked_sub(1)
+            .and_then(|number| self.roads.get_index(number));
         // On a bent road, the middle of a walker keeps the line. Elsewhere its heading
         // never changes, so its front may stand for its middle.
         let bends = road.is_some_and(|(_, road)| !road.pieces.is_empty());

@@ -266,7 +266,7 @@ impl SceneState {
             let headway_m = other.s_m - own.s_m;
             let half_m = 0.5 * (agents[i].body.width_m + agents[agent].body.width_m);
             let beside = half_m <= (other.lateral_m - own.lateral_m).abs();
-            (0.0 < headway_m && !beside).then_some((i, headway_m))
+            (headway_m > 0.0 && !beside).then_some((i, headway_m))
         });
         // Of equally near agents the first in file order leads, so ties are
         // deterministic.
@@ -308,8 +308,9 @@ impl SceneState {
         let others = (0..agents.len()).filter(|&i| i != agent);
         let rooms = others.map(|i| self.room_before(agent, i));
         // Bodies that are wholly behind the front are no leaders.
-        let ahead = rooms.filter(|(room, _)| 0.0 < room.far_m && room.is_within(half_m));
-        let ahead = ahead.map(|(room, away_mps)| (room.near_m, away_mps));
+        let ahead = rooms
+            .filter(|(room, _)| room.far_m > 0.0 && room.is_within(half_m))
+            .map(|(room, away_mps)| (room.near_m, away_mps));
         ahead.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 

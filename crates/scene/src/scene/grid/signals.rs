@@ -264,14 +264,14 @@ impl PositionHistory {
             Source::AwayX => cells(self.now.ego.x - self.now.ado.x),
             Source::AwayY => cells(self.now.ego.y - self.now.ado.y),
             Source::BehindX => {
-                if 0.0 <= self.value(arena, Source::AwayX) {
+                if self.value(arena, Source::AwayX) >= 0.0 {
                     self.value(arena, Source::Right(Who::Ego))
                 } else {
                     self.value(arena, Source::Left(Who::Ego))
                 }
             }
             Source::BehindY => {
-                if 0.0 <= self.value(arena, Source::AwayY) {
+                if self.value(arena, Source::AwayY) >= 0.0 {
                     self.value(arena, Source::Up(Who::Ego))
                 } else {
                     self.value(arena, Source::Down(Who::Ego))

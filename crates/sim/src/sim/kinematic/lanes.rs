@@ -186,9 +186,9 @@ impl KinematicLanes {
                     continue;
                 }
                 let (a_on, b_on) = (vehicle_a.path.path(), vehicle_b.path.path());
-                let met = meet(&vehicle_a.mover, &a_on, &vehicle_b.mover, &b_on, horizon_s);
+                let contact = meet(&vehicle_a.mover, &a_on, &vehicle_b.mover, &b_on, horizon_s);
                 // Later pairs need to be searched only up to the best contact so far.
-                if let Some((after_s, geometry)) = met {
+                if let Some((after_s, geometry)) = contact {
                     horizon_s = after_s;
                     first = Some(geometry.contact((BodyId(a), BodyId(b)), after_s));
                 }

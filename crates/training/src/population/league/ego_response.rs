@@ -91,8 +91,10 @@ impl EgoResponse<'_> {
         if shortfall > 0.0 {
             return Err(1.0 + shortfall / self.nominal.speed_mps);
         }
-        let opponent = self.starts.searched((member.clone(), ego), watch);
-        let opponent = opponent.ok_or(NO_RESULT)?;
+        let opponent = self
+            .starts
+            .searched((member.clone(), ego), watch)
+            .ok_or(NO_RESULT)?;
         if opponent.searched_share() < REACHABLE {
             return Err(REACHABLE - opponent.searched_share());
         }

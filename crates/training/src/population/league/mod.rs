@@ -267,7 +267,7 @@ impl League<'_> {
                 ..LeagueRound::of(0, self.payoff.len(), (self.members(), Vec::new()))
             },
         };
-        if 0 < number {
+        if number > 0 {
             match self.with_ego_response(&now, nominal, watch)? {
                 Some(extended) => now = extended,
                 None if watch.stopped() => return Ok(None),
@@ -289,7 +289,7 @@ impl League<'_> {
         payoffs.push(row);
         let mut round = LeagueRound::of(number, self.payoff.len(), (now.egos, payoffs));
         round.ego_response = ego_response;
-        if 0 < number {
+        if number > 0 {
             let gain = response - mixture;
             round.ado_response = Some(LeagueResponse {
                 mixture,
@@ -363,14 +363,16 @@ impl League<'_> {
         let scenario = self.payoff.scenario;
         let against = scenario.training_against_mixture(now.opponents());
         // The first ado is that of an ordinary training.
-        let against = against.filter(|_| 0 < number);
-        let against = against.as_ref().unwrap_or(scenario);
+        let opponent = against.filter(|_| number > 0);
+        let against = opponent.as_ref().unwrap_or(scenario);
         let path = self.dir.member_path(number);
         let gains = row_gains(&now.payoffs, &now.ego_mixture);
         let nearest = (0..number).max_by(|a, b| gains[*a].total_cmp(&gains[*b]));
-        let from = nearest.map(|nearest| RunDir::open(&self.dir.member_path(nearest)));
-        let from = from.transpose()?.map(|run| run.policy_bundle());
-        let from = from.transpose()?;
+        let from = nearest
+            .map(|nearest| RunDir::open(&self.dir.member_path(nearest)))
+            .transpose()?
+            .map(|run| run.policy_bundle())
+            .transpose()?;
         // Streams 1 and 2 are those of the payoffs and of the responses.
         let stream = (3 + number as u64).wrapping_mul(SEED_STRIDE);
         let seed = self.dir.manifest().seed.wrapping_add(stream);

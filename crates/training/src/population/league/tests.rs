@@ -79,8 +79,12 @@ fn a_league_records_populations_and_responses_that_agree() {
         assert_eq!(ego.mixture, before.value);
         // The response is the last column, against the mixture before it.
         let last = now.payoffs.iter().map(|row| row[row.len() - 1]);
-        let expected = before.ado_mixture.iter().zip(last);
-        let expected: f64 = expected.map(|(share, recall)| share * recall).sum();
+        let expected: f64 = before
+            .ado_mixture
+            .iter()
+            .zip(last)
+            .map(|(share, recall)| share * recall)
+            .sum();
         assert!((ego.response - expected).abs() < 1e-9);
         let ado = now.ado_response.expect("a response");
         // A further ego can only lower the value that the same ados reach.

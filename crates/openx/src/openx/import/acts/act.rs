@@ -15,9 +15,13 @@ impl Reader<'_> {
         for group in act.all("ManeuverGroup") {
             let actors = group.child("Actors");
             let refs = actors.into_iter().flat_map(|it| it.all("EntityRef"));
-            let names = refs.map(|it| scope.text(it, "entityRef"));
-            let names = names.map(|name| self.blockers.keep(name));
-            let names: Vec<String> = names.collect::<Vec<_>>().into_iter().flatten().collect();
+            let names: Vec<String> = refs
+                .map(|it| scope.text(it, "entityRef"))
+                .map(|name| self.blockers.keep(name))
+                .collect::<Vec<_>>()
+                .into_iter()
+                .flatten()
+                .collect();
             for it in &group.children {
                 let read = match it.name.as_str() {
                     "Maneuver" => {

@@ -69,7 +69,7 @@ impl Reader<'_> {
         }
         let across = step.laws.iter().map(|law| law.across_mps(from_m));
         let across_mps = across.fold(0.0, f64::max);
-        if 0.0 < across_mps {
+        if across_mps > 0.0 {
             script.across_mps = across_mps;
             script.is_by_distance = actions.iter().any(|it| is_by_distance(it));
             let has_speed = step
@@ -85,9 +85,12 @@ impl Reader<'_> {
             let help = "let the SynchronizeAction be the only action of the entity";
             return Err(event.refused("an action beside a meeting is not read", help));
         }
-        let lasts_s = step.laws.iter().map(|law| law.lasts_s(from_mps, from_m));
-        let lasts_s = lasts_s.reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)));
-        let lasts_s = lasts_s.unwrap_or(Some(0.0));
+        let lasts_s = step
+            .laws
+            .iter()
+            .map(|law| law.lasts_s(from_mps, from_m))
+            .reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)))
+            .unwrap_or(Some(0.0));
         let begins_s = script.ends_s.filter(|_| step.when.is_none());
         // What follows a step of an act that waits has no known time.
         let begins_s = begins_s.filter(|_| context.waits.is_none());
@@ -96,8 +99,10 @@ impl Reader<'_> {
                 StoryElement::of("event", event),
                 StoryElement::of("maneuver", context.maneuver),
             ];
-            let begun = elements.into_iter().flatten();
-            let begun = begun.map(|element| (element, begins_s + step.after_s));
+            let begun = elements
+                .into_iter()
+                .flatten()
+                .map(|element| (element, begins_s + step.after_s));
             // The first event of a maneuver begins it.
             for (element, at_s) in begun.collect::<Vec<_>>() {
                 if self.begun.iter().all(|(known, _)| *known != element) {
@@ -113,11 +118,11 @@ impl Reader<'_> {
         // than the file says, and a standing one until it drives. What follows begins
         // beside it.
         let goes_on =
-            0.0 < across_mps || begins_s.is_some_and(|at_s| at_s + step.after_s < script.aside_s);
+            across_mps > 0.0 || begins_s.is_some_and(|at_s| at_s + step.after_s < script.aside_s);
         let slowest_mps = from_mps.zip(script.speeds.now_mps).map(|(a, b)| a.min(b));
         let lags = slowest_mps.is_some_and(|slowest_mps| slowest_mps < script.across_mps);
         if goes_on && lags && script.across_mps < AT_ONCE_MPS {
-            step.overlaps |= 0.0 < across_mps;
+            step.overlaps |= across_mps > 0.0;
             script.aside_s = f64::INFINITY;
             let along = step.laws.iter().filter(|law| law.across_mps(from_m) == 0.0);
             let mut along_s = along.map(|law| law.lasts_s(from_mps, from_m));
@@ -144,8 +149,10 @@ impl Reader<'_> {
 
     /// Notes the elements of an event that never begins.
     fn never(&mut self, context: &EventContext<'_>) {
-        let actions = context.event.all("Action");
-        let actions = actions.filter_map(|it| StoryElement::of("action", it));
+        let actions = context
+            .event
+            .all("Action")
+            .filter_map(|it| StoryElement::of("action", it));
         let event = StoryElement::of("event", context.event);
         let elements = event.into_iter().chain(actions);
         self.begun.extend(elements.map(|it| (it, f64::INFINITY)));
@@ -170,8 +177,8 @@ impl Reader<'_> {
         let replaces = context.replaces(script);
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
-        let in_time = context.begins_s == 0.0 || script.act == context.act.place;
-        let in_time = in_time && (context.waits.is_none() || script.act == context.act.place);
+        let in_time = (context.begins_s == 0.0 || script.act == context.act.place)
+            && (context.waits.is_none() || script.act == context.act.place);
         // The first event of an act waits for what the act waits for.
         let waits = context.waits.filter(|_| script.act != context.act.place);
         if waits.is_some() && !is_first {
@@ -240,13 +247,13 @@ impl Reader<'_> {
                         after_s: *act_delay_s,
                         ..step.clone()
                     });
-                } else if 0.0 < idle_s {
+                } else if idle_s > 0.0 {
                     self.scripts[who].steps.push(ImportedStep {
                         after_s: idle_s,
                         ..step.clone()
                     });
                 }
-                watch.is_late = waits.is_some() || 0.0 < context.begins_s;
+                watch.is_late = waits.is_some() || context.begins_s > 0.0;
                 step.when = Some(watch);
                 step.after_s = delay_s;
             }

@@ -131,8 +131,7 @@ impl Reader<'_> {
             });
         }
         let other = self.ground.placed.get(&name);
-        let lane = other.and_then(|it| it.lane.clone());
-        let lane = lane.ok_or_else(|| {
+        let lane = other.and_then(|it| it.lane.clone()).ok_or_else(|| {
             let help = "place it by a `LanePosition`";
             let error = target.refused(format!("`{name}` is on no lane"), help);
             let is_elsewhere = self.ground.unplaced.contains(&name);
@@ -171,8 +170,12 @@ impl Reader<'_> {
                 )
             })
         };
-        let wrong = self.relative.iter().filter(|(name, _)| leaves(name));
-        let wrong: Vec<ImportError> = wrong.map(|(_, error)| error.clone()).collect();
+        let wrong: Vec<ImportError> = self
+            .relative
+            .iter()
+            .filter(|(name, _)| leaves(name))
+            .map(|(_, error)| error.clone())
+            .collect();
         wrong.into_iter().for_each(|error| self.blockers.add(error));
     }
 }

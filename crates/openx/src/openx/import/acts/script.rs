@@ -221,8 +221,8 @@ pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError
     let mut actions = context.event.all("Action");
     let is_alone = context.maneuver.all("Event").count() == 1;
     // Once it has happened, it changes nothing when it happens again.
-    let is_settled = is_alone && actions.all(|action| !is_relative(action));
-    let is_settled = is_settled || comes_once(context.event);
+    let is_settled =
+        (is_alone && actions.all(|action| !is_relative(action))) || comes_once(context.event);
     let mut blockers = Blockers::default();
     for node in [context.event, context.group] {
         let often = context.scope.number_or_zero(node, "maximumExecutionCount");
@@ -261,8 +261,11 @@ fn comes_once(event: &XmlNode) -> bool {
             .is_some_and(|state| state.ends_with("Transition"));
         is_transition || (is_edge && by.child("SimulationTimeCondition").is_some())
     };
-    let groups = event.child("StartTrigger");
-    let mut groups = groups.into_iter().flat_map(|it| &it.children).peekable();
+    let mut groups = event
+        .child("StartTrigger")
+        .into_iter()
+        .flat_map(|it| &it.children)
+        .peekable();
     groups.peek().is_some() && groups.all(|group| group.children.iter().any(comes_once))
 }
 

@@ -17,8 +17,10 @@ impl Reader<'_> {
         // The events of an ego that are left to the user may change its speed.
         let ego = self.ground.ego;
         let is_left = |name: &str| name == ego.name && !ego.events().is_empty();
-        let constant = self.scripts.iter();
-        let constant = constant.filter(|it| it.steps.is_empty() && !is_left(&it.name));
+        let constant = self
+            .scripts
+            .iter()
+            .filter(|it| it.steps.is_empty() && !is_left(&it.name));
         let speeds = constant.filter_map(|it| Some((it.name.clone(), it.speeds.now_mps?)));
         speeds.collect()
     }
@@ -30,8 +32,12 @@ impl Reader<'_> {
         scope: &ParameterScope,
     ) -> Result<f64, ImportError> {
         let ego = &self.ground.ego.name;
-        let ego_mps = self.scripts.iter().find(|it| it.name == *ego);
-        let ego_mps = ego_mps.and_then(|it| it.speeds.now_mps).unwrap_or(0.0);
+        let ego_mps = self
+            .scripts
+            .iter()
+            .find(|it| it.name == *ego)
+            .and_then(|it| it.speeds.now_mps)
+            .unwrap_or(0.0);
         let mut first_s = f64::INFINITY;
         let mut blockers = Blockers::default();
         for group in stop.all("ConditionGroup") {

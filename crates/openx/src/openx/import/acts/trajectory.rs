@@ -26,15 +26,17 @@ impl Reader<'_> {
     ) -> Result<(), ImportError> {
         let (scope, ground) = (context.scope, self.ground);
         let script = &mut self.scripts[who];
-        let begins_s = script.ends_s.filter(|_| step.when.is_none());
-        let begins_s = begins_s.map(|ends_s| ends_s + step.after_s);
+        let begins_s = script
+            .ends_s
+            .filter(|_| step.when.is_none())
+            .map(|ends_s| ends_s + step.after_s);
         // Its first step is that of the run.
         let begins_s = begins_s.map(|at_s| if at_s <= SAME_S { 0.0 } else { at_s });
         let (way, times) = ground.followed(it, scope, begins_s)?;
         // The path replaces the placement, so both must agree at the
         // start.
         let off = way.spot().sees(&script.placed.spot);
-        if SAME_M < libm::hypot(off.x_m, off.y_m) {
+        if libm::hypot(off.x_m, off.y_m) > SAME_M {
             let what = format!(
                 "a way that begins {:.3} m from the place of an agent",
                 libm::hypot(off.x_m, off.y_m)
@@ -109,7 +111,7 @@ impl EntityScript {
         })?;
         let mut laws = Vec::new();
         for (lasts_s, to_mps) in profile {
-            let rate_mps2 = (0.0 < *lasts_s).then(|| (to_mps - now_mps).abs() / lasts_s);
+            let rate_mps2 = (*lasts_s > 0.0).then(|| (to_mps - now_mps).abs() / lasts_s);
             let most_mps2 = if now_mps < *to_mps {
                 up_mps2
             } else {
@@ -120,7 +122,7 @@ impl EntityScript {
                 return Err(it.refused(what, "give the entry a longer time"));
             }
             laws.push((
-                speed_law(*to_mps, rate_mps2.filter(|rate| 0.0 < *rate)),
+                speed_law(*to_mps, rate_mps2.filter(|rate| *rate > 0.0)),
                 *lasts_s,
             ));
             now_mps = *to_mps;

@@ -162,7 +162,7 @@ impl LoopPanel<'_> {
         html! {
             @for (nth, &i) in turns.iter().enumerate().filter(|_| !self.film.phases.is_empty()) {
                 @let next = turns.get(nth + 1).map(|next| (self.film.times_s[*next], false));
-                @let before = (0 < nth).then_some((keyframes.period.from_s, false));
+                @let before = (nth > 0).then_some((keyframes.period.from_s, false));
                 @let turns: Vec<(f64, bool)> = before.into_iter().chain([(self.film.times_s[i], true)]).chain(next).collect();
                 g class=(keyframes.seen(&turns)) visibility=(if next.is_none() { "visible" } else { "hidden" }) { (lights(&self.picture.stage, &showing(i))) }
             }
@@ -242,7 +242,7 @@ impl LoopPanel<'_> {
             g class=(moved) transform=(format!("translate({} {})", n(x, 1), n(y, 1))) {
                 @for (nth, (since_s, label)) in words.iter().enumerate() {
                     @let next = words.get(nth + 1).map(|(next_s, _)| (*next_s, false));
-                    @let before = (0 < nth).then_some((from_s, false));
+                    @let before = (nth > 0).then_some((from_s, false));
                     @let turns: Vec<(f64, bool)> = before.into_iter().chain([(*since_s, true)]).chain(next).collect();
                     g class={ (keyframes.seen(&turns)) " label " (self.picture.classes[who]) } visibility=(if next.is_none() { "visible" } else { "hidden" }) { (words_of(label)) }
                 }

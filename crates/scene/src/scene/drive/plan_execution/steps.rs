@@ -71,8 +71,10 @@ impl PlanRun {
         };
         let swing = self.swing.filter(|_| !lags).map(|it| it.ends_s());
         let changes = [Some(step_s), Some(self.ramp.ends_s()), swing];
-        let later = changes.into_iter().flatten();
-        let later = later.filter(|at_s| time_s + SAME_S < *at_s);
+        let later = changes
+            .into_iter()
+            .flatten()
+            .filter(|at_s| time_s + SAME_S < *at_s);
         later.fold(f64::INFINITY, f64::min)
     }
 

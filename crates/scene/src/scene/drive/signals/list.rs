@@ -313,7 +313,7 @@ fn time_to_collision_s(state: &SceneState, [a, b]: [usize; 2]) -> f64 {
     let ahead_m = state.on_road[b].s_m - state.on_road[a].s_m;
     // Positions are front bumpers, so the length of the leading body is
     // subtracted.
-    let front = if 0.0 < ahead_m { b } else { a };
+    let front = if ahead_m > 0.0 { b } else { a };
     let clearance_m = ahead_m.abs() - state.spec.agents[front].body.length_m;
     let closing_mps = (state.velocity_mps(a).x - state.velocity_mps(b).x) * ahead_m.signum();
     capped_s(clearance_m, closing_mps)
@@ -365,9 +365,12 @@ fn curvature_bounds(spec: &DriveSpec) -> Interval {
     let Some(Actions::Curvatures(list)) = spec.road_ado.as_ref().map(|road| &road.actions) else {
         return Interval::ANY;
     };
-    let listed = spec.road.course().map(|course| course.pieces());
-    let listed = listed.unwrap_or_default();
-    let listed = listed.iter().map(|piece| piece.curvature_per_m);
+    let pieces = spec
+        .road
+        .course()
+        .map(|course| course.pieces())
+        .unwrap_or_default();
+    let listed = pieces.iter().map(|piece| piece.curvature_per_m);
     let all = listed.chain(list.iter().copied());
     // A road that has turned by its limit is laid straight.
     let (lo, hi) = all.fold((0.0, 0.0), |(lo, hi): (f64, f64), it| {
