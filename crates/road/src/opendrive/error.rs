@@ -24,12 +24,33 @@ pub struct ImportError {
     /// True if another problem is the cause, beside which this one says nothing new.
     pub follows: bool,
     /// Part of the files that is only read once this problem is mended.
-    pub unread: Option<&'static str>,
+    pub unread: Option<UnreadPart>,
     /// Further problems, in the order of the file.
     pub more: Vec<ImportError>,
 }
 
 impl std::error::Error for ImportError {}
+
+/// Part of the files that is only read once a problem is mended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnreadPart {
+    /// What stands or moves on the roads.
+    OnTheRoads,
+    /// All but the entities, without an ego.
+    RestOfScenario,
+    /// Points after many that are refused.
+    LaterPoints,
+}
+
+impl UnreadPart {
+    fn words(self) -> &'static str {
+        match self {
+            UnreadPart::OnTheRoads => "places and motion on the roads",
+            UnreadPart::RestOfScenario => "the rest of the scenario",
+            UnreadPart::LaterPoints => "the later points",
+        }
+    }
+}
 
 impl fmt::Display for ImportError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -109,11 +130,13 @@ impl ImportError {
 
     /// Returns the first part of the files that is only read after a problem is mended.
     pub fn unread_part(&self) -> Option<&'static str> {
-        self.all().find_map(|error| error.unread)
+        self.all()
+            .find_map(|error| error.unread)
+            .map(UnreadPart::words)
     }
 
     /// Returns the error as one without which a part of the files is not read.
-    pub fn before(mut self, part: &'static str) -> ImportError {
+    pub fn before(mut self, part: UnreadPart) -> ImportError {
         self.unread = Some(part);
         self
     }

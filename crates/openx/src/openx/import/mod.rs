@@ -49,7 +49,7 @@ pub use request::Import;
 
 use std::path::Path;
 
-use crate::opendrive::error::{At, Blockers};
+use crate::opendrive::error::{At, Blockers, UnreadPart};
 use scenario::Protocol;
 
 /// Number of points that are read once one is refused, to name their problems, too.
@@ -111,7 +111,7 @@ impl Import<'_> {
             }
             // Points of one file mostly have the same problems.
             if refused_points > MOST_REFUSED_POINTS {
-                unread = Some("the later points");
+                unread = Some(UnreadPart::LaterPoints);
                 break;
             }
             let Some(scope) = blockers.keep(protocol.scope(point).map_err(at)) else {

@@ -22,15 +22,12 @@ use super::points::ImportedPoint;
 use super::relations::{absent, ambiguous, changed_parameters, ordered, steered};
 use super::request::Import;
 use super::world::draft;
-use crate::opendrive::error::{Blockers, ImportError};
+use crate::opendrive::error::{Blockers, ImportError, UnreadPart};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
 
-/// Parts of a file that are not read without its ego, and without its roads.
-const REST: &str = "the rest of the scenario";
-const ROADS: &str = "places and motion on the roads";
 /// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
 
@@ -181,7 +178,7 @@ impl Protocol {
         blockers: &mut Blockers,
     ) -> Option<Concrete> {
         let (board, init, objects) = blockers.keep(self.parts())?;
-        let unread = |error: ImportError| error.before(ROADS);
+        let unread = |error: ImportError| error.before(UnreadPart::OnTheRoads);
         let roads = blockers
             .keep(self.road_map(scope, files).map_err(unread))
             .unwrap_or_else(|| Rc::new(RoadMap::unread()));
@@ -271,7 +268,7 @@ impl Protocol {
     ///
     /// Returns an error for a missing part, and for a file without the ego.
     fn parts(&self) -> Result<(&XmlNode, &XmlNode, Vec<&XmlNode>), ImportError> {
-        let unread = |error: ImportError| error.before(REST);
+        let unread = |error: ImportError| error.before(UnreadPart::RestOfScenario);
         let board = self.root.inner("Storyboard").map_err(unread)?;
         let init = board.inner("Init").and_then(|it| it.inner("Actions"));
         let objects: Vec<&XmlNode> = self

@@ -177,8 +177,8 @@ impl Reader<'_> {
         let replaces = context.replaces(script);
         // A later act may begin after an element of another act has ended. Its
         // trigger would then miss that end.
-        let in_time = (context.begins_s == 0.0 || script.act == context.act.place)
-            && (context.waits.is_none() || script.act == context.act.place);
+        let is_of_act = script.act == context.act.place;
+        let in_time = is_of_act || (context.begins_s == 0.0 && context.waits.is_none());
         // The first event of an act waits for what the act waits for.
         let waits = context.waits.filter(|_| script.act != context.act.place);
         if waits.is_some() && !is_first {
