@@ -102,7 +102,8 @@ impl RawWorld {
                 "low": observed.mid - observed.half, "high": observed.mid + observed.half,
             })
         });
-        let axes = world.axes().iter().map(
+        let start_axes = world.axes();
+        let axes = start_axes.iter().map(
             |axis| json!({ "name": axis.name, "unit": axis.unit, "low": axis.lo, "high": axis.hi }),
         );
         let spaces = world.world().spaces();
