@@ -15,8 +15,6 @@ use crate::ron_file::{ScenarioError, file_text};
 use crate::run_dir::write_file;
 use crate::world::Scenario;
 
-/// Problems of a scenario that are printed.
-pub(super) const MOST_NOTES: usize = 50;
 /// Help of a problem without one of its own.
 const LIST: &str = "what is read is in docs/reference/protocols.md";
 
@@ -249,7 +247,7 @@ impl From<ImportError> for Failure {
     fn from(error: ImportError) -> Failure {
         let mut notes: Vec<Note> = error
             .all()
-            .take(MOST_NOTES)
+            .take(new_world::MOST_NOTES)
             .map(|error| {
                 let help = error.help.as_deref().unwrap_or(LIST);
                 Note::new(&error.headline(), Some(help))

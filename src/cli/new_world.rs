@@ -2,10 +2,11 @@
 
 use super::Failure;
 use super::failure::Note;
-use super::new::MOST_NOTES;
 use crate::ron_file::ScenarioError;
 use crate::world::Scenario;
 
+/// Problems of a scenario that are printed.
+pub(super) const MOST_NOTES: usize = 50;
 /// Characters of a line of a world that are printed.
 const MOST_CHARS: usize = 120;
 
