@@ -26,6 +26,8 @@ fresh="$where/fresh/bin/python"
 "$fresh" -m pip install --quiet "$(ls "$where"/wheels/*.whl)[test]"
 cd "$where"
 "$fresh" -m mypy --config-file "$here/pyproject.toml" -p brakecheck
+# The stub says what the module has, no more and no less.
+"$fresh" -m mypy.stubtest --concise --ignore-disjoint-bases brakecheck._brakecheck
 "$where/fresh/bin/brakecheck" --version
 rm -rf "$where/tutorial"
 mkdir -p "$where/tutorial"

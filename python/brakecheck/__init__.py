@@ -30,9 +30,11 @@ from brakecheck.errors import (
     InputError,
     NotIdenticalError,
 )
+from brakecheck.programs import serve_ego
 from brakecheck.recordings import Recording, fit_traffic
 from brakecheck.registration import register_all
 from brakecheck.results import Ado, Replayed, Rows, Run
+from brakecheck.verbs import Outcome, gate, merge, plan, risk, run_piece, sweep, verb
 from brakecheck.worlds import World
 
 if TYPE_CHECKING:
@@ -54,6 +56,7 @@ __all__ = [
     "FormulaError",
     "InputError",
     "NotIdenticalError",
+    "Outcome",
     "Own",
     "ParallelEnv",
     "Percept",
@@ -69,11 +72,19 @@ __all__ = [
     "eval",
     "export",
     "fit_traffic",
+    "gate",
+    "merge",
+    "plan",
     "replay",
     "report",
+    "risk",
+    "run_piece",
     "search",
+    "serve_ego",
     "stl",
+    "sweep",
     "train",
+    "verb",
     "view",
 ]
 

@@ -2,10 +2,40 @@
 
 import os
 from collections.abc import Callable
-from typing import Any, SupportsInt
+from typing import Any, SupportsInt, final
 
 import numpy as np
 from numpy.typing import NDArray
+
+__all__ = [
+    "Command",
+    "Mailbox",
+    "Own",
+    "Percept",
+    "RawBench",
+    "RawEpisode",
+    "RawFormula",
+    "RawMonitor",
+    "RawPolicy",
+    "RawRecording",
+    "RawReplayed",
+    "RawRun",
+    "RawVector",
+    "RawWorld",
+    "Seen",
+    "SeenLight",
+    "command_of",
+    "eval_run",
+    "eval_world",
+    "exit_threads",
+    "export_kept",
+    "fit_traffic",
+    "replay_kept",
+    "report_run",
+    "run_program",
+    "search_world",
+    "train_ado",
+]
 
 _Path = str | os.PathLike[str]
 _Texts = tuple[list[str], NDArray[np.int64]]
@@ -28,12 +58,15 @@ def replay_kept(options: dict[str, Any], running: dict[str, Any]) -> list[RawRep
 def export_kept(path: _Path, directory: _Path) -> list[_Path]: ...
 
 def exit_threads() -> None: ...
+def command_of(answer: Any) -> Command: ...
 
+@final
 class Mailbox:
     def exchange(
         self, returned: object, raised: BaseException | None
     ) -> tuple[Callable[..., object], tuple[object, ...]] | None: ...
 
+@final
 class RawWorld:
     @staticmethod
     def load(file: _Path, allow_programs: bool) -> RawWorld: ...
@@ -47,6 +80,7 @@ class RawWorld:
     def text(self) -> str: ...
     def about(self) -> dict[str, Any]: ...
 
+@final
 class RawBench:
     def __new__(cls, world: RawWorld) -> RawBench: ...
     def reset(self, key: tuple[str, int, int], aftermath: bool) -> NDArray[np.float32]: ...
@@ -56,6 +90,7 @@ class RawBench:
     def trace(self) -> dict[str, NDArray[np.float64]]: ...
     def played(self) -> tuple[list[float], int, list[int]]: ...
 
+@final
 class RawVector:
     def __new__(cls, world: RawWorld, count: int, jobs: int) -> RawVector: ...
     def reset(self, purpose: str, seeds: list[int] | None, obs: NDArray[np.float32]) -> None: ...
@@ -65,9 +100,11 @@ class RawVector:
     def info(self, at: int) -> dict[str, Any]: ...
     def trace(self, at: int) -> dict[str, NDArray[np.float64]]: ...
 
+@final
 class RawEpisode:
     def info(self) -> dict[str, Any]: ...
 
+@final
 class RawFormula:
     def __new__(
         cls,
@@ -86,12 +123,14 @@ class RawFormula:
         self, signals: list[tuple[str, bool]], dt_s: float, samples: int | None
     ) -> RawMonitor: ...
 
+@final
 class RawMonitor:
     def push(self, row: list[float]) -> tuple[float, float]: ...
     def finish(self) -> float: ...
     def reset(self) -> None: ...
     def __len__(self) -> int: ...
 
+@final
 class RawPolicy:
     def act(self, obs: NDArray[np.float32]) -> int: ...
     def sample(self, obs: NDArray[np.float32], temperature: float, unit: float) -> int: ...
@@ -99,6 +138,7 @@ class RawPolicy:
 
 def fit_traffic(name: str, recordings: list[RawRecording]) -> tuple[str, dict[str, Any]]: ...
 
+@final
 class RawRecording:
     def __new__(
         cls,
@@ -113,6 +153,7 @@ class RawRecording:
     def worlds(self, named: tuple[str, str], count: int, others: int) -> list[dict[str, Any]]: ...
     def picture(self) -> str: ...
 
+@final
 class RawRun:
     def __new__(cls, path: _Path) -> RawRun: ...
     def manifest(self) -> dict[str, Any]: ...
@@ -121,11 +162,13 @@ class RawRun:
     def world(self, allow_programs: bool) -> RawWorld: ...
     def policy(self) -> RawPolicy: ...
 
+@final
 class RawReplayed:
     def about(self) -> dict[str, Any]: ...
     def trace(self) -> dict[str, NDArray[np.float64]]: ...
     def view(self, output: _Path, beside: str | None) -> None: ...
 
+@final
 class Own:
     """Speed, acceleration and place of the ego itself, as it knows them."""
 
@@ -154,6 +197,7 @@ class Own:
     def width_m(self) -> float:
         """Width of the own body, m."""
 
+@final
 class Seen:
     """Another road user, as the ego's sensors see it."""
 
@@ -203,6 +247,7 @@ class Seen:
     def width_m(self) -> float:
         """Its width, m."""
 
+@final
 class SeenLight:
     """A traffic light, as the ego sees it."""
 
@@ -219,9 +264,13 @@ class SeenLight:
     def phase_s(self) -> float:
         """For how long it has shown it, s."""
 
+@final
 class Percept:
     """What the ego perceives at one sample."""
 
+    @staticmethod
+    def from_json(step: str) -> Percept:
+        """The percept of a `step` message of the ego protocol."""
     @property
     def time_s(self) -> float:
         """Time since the start of the episode, s."""
@@ -244,6 +293,7 @@ class Percept:
     def light(self, past_m: float = 0.0) -> SeenLight | None:
         """The nearest light whose stop line is less than `past_m` behind."""
 
+@final
 class Command:
     """What the ego asks its vehicle to do until the next sample."""
 

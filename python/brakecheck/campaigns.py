@@ -15,7 +15,7 @@ from typing import Any
 
 from brakecheck import _brakecheck as raw
 from brakecheck.errors import InputError
-from brakecheck.results import Ado, Replayed, Rows, Run
+from brakecheck.results import Ado, Replayed, Replays, Rows, Run
 from brakecheck.worlds import World
 
 __all__ = ["eval", "export", "replay", "report", "search", "train", "view"]
@@ -241,7 +241,7 @@ def replay(
     episode: str | int | None = None,
     allow_programs: bool = False,
     allow_invalid: float = 0.0,
-) -> list[Replayed]:
+) -> Replays:
     """Plays kept counterexamples again: as recorded, or against another ego.
 
     A regression test is four lines:
@@ -264,7 +264,7 @@ def replay(
         "allow_programs": allow_programs,
     }
     running = _running(None, False, allow_invalid, ego)
-    return [Replayed(one) for one in raw.replay_kept(asked, running)]
+    return Replays(Replayed(one) for one in raw.replay_kept(asked, running))
 
 
 def view(

@@ -1,8 +1,12 @@
 """What can go wrong; the message is what a terminal would show, cure included."""
+from typing import Any
 
 
 class BrakecheckError(Exception):
     """Anything that brakecheck refuses or fails to do."""
+
+    #: What a verb answered nevertheless (`brakecheck.verb`), None elsewhere.
+    outcome: Any = None
 
 
 class InputError(BrakecheckError, ValueError):

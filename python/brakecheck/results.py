@@ -15,7 +15,7 @@ from brakecheck.errors import InputError
 from brakecheck.exporting import export_policy
 from brakecheck.worlds import World
 
-__all__ = ["Ado", "Replayed", "Rows", "Run"]
+__all__ = ["Ado", "Replayed", "Replays", "Rows", "Run"]
 
 
 class Rows(list[dict[str, Any]]):
@@ -282,3 +282,13 @@ class Replayed:
         state = words.get(str(self.about["outcome"]), "does not fail")
         bits = "" if self.identical else ", not as recorded"
         return f"<Replayed {self.path!r}: {self.about['verdict']}, {state}{bits}>"
+
+
+class Replays(list[Replayed]):
+    """Kept counterexamples, played again."""
+
+    def to_pandas(self) -> Any:
+        """As a pandas data frame, a line per counterexample; nested keys are joined by dots."""
+        import pandas
+
+        return pandas.json_normalize([one.about for one in self])

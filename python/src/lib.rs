@@ -37,7 +37,7 @@ mod _brakecheck {
     #[pymodule_export]
     use super::kept::{RawReplayed, export_kept, replay_kept};
     #[pymodule_export]
-    use super::percept::{Command, Own, Percept, Seen, SeenLight};
+    use super::percept::{Command, Own, Percept, Seen, SeenLight, command_of};
     #[pymodule_export]
     use super::python_thread::{Mailbox, exit_threads};
     #[pymodule_export]

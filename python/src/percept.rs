@@ -158,6 +158,17 @@ impl From<&ego::Percept> for Percept {
 
 #[pymethods]
 impl Percept {
+    /// The percept of a `step` message of the ego protocol.
+    #[staticmethod]
+    fn from_json(step: &str) -> PyResult<Percept> {
+        serde_json::from_str(step).map(Percept).map_err(|why| {
+            wrong(
+                format!("no percept: {why}"),
+                "give the object under `step` of a message of the ego protocol",
+            )
+        })
+    }
+
     /// Time since the start of the episode, s.
     #[getter]
     fn time_s(&self) -> f64 {
@@ -253,6 +264,16 @@ impl Command {
             self.accel_mps2, self.lateral_mps
         )
     }
+}
+
+/// The command that an answer of `control` stands for.
+#[pyfunction]
+pub(crate) fn command_of(answer: &Bound<'_, PyAny>) -> PyResult<Command> {
+    let command = commanded(answer)?;
+    Ok(Command {
+        accel_mps2: command.accel_mps2,
+        lateral_mps: command.lateral_mps,
+    })
 }
 
 /// What an answer of Python commands.

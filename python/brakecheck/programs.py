@@ -1,0 +1,77 @@
+"""An ego in Python as a program of its own, for every verb and every machine."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import json
+import sys
+import traceback
+from typing import Any, TextIO
+
+from brakecheck._brakecheck import Percept, command_of
+from brakecheck.errors import InputError
+
+__all__ = ["serve_ego"]
+
+#: The version of the ego protocol (docs/reference/ego-protocol.md).
+_PROTOCOL = 1
+#: Characters of a traceback that are told, from its end.
+_TRACEBACK = 4000
+
+
+def serve_ego(ego: Any, name: str | None = None) -> None:
+    """Plays an ego as a program: reads the ego protocol on stdin, answers on stdout.
+
+    The last line of a file makes it a program for all verbs::
+
+        if __name__ == "__main__":
+            brakecheck.serve_ego(Mine)
+
+    and `brakecheck gate RUN --baseline-ego old -- python3 mine.py` tests it. What the ego
+    prints goes to stderr, because stdout belongs to the protocol.
+
+    Args:
+        ego: a function of a percept, or a class or an object with `control(percept)`
+            and, if it likes, `brief(briefing)` and `reset(seed)`.
+        name: what brakecheck calls it; its own name without one.
+    """
+    own = ego() if inspect.isclass(ego) else ego
+    if not callable(getattr(own, "control", own)):
+        raise InputError(
+            f"{ego!r} is no ego: give a function of a percept, or a class or an object with "
+            "`control(percept)`"
+        )
+    named = name or getattr(ego, "__name__", type(ego).__name__)
+    answers = sys.stdout
+    with contextlib.redirect_stdout(sys.stderr):
+        for line in sys.stdin:
+            message = json.loads(line)
+            if "close" in message:
+                break
+            if "hello" in message:
+                _tell(answers, {"hello": {"protocol": _PROTOCOL, "name": named}})
+            elif "reset" in message or "step" in message:
+                _tell(answers, {"id": message["id"], **_answer(own, message)})
+
+
+def _answer(ego: Any, message: dict[str, Any]) -> dict[str, Any]:
+    """The answer to one message; an exception is the ego's error, and no end."""
+    try:
+        if "step" in message:
+            percept = Percept.from_json(json.dumps(message["step"]))
+            command = command_of(getattr(ego, "control", ego)(percept))
+            return {"accel_mps2": command.accel_mps2, "lateral_mps": command.lateral_mps}
+        briefing = dict(message["reset"])
+        seed = briefing.pop("seed")
+        for method, argument in (("brief", briefing), ("reset", seed)):
+            if callable(getattr(ego, method, None)):
+                getattr(ego, method)(argument)
+        return {"ready": True}
+    except Exception:
+        return {"error": traceback.format_exc()[-_TRACEBACK:]}
+
+
+def _tell(answers: TextIO, answer: dict[str, Any]) -> None:
+    answers.write(json.dumps(answer) + "\n")
+    answers.flush()

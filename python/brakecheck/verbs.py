@@ -1,0 +1,224 @@
+"""The verbs that only the command line has, as functions: gate, sweep, risk, campaigns.
+
+Each of them runs the program of this package in a process of its own and reads its
+`--json`. Their options are therefore those of `brakecheck VERB --help`, with `_` for
+`-`, and a new option of the program needs no line here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from brakecheck.errors import FaultError, InputError, NotIdenticalError
+from brakecheck.results import Rows, Run
+from brakecheck.worlds import World
+
+__all__ = ["Outcome", "gate", "merge", "plan", "risk", "run_piece", "sweep", "verb"]
+
+Path = str | os.PathLike[str]
+#: A name under the world's `reuse`, a RON file, or the words of a program.
+Ego = str | os.PathLike[str] | Sequence[str]
+
+#: Exit codes that stand for an answer: done, and a closed gate or a counterexample.
+_ANSWERS = (0, 1)
+#: Wait for a program that was interrupted, which still writes what it has, s.
+_PATIENCE_S = 10.0
+
+
+class Outcome(Rows):
+    """What a verb answered.
+
+    As a list it has the verb's rows, with the keys of `--json`; `about` is the whole
+    answer, `passed` whether the exit code was 0, `notes` what the program remarked.
+    """
+
+    def __init__(self, about: Mapping[str, Any], rows: str, passed: bool, notes: str) -> None:
+        found: Any = about
+        for key in rows.split("."):
+            found = found.get(key) if isinstance(found, Mapping) else None
+        super().__init__(found if isinstance(found, list) else [])
+        #: All keys of `--json`.
+        self.about = dict(about)
+        #: False: the gate is closed, or a counterexample was found and is a failure.
+        self.passed = passed
+        #: Remarks of the program, line by line.
+        self.notes = notes
+
+    def __repr__(self) -> str:
+        keys = ", ".join(self.about)
+        return f"<Outcome: {len(self)} rows, passed={self.passed}, about: {keys}>"
+
+    def _repr_html_(self) -> str:
+        return str(self.to_pandas().to_html())
+
+    def to_pandas(self) -> Any:
+        """As a pandas data frame, a line per row; nested keys are joined by dots."""
+        import pandas
+
+        return pandas.json_normalize(list(self))
+
+
+def verb(name: str, *arguments: Any, rows: str = "rows", **options: Any) -> Outcome:
+    """Runs a verb of the command line and reads its answer.
+
+    Args:
+        name: one or two words, such as "risk" or "campaign plan".
+        arguments: its arguments without a name: files, worlds, runs, names.
+        rows: the key of `--json` whose list the outcome is, with a dot between levels.
+        options: its options, with `_` for `-`. True gives a switch, False and None
+            leave an option out, a list repeats it. `ego` may be the words of a program.
+
+    Raises:
+        InputError: the program refused what was asked (exit code 2).
+        FaultError: the ego, the disk or the program failed, or the result was refused
+            (exit code 3). Its `outcome` has what was answered, if anything was.
+        NotIdenticalError: a replay differs (exit code 4), with an `outcome` too.
+        KeyboardInterrupt: Ctrl-C; the program has kept what is done.
+    """
+    program = options.pop("ego", None)
+    if program is not None and (isinstance(program, str) or hasattr(program, "__fspath__")):
+        options["ego"], program = program, None
+    words = [*name.split(), *map(_word, arguments), *_options(options), "--json"]
+    if program is not None:
+        words += ["--", *_program(program)]
+    code, answer, notes = _run(words)
+    said = notes.strip() or f"`brakecheck {' '.join(words)}` ended with {code}"
+    if not answer.strip():
+        raise {2: InputError}.get(code, FaultError)(said)
+    outcome = Outcome(json.loads(answer), rows, code == 0, notes)
+    if code in _ANSWERS:
+        return outcome
+    # What was played is no result, but the reasons are in it.
+    error = {4: NotIdenticalError}.get(code, FaultError)(said)
+    error.outcome = outcome
+    raise error
+
+
+def gate(run: Run | Path, baseline: str, *, ego: Ego | None = None, **options: Any) -> Outcome:
+    """Compares an ego with an earlier one, start by start, under the ado of a run.
+
+    Args:
+        run: the run whose ado plays.
+        baseline: the earlier ego: a name under the world's `reuse`, or a RON file.
+        ego: the new one; the world's own without it.
+        options: of `brakecheck gate`, such as `on="preventable"`, `starts=100`.
+
+    Returns:
+        The gates, one per new ego; `passed` is False if one is closed.
+    """
+    return verb("gate", run, rows="gates", ego=ego, baseline_ego=baseline, **options)
+
+
+def sweep(run: Run | Path, over: str, **options: Any) -> Outcome:
+    """Measures a trained ado on an ego over a range of a parameter.
+
+    Args:
+        run: the run whose ado plays.
+        over: parameter and range, such as `"ego.time_gap_s=0.8..2.0:5"`.
+        options: of `brakecheck sweep`.
+
+    Returns:
+        The rows per value; `about["swept"]` has the summary.
+    """
+    return verb("sweep", run, over=over, **options)
+
+
+def risk(world: World | Path, *, ego: Ego | None = None, **options: Any) -> Outcome:
+    """Estimates how often an ego fails in declared traffic.
+
+    Args:
+        world: a world, a `.ron` file, or the name of a shipped world.
+        ego: who is tested; the world's own without it.
+        options: of `brakecheck risk`, such as `traffic="motorway"`, `budget=20_000`.
+
+    Returns:
+        The egos; `about` has the traffic, the ratio and the cost.
+    """
+    return verb("risk", world, rows="egos", ego=ego, **options)
+
+
+def plan(campaign: Path, output: Path, **options: Any) -> Outcome:
+    """Cuts a campaign file into pieces, kept under `output`."""
+    return verb("campaign plan", campaign, output=output, **options)
+
+
+def run_piece(planned: Path, piece: str | int | None = None, **options: Any) -> Outcome:
+    """Makes one piece of a planned campaign, or all that are missing.
+
+    It may be called from many processes and machines at once, for instance as a task
+    of Dask or Ray, as long as they share the directory.
+    """
+    return verb("campaign run", planned, piece=piece, **options)
+
+
+def merge(planned: Path, **options: Any) -> Outcome:
+    """Checks all pieces and writes them as one file; the rows of the summary."""
+    return verb("campaign merge", planned, rows="summary.rows", **options)
+
+
+
+
+def _options(options: Mapping[str, Any]) -> list[str]:
+    words: list[str] = []
+    for name, value in options.items():
+        flag = f"--{name.rstrip('_').replace('_', '-')}"
+        if value is None or value is False:
+            continue
+        if value is True:
+            words.append(flag)
+            continue
+        several = value if isinstance(value, list | tuple) else [value]
+        # One word each, so that a value with a leading `-` is no option.
+        words += [f"{flag}={_word(one)}" for one in several]
+    return words
+
+
+def _word(value: Any) -> str:
+    if isinstance(value, World):
+        if value.ego is not None or any(value._given[key] for key in ("plant", "natural", "traffic")):
+            raise InputError(
+                "a verb of the program reads the world's file, so it knows nothing of this "
+                "world's `plant`, `ego`, `natural` and `traffic`: give them as options"
+            )
+        return value.file
+    if hasattr(value, "__fspath__"):
+        return os.fsdecode(value)
+    return str(value)
+
+
+def _program(ego: Any) -> list[str]:
+    if isinstance(ego, list | tuple) and ego and all(isinstance(word, str) for word in ego):
+        return list(ego)
+    raise InputError(
+        f"{ego!r} is no ego for a program: give a name, a RON file, or the words of a program, "
+        "such as [sys.executable, 'mine.py'], where mine.py ends with `brakecheck.serve_ego(Mine)`"
+    )
+
+
+def _run(words: Sequence[str]) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of the program."""
+    command = [sys.executable, "-m", "brakecheck", *words]
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, encoding="utf-8",
+    ) as process:
+        try:
+            answer, notes = process.communicate()
+        except KeyboardInterrupt:
+            # A notebook interrupts this process alone, and the program keeps what is
+            # done only if it is told.
+            process.send_signal(signal.SIGINT)
+            try:
+                process.communicate(timeout=_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+            raise
+    if process.returncode == 130:
+        raise KeyboardInterrupt
+    return process.returncode, answer, notes
