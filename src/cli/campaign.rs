@@ -5,9 +5,12 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, examples, finished, print_json, progress, table_of, terminal};
+use super::common::{finished, print_json, table_of};
+use super::failure::{Exit, Failure};
+use super::terminal::{self, Common};
+use super::{examples, progress};
 use crate::campaign::{
-    COLUMNS, GateVerdict, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow,
+    COLUMNS, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow, UnitGate,
 };
 
 /// Rows and gates that are printed, at most.
@@ -296,7 +299,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
             Some("plan more starts, or ados that keep their rules".to_owned()),
         ));
     }
-    Ok(if merged.summary.is_held_up() {
+    Ok(if merged.summary.has_closed_gate() {
         Exit::Counterexample
     } else {
         Exit::Done
@@ -339,30 +342,30 @@ fn remarks(rows: &[SummaryRow]) -> String {
 }
 
 /// Gates that are closed, and how many are not.
-fn gates(gates: &[GateVerdict]) -> String {
-    let closed: Vec<&GateVerdict> = gates.iter().filter(|gate| gate.held_up).collect();
+fn gates(gates: &[UnitGate]) -> String {
+    let (closed, open): (Vec<&UnitGate>, Vec<&UnitGate>) =
+        gates.iter().partition(|gate| gate.decided.is_closed());
     let mut lines: Vec<String> = closed
         .iter()
         .take(SHOWN)
         .map(|gate| gate.to_string())
         .collect();
     if closed.len() > SHOWN {
-        lines.push(format!(
-            "and {} more that are held up",
-            closed.len() - SHOWN
-        ));
+        lines.push(format!("and {} more that are closed", closed.len() - SHOWN));
     }
     // Open gates are shown too where something needs a look.
-    let open = gates.iter().filter(|gate| !gate.held_up);
-    let noted = open.clone().filter(|gate| gate.is_noteworthy());
+    let noted = open.iter().filter(|gate| gate.is_noteworthy());
     lines.extend(noted.take(SHOWN).map(|gate| gate.to_string()));
-    let unanswered = open.clone().filter(|gate| gate.unanswered).count();
-    let open = open.count() - unanswered;
+    let unanswered = open.iter().filter(|gate| gate.is_unanswered()).count();
+    let answered = open.len() - unanswered;
     let without = match unanswered {
         0 => String::new(),
         some => format!(", {some} without an answer"),
     };
-    lines.push(format!("{open} of {} gates are open{without}", gates.len()));
+    lines.push(format!(
+        "{answered} of {} gates are open{without}",
+        gates.len()
+    ));
     lines.join("\n")
 }
 

@@ -10,6 +10,7 @@
 //! Architecture Invariant: a row holds nothing of the machine, the time or the cut of the
 //! campaign.
 
+mod cell_map;
 mod check;
 mod cost_pilot;
 mod dir;
@@ -27,6 +28,7 @@ mod row;
 mod summary;
 mod training;
 mod trivial_blocks;
+mod unit_gate;
 mod workflow_files;
 
 pub use cost_pilot::PIECE_S;
@@ -36,4 +38,5 @@ pub use error::CampaignError;
 pub use merge::Merged;
 pub use page::COLUMNS;
 pub use plan::Plan;
-pub use summary::{GateVerdict, SummaryRow};
+pub use summary::SummaryRow;
+pub use unit_gate::UnitGate;

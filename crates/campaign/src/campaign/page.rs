@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use super::cell_map::CellMap;
 use super::dir::PlanDir;
 use super::error::CampaignError;
 use super::merge::{Merged, page_of};
 use super::plan::Unit;
 use super::regulation_boundary;
-use super::summary::{CellMap, GateVerdict, SummaryRow};
+use super::summary::SummaryRow;
 use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable};
 use crate::run_dir::write_file;
 use crate::stats::StartOutcome;
@@ -42,7 +43,7 @@ impl PlanDir {
             gates: summary
                 .gates
                 .iter()
-                .map(|gate| (gate.to_string(), gate.held_up))
+                .map(|gate| (gate.to_string(), gate.decided.is_closed()))
                 .collect(),
             maps: maps?,
             boundary: plan.boundary.as_ref().map(|(name, _)| name.clone()),
@@ -178,11 +179,5 @@ impl SummaryRow {
             self.closing_mps
                 .map_or_else(dash, |speed| format!("{:.1}", speed.median)),
         ]
-    }
-}
-
-impl std::fmt::Display for GateVerdict {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.words)
     }
 }

@@ -4,27 +4,23 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::cell_map::CellMap;
 use super::dir::PlanDir;
-use super::file::RequestedStarts;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::row::SummaryFields;
-use crate::evaluation::{
-    DecidedGate, Gate, GateContact, GateEgo, GateOn, MoreSevere, NotRun, as_words,
-};
+use super::unit_gate::UnitGate;
+use crate::evaluation::{GateContact, GateEgo};
 use crate::preventability::Avoidability;
 use crate::run_dir::ClosingSpeed;
 use crate::scene::Dynamics;
 use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
 
-/// Largest number of starts named in a gate.
-const NAMED: usize = 100;
-
 /// Counts over the rows of a unit.
 pub(super) struct UnitCounts {
     /// Outcome per start.
-    outcomes: Vec<StartOutcome>,
+    pub(super) outcomes: Vec<StartOutcome>,
     /// Avoidability of the failure per start.
-    avoidability: Vec<Avoidability>,
+    pub(super) avoidability: Vec<Avoidability>,
     /// Contacts of the successes, by position of the start.
     success_contacts: BTreeMap<usize, GateContact>,
     contacts: usize,
@@ -75,7 +71,7 @@ impl UnitCounts {
     }
 
     /// Returns the results in the form of a gate.
-    fn gated<'a>(&'a self, name: &'a str) -> GateEgo<'a> {
+    pub(super) fn gated<'a>(&'a self, name: &'a str) -> GateEgo<'a> {
         GateEgo {
             name,
             outcomes: &self.outcomes,
@@ -140,101 +136,13 @@ pub struct SummaryRow {
     pub physics_steps: u64,
 }
 
-/// Comparison of a changed ego with the baseline, start by start.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GateVerdict {
-    /// Name of the world.
-    pub world: String,
-    /// The plant.
-    pub plant: Dynamics,
-    /// Name of the ado.
-    pub ado: String,
-    /// Seed of its training.
-    pub train_seed: Option<u64>,
-    /// Name of the changed ego.
-    pub ego: String,
-    /// Name of the baseline ego.
-    pub baseline: String,
-    /// Starts that are valid and not trivial for both.
-    pub compared: usize,
-    /// Starts from which the ego fails and the baseline does not.
-    pub newly_failing: usize,
-    /// Such starts that CC_LATCHED or FSM would have avoided.
-    pub(crate) newly_preventable: usize,
-    /// Such starts that only other drivers would have avoided.
-    pub newly_avoidable: usize,
-    /// Such starts that no driver would have avoided.
-    pub newly_unavoidable: usize,
-    /// Such starts that the drivers cannot judge, or were not asked to.
-    pub newly_unknown: usize,
-    /// First newly failing starts.
-    pub first: Vec<usize>,
-    /// Starts from which the baseline fails and the ego does not.
-    pub newly_fixed: usize,
-    /// Starts on which an ado breaks its rule against this ego only.
-    pub no_answer: usize,
-    /// Starts that an ego did not run.
-    pub not_run: NotRun,
-    /// Starts from which both fail.
-    pub both_fail: usize,
-    /// Starts of these with Δv of the ego up by more than 20 %.
-    pub more_severe: usize,
-    /// Greatest rise of Δv among them.
-    pub worst: Option<MoreSevere>,
-    /// Exact two-sided p-value of McNemar's test.
-    pub p_value: f64,
-    /// Whether the gate blocks the change.
-    pub held_up: bool,
-    /// Reasons that block it, as `--on` of `gate` has them.
-    #[serde(serialize_with = "as_words")]
-    pub closed_by: Vec<GateOn>,
-    /// Whether no start has a result on both egos with every rule kept.
-    pub unanswered: bool,
-    /// The comparison and the decision in words.
-    #[serde(skip)]
-    pub words: String,
-}
-
-impl GateVerdict {
-    /// Returns whether an open gate has starts that are no plain comparison.
-    pub fn is_noteworthy(&self) -> bool {
-        let NotRun { ego, baseline } = self.not_run;
-        self.more_severe + self.no_answer + ego + baseline > 0 || self.unanswered
-    }
-}
-
-/// Grid of starts, cell by cell, over its last two axes.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct CellMap {
-    /// Name of the world.
-    pub world: String,
-    /// The plant.
-    pub plant: Dynamics,
-    /// Name of the ego.
-    pub ego: String,
-    /// Axis x: name, unit, values.
-    pub x: (String, String, Vec<f64>),
-    /// Axis y: name, unit, values.
-    pub y: (String, String, Vec<f64>),
-    /// Name and value of each further axis, if the grid has more than two.
-    pub at: Vec<(String, f64)>,
-    /// Position of its first cell among the starts.
-    pub first: usize,
-    /// Names of the ados, in order.
-    pub ados: Vec<String>,
-    /// Outcome per ado and cell, row by row from the smallest y.
-    pub outcomes: Vec<Vec<StartOutcome>>,
-    /// Per ado and cell, whether CC_LATCHED or FSM would have avoided the failure.
-    pub preventable: Vec<Vec<Option<bool>>>,
-}
-
 /// Summary of a merged campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CampaignSummary {
     /// Row per unit, and a row per ado with several trainings.
     pub rows: Vec<SummaryRow>,
     /// Comparison per changed ego. Empty: the campaign has no gate.
-    pub gates: Vec<GateVerdict>,
+    pub gates: Vec<UnitGate>,
     /// Maps of a grid of starts. They are not in the JSON, because the rows are.
     #[serde(skip)]
     pub(crate) maps: Vec<CellMap>,
@@ -265,24 +173,24 @@ impl CampaignSummary {
             }
         }
         let gates = match &plan.gate {
-            Some((baseline, on)) => gates(dir, &units, baseline, on),
+            Some((baseline, on)) => UnitGate::all(dir, &units, baseline, on),
             None => Vec::new(),
         };
         CampaignSummary {
             rows,
             gates,
-            maps: maps(dir, &units),
+            maps: CellMap::all(dir, &units),
         }
     }
 
     /// Returns whether a gate of the campaign blocks a change.
-    pub fn is_held_up(&self) -> bool {
-        self.gates.iter().any(|gate| gate.held_up)
+    pub fn has_closed_gate(&self) -> bool {
+        self.gates.iter().any(|gate| gate.decided.is_closed())
     }
 
     /// Returns whether there are gates, and none of them compares a start.
     pub fn is_unanswered(&self) -> bool {
-        !self.gates.is_empty() && self.gates.iter().all(|gate| gate.unanswered)
+        !self.gates.is_empty() && self.gates.iter().all(UnitGate::is_unanswered)
     }
 
     /// Returns the largest share of invalid starts in a row.
@@ -295,7 +203,7 @@ impl CampaignSummary {
     }
 }
 
-fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
+pub(super) fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
     match unit.ado {
         PlannedAdo::Trained { run } => plan.ados.get(run).map(|run| run.seed),
         PlannedAdo::Training { training } => plan.trainings.get(training).map(|it| it.seed),
@@ -304,7 +212,7 @@ fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
 }
 
 /// Returns the plant of a unit, as in rows.
-fn plant(dir: &PlanDir, unit: &Unit) -> Dynamics {
+pub(super) fn plant(dir: &PlanDir, unit: &Unit) -> Dynamics {
     match unit.ego.change.plant {
         // A changed ego may name its own plant.
         Some(plant) => plant.into(),
@@ -412,130 +320,4 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
         physics_steps: rows.iter().map(|row| row.physics_steps).sum(),
         ..rows[0].clone()
     }
-}
-
-fn gates(
-    dir: &PlanDir,
-    units: &[(&Unit, &UnitCounts)],
-    baseline: &str,
-    on: &[GateOn],
-) -> Vec<GateVerdict> {
-    let mut gates = Vec::new();
-    for (unit, tally) in units.iter().filter(|(unit, _)| unit.ego.name != baseline) {
-        let is_before = |(other, _): &&(&Unit, &UnitCounts)| {
-            other.ego.name == baseline && other.world == unit.world && other.ado == unit.ado
-        };
-        let Some((_, before)) = units.iter().find(is_before) else {
-            continue;
-        };
-        let mut gate = Gate::of(tally.gated(&unit.ego.name), before.gated(baseline));
-        let starts: Vec<usize> = gate.newly_failing.iter().map(|it| it.start).collect();
-        gate.label(starts.iter().map(|start| tally.avoidability[*start]));
-        gates.push(verdict(dir, unit, gate.decided(on)));
-    }
-    gates
-}
-
-/// Returns the decided gate of a unit, with its starts counted.
-fn verdict(dir: &PlanDir, unit: &Unit, decided: DecidedGate) -> GateVerdict {
-    let world = dir.world(unit).name().to_owned();
-    let (ado, train_seed) = (unit.ado.word(), train_seed(dir.plan(), unit));
-    let seed = train_seed.map_or(String::new(), |seed| format!(" {seed}"));
-    let words = format!("gate: {world}, {ado}{seed}: {}", decided.lines().join("; "));
-    let by = decided.newly_failing_by;
-    let gate = &decided.gate;
-    let first = gate.newly_failing.iter().map(|it| it.start).take(NAMED);
-    GateVerdict {
-        world,
-        plant: plant(dir, unit),
-        ado,
-        train_seed,
-        ego: gate.ego.clone(),
-        baseline: gate.baseline.clone(),
-        compared: gate.compared,
-        newly_failing: gate.newly_failing.len(),
-        newly_preventable: by.preventable,
-        newly_avoidable: by.avoidable,
-        newly_unavoidable: by.unavoidable,
-        newly_unknown: by.unknown,
-        first: first.collect(),
-        newly_fixed: gate.newly_fixed.len(),
-        no_answer: gate.no_answer.len(),
-        not_run: gate.not_run,
-        both_fail: gate.both_fail,
-        more_severe: gate.more_severe.len(),
-        worst: MoreSevere::worst(&gate.more_severe),
-        p_value: gate.p_value,
-        held_up: decided.is_closed(),
-        unanswered: gate.is_unanswered(),
-        words,
-        closed_by: decided.closed_by,
-    }
-}
-
-fn maps(dir: &PlanDir, units: &[(&Unit, &UnitCounts)]) -> Vec<CellMap> {
-    let RequestedStarts::Grid { axes, .. } = &dir.plan().starts else {
-        return Vec::new();
-    };
-    // A grid with fewer than two axes has no map.
-    let [others @ .., y, x] = &axes[..] else {
-        return Vec::new();
-    };
-    let mut maps: Vec<CellMap> = Vec::new();
-    let cells = x.1.len() * y.1.len();
-    let slices: usize = others.iter().map(|(_, values)| values.len()).product();
-    let mut seen: Vec<(usize, &str)> = Vec::new();
-    for (unit, _) in units {
-        let key = (unit.world, unit.ego.name.as_str());
-        if seen.contains(&key) {
-            continue;
-        }
-        seen.push(key);
-        let of_key =
-            |(other, _): &&(&Unit, &UnitCounts)| (other.world, other.ego.name.as_str()) == key;
-        let all: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(of_key).collect();
-        let world = dir.world(unit);
-        let unit_of = |name: &str| {
-            let axes = world.axes();
-            let axis = axes.iter().find(|axis| axis.name == name);
-            axis.map_or("", |axis| axis.unit).to_owned()
-        };
-        for slice in 0..slices {
-            let mut left = slice;
-            let mut at = Vec::new();
-            // The last of these axes varies fastest between slices, as in `point`.
-            for (name, values) in others.iter().rev() {
-                at.push((name.clone(), values[left % values.len()]));
-                left /= values.len();
-            }
-            at.reverse();
-            let cut = |nth: usize| slice * cells + nth;
-            let outcome = |tally: &UnitCounts, nth| {
-                let outcome = tally.outcomes.get(cut(nth)).copied();
-                // A missing outcome is shown as unknown.
-                let known = outcome.filter(|outcome| *outcome != StartOutcome::NotReached);
-                known.unwrap_or(StartOutcome::Invalid)
-            };
-            let outcomes = |(_, tally): &&(&Unit, &UnitCounts)| -> Vec<StartOutcome> {
-                (0..cells).map(|nth| outcome(tally, nth)).collect()
-            };
-            let preventable = |(_, tally): &&(&Unit, &UnitCounts)| -> Vec<Option<bool>> {
-                let one = |nth: usize| tally.avoidability.get(cut(nth))?.preventable();
-                (0..cells).map(one).collect()
-            };
-            maps.push(CellMap {
-                world: world.name().to_owned(),
-                plant: plant(dir, unit),
-                ego: unit.ego.name.clone(),
-                x: (x.0.clone(), unit_of(&x.0), x.1.clone()),
-                y: (y.0.clone(), unit_of(&y.0), y.1.clone()),
-                at,
-                first: slice * cells,
-                ados: all.iter().map(|(unit, _)| unit.ado.word()).collect(),
-                outcomes: all.iter().map(outcomes).collect(),
-                preventable: all.iter().map(preventable).collect(),
-            });
-        }
-    }
-    maps
 }

@@ -23,9 +23,7 @@ pub use baseline_table::{BaselineTable, untrained};
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use error::EvaluationError;
 pub use evaluation_plan::Evaluation;
-pub use gate_decision::{
-    DecidedGate, Gate, GateContact, GateEgo, GateOn, MoreSevere, NotRun, as_words,
-};
+pub use gate_decision::{DecidedGate, Gate, GateContact, GateEgo, GateOn, NotRun};
 pub use points::PointOutcome;
 pub use points::{PointResult, PointsRequest, PointsTable, VariedPoint, points};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, summarise};

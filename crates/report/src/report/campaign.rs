@@ -18,7 +18,7 @@ pub struct CampaignPage {
     pub about: String,
     /// Rates of every world, ego and ado.
     pub rates: TextTable,
-    /// One sentence per gate, and true if the gate blocks.
+    /// One sentence per gate, and true if the gate is closed.
     pub gates: Vec<(String, bool)>,
     /// Maps of a grid of starts.
     pub maps: Vec<StartMap>,
@@ -39,8 +39,8 @@ impl CampaignPage {
                     p class="dim" { "brakecheck campaign" }
                     h1 { (self.name) }
                     p { (self.about) }
-                    @for (gate, held_up) in &self.gates {
-                        p class=(if *held_up { "note" } else { "dim" }) { (gate) }
+                    @for (gate, is_closed) in &self.gates {
+                        p class=(if *is_closed { "note" } else { "dim" }) { (gate) }
                     }
                     @if !self.maps.is_empty() { (self.drawn()) }
                     h2 { "Rates" }
