@@ -4,15 +4,17 @@ use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use brakecheck::adversary::{Ado, AdoKind};
+use brakecheck::adversary::{Ado, AdoGroup};
 use brakecheck::crashes::{CrashSelection, Form, KeepSettings};
 use brakecheck::evaluation::{
     Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, untrained,
 };
 use brakecheck::experiment::{check_repeatability, consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
-use brakecheck::run_dir::{Row, RunDir};
-use brakecheck::search::{Adversary, BUDGET, Experiment, Method, MethodSettings, usual_switches};
+use brakecheck::run_dir::{AdversaryId, Row, RunDir};
+use brakecheck::search::{
+    Adversary, BUDGET, BestConstant, Experiment, Method, MethodSettings, Search, usual_switches,
+};
 use brakecheck::training::{PerAdoMode, TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
@@ -195,10 +197,14 @@ pub(crate) fn eval_run<'py>(
         .iter()
         .map(|word| {
             let known = || "known: trained, all, and those of `brakecheck eval --help`";
-            let kind = word.parse::<AdoKind>();
-            kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
+            let group = AdoGroup::named(word);
+            group.ok_or_else(|| wrong(format!("there is no ado `{word}`"), known()))
         })
         .collect::<PyResult<Vec<_>>>()?;
+    let ados: Vec<AdversaryId> = ados
+        .iter()
+        .flat_map(|group| group.ids(&run, &nominal))
+        .collect();
     let temperature = options.temperature;
     if temperature.is_some_and(|it| !(1e-6..=1e6).contains(&it)) || options.draws == 0 {
         return Err(wrong(
@@ -286,12 +292,8 @@ pub(crate) fn eval_world<'py>(
             return Ok(None);
         };
         let mut rows = Vec::new();
-        let adversaries = [
-            Adversary::Ado(Ado::Rule(policy, "python", "python")),
-            Adversary::BestConstant,
-            Adversary::Ado(Ado::Held),
-            Adversary::Ado(Ado::Random),
-        ];
+        let own = Ado::Rule(policy, "python", "python");
+        let adversaries: [&dyn Adversary; 4] = [&own, &BestConstant, &Ado::Held, &Ado::Random];
         for ego in &egos {
             let experiment = Experiment {
                 ego,
@@ -308,7 +310,7 @@ pub(crate) fn eval_world<'py>(
             cells[1..].rotate_left(1);
             let mut own: Vec<Row> = cells.into_iter().map(|cell| cell.row).collect();
             if let Some(switches) = options.switches {
-                let search = Adversary::switches(switches).play(ego, &starts, watch);
+                let search = Search::switches(switches).play(ego, &starts, watch);
                 own.extend(search.map(|cell| cell.row));
                 Row::compare_with_last(&mut own);
             }

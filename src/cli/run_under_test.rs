@@ -5,10 +5,12 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::common::{open_run, placed, print_json};
+use super::failure::Failure;
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
-use super::{Failure, open_run, placed, print_json, progress, table};
-use crate::adversary::AdoKind;
+use super::{progress, table};
+use crate::adversary::{AdoGroup, GridPolicy};
 use crate::evaluation::{Evaluation, EvaluationTable, summarise};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{AdversaryId, Row, RunDir};
@@ -45,7 +47,7 @@ pub(super) struct Supplement {
 pub(super) struct RunUnderTest<'a> {
     pub(super) nominal: Scenario,
     run: RunDir,
-    ados: Vec<AdoKind>,
+    ados: Vec<AdversaryId>,
     test: &'a TestArgs,
 }
 
@@ -59,10 +61,11 @@ impl<'a> RunUnderTest<'a> {
         let on_plant = placed(run.scenario()?, test.plant)?;
         let nominal = test.traffic.limited(on_plant)?;
         test.traffic.keep_one(test.keep.dir())?;
-        keeps_something(test)?;
+        let ados = ados(test, &run, &nominal);
+        keeps_something(test, &ados)?;
         can_learn(test, &nominal)?;
         Ok(RunUnderTest {
-            ados: ados(test, &run),
+            ados,
             nominal,
             run,
             test,
@@ -174,16 +177,20 @@ pub(super) fn rows_of(evaluated: EvaluationTable<'_>) -> Result<Vec<Row>, Failur
 /// Returns the ados to play.
 ///
 /// By default, an ado that adapts has the baselines beside it that it must exceed.
-fn ados(test: &TestArgs, run: &RunDir) -> Vec<AdoKind> {
+fn ados(test: &TestArgs, run: &RunDir, nominal: &Scenario) -> Vec<AdversaryId> {
+    use AdversaryId::{BestConstant, BestSwitch, Hold, Trained};
     match (test.ado.is_empty(), test.runs) {
-        (false, _) => test.ado.clone(),
-        (true, 0) => vec![AdoKind::Trained],
+        (false, _) => {
+            let groups = test.ado.iter();
+            groups.flat_map(|group| group.ids(run, nominal)).collect()
+        }
+        (true, 0) => vec![Trained],
         (true, _) => {
-            use AdoKind::{Constant, Hold, Replays, Switch, Trained};
-            let mut beside = vec![Trained, Hold, Constant, Switch];
+            let mut beside = vec![Trained, Hold, BestConstant, BestSwitch];
             // Only a training against one ego stores counterexamples.
             if run.manifest().against.is_nominal() {
-                beside.push(Replays);
+                let replays = AdoGroup::named("replays").into_iter();
+                beside.extend(replays.flat_map(|group| group.ids(run, nominal)));
             }
             beside
         }
@@ -202,11 +209,9 @@ fn can_learn(test: &TestArgs, nominal: &Scenario) -> Result<(), Failure> {
 }
 
 /// Refuses to keep counterexamples of ados whose counterexamples are not kept.
-fn keeps_something(test: &TestArgs) -> Result<(), Failure> {
-    let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
-    let requested = &test.ado;
-    let plays_trained = requested.is_empty() || kept.iter().any(|ado| requested.contains(ado));
-    if test.keep.dir().is_some() && !plays_trained {
+fn keeps_something(test: &TestArgs, ados: &[AdversaryId]) -> Result<(), Failure> {
+    let kept = [AdversaryId::Trained, GridPolicy::Optimal.id()];
+    if test.keep.dir().is_some() && !kept.iter().any(|ado| ados.contains(ado)) {
         Err(Failure::input(
             "`--keep` requires the trained ado, whose counterexamples it writes",
             "add `--ado trained`",

@@ -374,7 +374,7 @@ fn bounds(rows: &[Row]) -> String {
         let Some(bound) = row.at_most else { continue };
         // A wider search may succeed where this one does not.
         let ado = match row.ado {
-            AdversaryId::Search => format!("search ({})", row.method),
+            AdversaryId::Search { .. } => format!("search ({})", row.method),
             _ => row.ado.to_string(),
         };
         let name = if one_ego {

@@ -1,13 +1,15 @@
 //! Options that `eval`, `gate` and `sweep` share.
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use super::common::one_of;
 use super::keep::KeepArgs;
 use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count};
+use super::terminal::Common;
 use super::traffic_args::TrafficArgs;
-use super::{Common, one_of};
-use crate::adversary::AdoKind;
+use crate::adversary::{ADO_GROUPS, AdoGroup};
 use crate::ego::Process;
 use crate::evaluation::Sampling;
 use crate::experiment::{EgoError, EgoUnderTest, Watch};
@@ -79,8 +81,8 @@ pub(super) struct TestArgs {
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     pub(super) starts: usize,
     /// Ado to play; repeat for several [default: trained; with `--runs` baselines, too].
-    #[arg(long, value_parser = one_of::<AdoKind>(), value_name = "ADO")]
-    pub(super) ado: Vec<AdoKind>,
+    #[arg(long, value_parser = ado_group(), value_name = "ADO")]
+    pub(super) ado: Vec<AdoGroup>,
     /// The physics to test in, instead of the run's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     pub(super) plant: Option<PlantKind>,
@@ -119,6 +121,13 @@ impl TestArgs {
         self.temperature
             .map(|temperature| Sampling { temperature, draws })
     }
+}
+
+/// Reads a word of `--ado`, explained as in the library's list.
+fn ado_group() -> impl TypedValueParser<Value = AdoGroup> {
+    let values = ADO_GROUPS.map(|group| PossibleValue::new(group.word).help(group.about));
+    // Invariant: the words are those of the list.
+    PossibleValuesParser::new(values).try_map(|word| AdoGroup::named(&word).ok_or(word))
 }
 
 /// Reads a temperature, which divides values by neither zero nor infinity.

@@ -7,7 +7,7 @@ use brakecheck::rl::Policy;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row};
 use brakecheck::scene::Start;
-use brakecheck::search::Adversary;
+use brakecheck::search::{Adversary, BestConstant};
 use brakecheck::stats::{StartOutcome, at_most, wilson};
 use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
 use brakecheck::world::{Repeats, Scenario};
@@ -139,7 +139,7 @@ fn the_best_constant_is_the_one_that_solves_most_and_of_equals_the_first() {
     let ego = EgoUnderTest::nominal(&world);
     let best = |headways_m: &[f64], expected: usize| {
         let starts = starts_at(headways_m);
-        let best = Adversary::BestConstant.play(&ego, &starts, &quiet());
+        let best = BestConstant.play(&ego, &starts, &quiet());
         let row = best.expect("it applies everywhere").row;
         assert_eq!(row.ado, AdversaryId::BestConstant);
         let method = format!("{}, the best of 5", world.action_label(expected));

@@ -3,7 +3,7 @@
 use brakecheck::experiment::{EgoUnderTest, TestStarts, test_starts};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{Counterexample, Row};
-use brakecheck::search::Adversary;
+use brakecheck::search::{Adversary, Search};
 use brakecheck::testbench::{Aftermath, Constant, Episode, PolicyActor, play};
 use brakecheck::vector_env::{EnvLayout, VectorEnv};
 use brakecheck::world::{Change, PlantKind, Scenario};
@@ -22,7 +22,7 @@ fn starts(world: &Scenario) -> TestStarts {
 
 fn searched(world: &Scenario, starts: &TestStarts) -> Row {
     let ego = EgoUnderTest::nominal(world);
-    let cell = Adversary::switches(2).play(&ego, starts, &quiet());
+    let cell = Search::switches(2).play(&ego, starts, &quiet());
     cell.expect("a search").row
 }
 

@@ -12,7 +12,8 @@ use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
 use brakecheck::run_dir::RunDir;
 use brakecheck::run_dir::Stored;
 use brakecheck::search::{
-    Adversary, Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Switches, Uniform, search,
+    Adversary, BestConstant, Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Switches,
+    Uniform, search,
 };
 use brakecheck::stats::StartOutcome::{Solved, Unsolved};
 use brakecheck::testbench::{Aftermath, Replay, play};
@@ -229,7 +230,7 @@ fn the_tuned_heuristic_is_the_same_again_and_beats_the_best_constant() {
     };
     let row = eval(&request, &quiet()).row;
     let ego = EgoUnderTest::nominal(&world);
-    let constant = Adversary::BestConstant
+    let constant = BestConstant
         .play(&ego, &starts, &quiet())
         .expect("it applies everywhere")
         .row;

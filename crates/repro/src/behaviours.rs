@@ -7,7 +7,7 @@ use super::extreme::extreme;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
-use brakecheck::search::{Adversary, SWITCHES};
+use brakecheck::search::{Adversary, SWITCHES, Search};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
@@ -137,7 +137,7 @@ fn first_found(scenario: &Scenario, start: &Start, watch: &Watch<'_>) -> Option<
         trivial: vec![false],
     };
     let ego = EgoUnderTest::nominal(scenario);
-    let cell = Adversary::switches(SWITCHES).play(&ego, &starts, watch)?;
+    let cell = Search::switches(SWITCHES).play(&ego, &starts, watch)?;
     // The search keeps actions only, so the episode is played for its trace.
     let solved = *cell.solved().first()?;
     Some(cell.replay(&mut scenario.bench(), solved))

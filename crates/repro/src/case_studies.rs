@@ -9,7 +9,7 @@ use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, Watch, test_starts};
 use brakecheck::run_dir::RequestedTraining;
 use brakecheck::run_dir::{Row, RunDir, RunError};
-use brakecheck::search::{Adversary, Experiment, SWITCHES};
+use brakecheck::search::{Adversary, BASELINES, Experiment, SWITCHES, Search};
 use brakecheck::seed::Seeds;
 use brakecheck::stats::{Outcomes, paired_difference, seeds_interval};
 use brakecheck::training::TrainError;
@@ -93,7 +93,7 @@ pub fn case_study(
     for (path, _) in &runs {
         let run = RunDir::open(path)?;
         let policy = run.policy()?;
-        let ado = Adversary::Ado(Ado::Trained(&*policy, run.manifest().seed));
+        let ado = Ado::Trained(&*policy, run.manifest().seed);
         trained.extend(ado.play(&ego, &starts, watch).map(|cell| Row {
             warning: run.warning(),
             ..cell.row
@@ -105,10 +105,10 @@ pub fn case_study(
         ..=MAX_ACTIONS => SWITCHES,
         _ => 1,
     };
-    let searched = [Adversary::switches(switches)];
+    let search: &dyn Adversary = &Search::switches(switches);
     let experiment = Experiment {
         ego: &ego,
-        adversaries: Adversary::BASELINES.into_iter().chain(searched).collect(),
+        adversaries: BASELINES.into_iter().chain([search]).collect(),
         starts: &starts,
     };
     let others = experiment.rows(watch);

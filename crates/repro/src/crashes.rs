@@ -15,7 +15,7 @@ use brakecheck::ego::ReferenceDriver;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
 use brakecheck::run_dir::{ClosingSpeed, RunDir};
 use brakecheck::scene::CrashKind;
-use brakecheck::search::{Adversary, ExperimentCell};
+use brakecheck::search::{Adversary, BestConstant, ExperimentCell, Search};
 use brakecheck::stats::wilson;
 use brakecheck::testbench::{Episode, Testbench};
 use brakecheck::training::TrainError;
@@ -95,7 +95,7 @@ impl Study<'_> {
     fn look(
         &self,
         benches: &mut (Testbench, Testbench),
-        adversary: Adversary<'_>,
+        reacting: Option<Ado<'_>>,
         cell: &ExperimentCell,
         index: usize,
     ) -> Looked {
@@ -103,13 +103,13 @@ impl Study<'_> {
         let judged = self.ego.scenario().preventability(&episode);
         let preventable = judged.human_model_avoids();
         // The ado reacts to CC_LATCHED here, so it may still cause a crash.
-        let closed_loop = match adversary {
-            Adversary::Ado(ado) => {
+        let closed_loop = match reacting {
+            Some(ado) => {
                 let request = self.ego.against(ado, self.starts);
                 request.play(&mut benches.1, index)
             }
             // Sequences of actions are the same against every ego.
-            _ => cell.replay(&mut benches.1, index),
+            None => cell.replay(&mut benches.1, index),
         };
         Looked {
             // The human models decide if the crash can be judged at all.
@@ -121,7 +121,12 @@ impl Study<'_> {
     }
 
     /// Plays an adversary, and then its crashes again, because held starts have none.
-    fn row(&self, adversary: Adversary<'_>, name: Option<&str>) -> Option<CrashRow> {
+    fn row(
+        &self,
+        adversary: &dyn Adversary,
+        reacting: Option<Ado<'_>>,
+        name: Option<&str>,
+    ) -> Option<CrashRow> {
         let cell = adversary.play(self.ego, self.starts, self.watch)?;
         let all =
             brakecheck_experiment::experiment::episode_loop::EpisodeLoop::uncounted(self.watch);
@@ -129,7 +134,7 @@ impl Study<'_> {
             .each(
                 &cell.solved(),
                 || (self.ego.scenario().bench(), self.competent.bench()),
-                |benches, index, _| Some(self.look(benches, adversary, &cell, *index)),
+                |benches, index, _| Some(self.look(benches, reacting, &cell, *index)),
             )
             .into_iter()
             .flatten()
@@ -235,15 +240,19 @@ pub fn crash_study(
     for path in &runs {
         let run = RunDir::open(path).map_err(TrainError::from)?;
         let policy = run.policy().map_err(TrainError::from)?;
-        let trained = Adversary::Ado(Ado::Trained(&*policy, run.manifest().seed));
-        rows.extend(study.row(trained, Some("trained")).map(|row| CrashRow {
-            warning: run.warning().map(|warning| warning.what),
-            ..row
-        }));
+        let trained = Ado::Trained(&*policy, run.manifest().seed);
+        rows.extend(
+            study
+                .row(&trained, Some(trained), Some("trained"))
+                .map(|row| CrashRow {
+                    warning: run.warning().map(|warning| warning.what),
+                    ..row
+                }),
+        );
     }
-    rows.extend(study.row(Adversary::Ado(Ado::Held), None));
-    rows.extend(study.row(Adversary::BestConstant, None));
-    let searched = study.row(Adversary::switches(1), Some("search, switches ≤ 1"));
+    rows.extend(study.row(&Ado::Held, Some(Ado::Held), None));
+    rows.extend(study.row(&BestConstant, None, None));
+    let searched = study.row(&Search::switches(1), None, Some("search, switches ≤ 1"));
     // A search breaks rules only in episodes that it discards, so its rate is 0.
     rows.extend(searched.map(|row| CrashRow {
         foul_rate: 0.0,

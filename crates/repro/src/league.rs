@@ -14,7 +14,7 @@ use brakecheck::population::{
 };
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::{RunDir, RunError};
-use brakecheck::search::{Adversary, Cem, Hold};
+use brakecheck::search::{Adversary, Cem, Hold, Search};
 use brakecheck::stats::StartOutcome;
 use brakecheck::training::TrainRequest;
 use brakecheck::world::Scenario;
@@ -159,16 +159,22 @@ impl LeagueStudy {
         let Some(starts) = test_starts(nominal, start_seed, starts, watch) else {
             return Ok(None);
         };
-        let play = |adversary: Adversary<'_>| solved(adversary, ego, &starts, watch);
+        let play = |adversary: &dyn Adversary| solved(adversary, ego, &starts, watch);
         let budget = self.league.len() as u64;
         let stored = self.first.counterexamples()?;
-        let trained = |policy: &dyn Policy| play(Adversary::Ado(Ado::Trained(policy, self.seed)));
-        let searched = play(Adversary::switches(SWITCHES));
+        let trained = |policy: &dyn Policy| play(&Ado::Trained(policy, self.seed));
+        let searched = play(&Search::switches(SWITCHES));
         let league: Vec<Vec<bool>> = self.league.iter().map(|(_, it)| trained(&**it)).collect();
         let ordinary: Vec<Vec<bool>> = self.ordinary.iter().map(|it| trained(&**it)).collect();
-        let held = play(Adversary::Search(Hold.into(), budget));
-        let cem = play(Adversary::Search(Cem::default().into(), budget));
-        let replays = play(Adversary::Ado(Ado::Replays(&stored, self.league.len())));
+        let held = play(&Search {
+            method: Hold.into(),
+            budget,
+        });
+        let cem = play(&Search {
+            method: Cem::default().into(),
+            budget,
+        });
+        let replays = play(&Ado::Replays(&stored, self.league.len()));
         if watch.stopped() {
             return Ok(None);
         }
@@ -204,7 +210,7 @@ impl LeagueStudy {
 
 /// Returns the starts that an adversary solves, of all starts.
 fn solved(
-    adversary: Adversary<'_>,
+    adversary: &dyn Adversary,
     ego: &EgoUnderTest,
     starts: &TestStarts,
     watch: &Watch<'_>,

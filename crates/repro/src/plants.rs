@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
-use brakecheck::search::Adversary;
+use brakecheck::search::{Adversary, Search};
 use brakecheck::testbench::Testbench;
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Scenario, ScenarioError};
@@ -73,7 +73,7 @@ pub fn plant_row(
     watch: &Watch<'_>,
 ) -> Option<PlantRow> {
     let ego = EgoUnderTest::nominal(&scenario.on(PlantKind::Kinematic));
-    let cell = Adversary::switches(SWITCHES).play(&ego, starts, watch)?;
+    let cell = Search::switches(SWITCHES).play(&ego, starts, watch)?;
     let indices: Vec<usize> = (0..starts.starts.len())
         .filter(|index| !starts.trivial[*index])
         .collect();

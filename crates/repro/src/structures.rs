@@ -7,11 +7,10 @@ use std::num::NonZeroU64;
 
 use serde::{Deserialize, Serialize};
 
-use brakecheck::adversary::AdoKind;
 use brakecheck::evaluation::AdaptedTo;
 use brakecheck::evaluation::{Evaluation, EvaluationError};
 use brakecheck::experiment::{EgoError, EgoUnderTest, Watch};
-use brakecheck::run_dir::{Row, RunDir};
+use brakecheck::run_dir::{AdversaryId, Row, RunDir};
 use brakecheck::stats::Outcomes;
 use brakecheck::world::Scenario;
 use brakecheck_report::report::table::TextTable;
@@ -168,7 +167,7 @@ impl StructureStudy<'_> {
         ego: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Result<Option<StructureRow>, EvaluationError> {
-        use AdoKind::{Constant, Hold, Switch, Trained};
+        use AdversaryId::{BestConstant, BestSwitch, Hold, Trained};
         let kin = kin(ego);
         let evaluated = |adapted: AdaptedAdo<'_>| self.evaluated(ego, adapted, watch);
         let base = AdaptedAdo {
@@ -180,7 +179,7 @@ impl StructureStudy<'_> {
         };
         // The baselines and the search are played once, with the first surrogate.
         let first = evaluated(AdaptedAdo {
-            ados: &[Trained, Hold, Constant, Switch],
+            ados: &[Trained, Hold, BestConstant, BestSwitch],
             search: Some(SWITCHES),
             ..base
         })?;
@@ -277,7 +276,7 @@ impl StructureStudy<'_> {
 /// Settings of an ado that adapts to an ego, and the ados and the search beside it.
 #[derive(Clone, Copy)]
 struct AdaptedAdo<'a> {
-    ados: &'a [AdoKind],
+    ados: &'a [AdversaryId],
     /// Runs of the ego that its surrogate is learned from.
     runs: u64,
     /// Tries per start.

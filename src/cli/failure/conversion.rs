@@ -3,10 +3,10 @@
 use std::fmt;
 use std::path::Path;
 
-use super::{Exit, Failure, MOST_NOTES, Note, not_allowed, placed};
+use super::{Exit, Failure, MOST_NOTES, Note, not_allowed, placed, plain_theme};
 use crate::adversary::AdversaryError;
 use crate::campaign::CampaignError;
-use crate::cli::{plain_theme, terminal};
+use crate::cli::terminal;
 use crate::crashes::{
     ExportRefusal, FindError, Inapplicable, NotExported, RegressionError, UnknownViewKind,
 };
@@ -367,7 +367,7 @@ from_input! {
     BankError: Run, Kept;
     SessionError: Ego, Run, Train, Config, Kept, Bank;
     PopulationError: Session, Run, Ego;
-    EvaluationError: Ego, Adversary, Theorems, Train, Kept, Run;
+    EvaluationError: Ego, Adversary, Search, Theorems, Train, Kept, Run;
     LeagueError: Session, Train, Run, Ego;
 }
 

@@ -94,7 +94,10 @@ impl CellMap {
                     y: (y.0.clone(), unit_of(&y.0), y.1.clone()),
                     at,
                     first: slice * cells,
-                    ados: all.iter().map(|(unit, _)| unit.ado.word()).collect(),
+                    ados: all
+                        .iter()
+                        .map(|(unit, _)| unit.ado.id.to_string())
+                        .collect(),
                     outcomes: all.iter().map(outcomes).collect(),
                     preventable: all.iter().map(preventable).collect(),
                 });

@@ -11,6 +11,7 @@ use super::play::UnitContext;
 use super::{estimate, workflow_files};
 use crate::experiment::{EgoUnderTest, TrivialStarts, Watch, consent, on_plant};
 use crate::ron_file::file_text;
+use crate::run_dir::AdversaryId;
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::stats::StartOutcome;
 use crate::testbench::FaultLog;
@@ -171,14 +172,14 @@ impl Checked {
         watch: &Watch<'_>,
     ) -> Result<Option<f64>, CampaignError> {
         let Some(alone) = alone else {
-            return Ok(Some(estimate::start_s(&ego, &unit.ado)));
+            return Ok(Some(estimate::start_s(&ego, &unit.ado.id)));
         };
         let world: &Scenario = &self.worlds[unit.world];
         consent(world, std::slice::from_ref(&ego))?;
         // An untrained ado costs about as much as any other ado that plays a whole episode.
-        let as_played = match &unit.ado {
-            PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => PlannedAdo::Held,
-            other => other.clone(),
+        let as_played = match &unit.ado.id {
+            AdversaryId::Trained => AdversaryId::Hold.into(),
+            _ => unit.ado.clone(),
         };
         let played = Unit {
             ado: as_played,
@@ -191,7 +192,7 @@ impl Checked {
             ego,
             ado: None,
         };
-        watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
+        watch.detail(&format!("{}, {}", world.name(), unit.ado.id));
         let (mut spent_s, mut alone_s, mut starts) = (0.0, 0.0, 0);
         // One fault among the starts is a matter of the piece that has it. An ego
         // that never runs makes no piece at all.

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::error::CampaignError;
 use super::piece::{Heading, PieceText, Unusable};
-use super::plan::{CampaignPiece, FORMAT, Plan, PlannedAdo, Unit, Work};
+use super::plan::{CampaignPiece, FORMAT, Plan, Unit, Work};
 use super::play::{LoadedAdo, UnitContext};
 use super::trivial_blocks::TrivialBlocks;
 use super::{piece, training};
@@ -430,14 +430,14 @@ impl PlanDir {
 
     /// Loads the trained ado of a unit, if any.
     fn ado(&self, unit: &Unit) -> Result<Option<LoadedAdo>, CampaignError> {
-        let (run, planned) = match &unit.ado {
-            PlannedAdo::Trained { run } => {
-                let run = &self.plan.ados[*run];
+        let (run, planned) = match (unit.ado.run, unit.ado.training) {
+            (Some(run), _) => {
+                let run = &self.plan.ados[run];
                 let there = training::finished(&self.dir.join(&run.dir))?;
                 (there, Some(&run.policy_sha256))
             }
-            PlannedAdo::Training { training } => (self.trained(*training)?, None),
-            _ => return Ok(None),
+            (None, Some(training)) => (self.trained(training)?, None),
+            (None, None) => return Ok(None),
         };
         let sha256 = run.manifest().policy_sha256.clone().unwrap_or_default();
         // The copy in the plan's directory may have been replaced since.

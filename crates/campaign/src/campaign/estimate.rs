@@ -3,8 +3,9 @@
 //! The numbers come from a single machine and are right within a factor of about three.
 //! They change the length of pieces but no result.
 
-use super::plan::{PlannedAdo, PlannedTraining};
+use super::plan::PlannedTraining;
 use crate::experiment::EgoUnderTest;
+use crate::run_dir::{AdversaryId, SearchSettings};
 use crate::scene::Dynamics;
 use crate::world::Scenario;
 
@@ -21,13 +22,16 @@ const FIRST_SEQUENCES: f64 = 15.0;
 const PER_SWITCH: f64 = 12.0;
 
 /// Estimates the processor time of a start, s, without the episode of [`alone_s`].
-pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
+pub(super) fn start_s(ego: &EgoUnderTest, ado: &AdversaryId) -> f64 {
     let scenario = ego.scenario();
     match ado {
-        PlannedAdo::Search {
-            method,
-            switches,
-            budget,
+        AdversaryId::Search {
+            settings:
+                Some(SearchSettings {
+                    method,
+                    switches,
+                    budget,
+                }),
         } => match method.as_str() {
             "switches" => {
                 let sequences = FIRST_SEQUENCES * libm::pow(PER_SWITCH, *switches as f64);

@@ -11,7 +11,7 @@ use super::dir::PlanDir;
 use super::error::CampaignError;
 use super::piece;
 use super::piece::{PIECES, PieceText, Unusable};
-use super::plan::{CampaignPiece, PlannedAdo, Work};
+use super::plan::{CampaignPiece, Work};
 use super::row::SummaryFields;
 use super::summary::{CampaignSummary, UnitCounts};
 use crate::experiment::Watch;
@@ -213,9 +213,7 @@ impl PlanDir {
                 None
             }
             Work::Starts { unit, .. } => {
-                let PlannedAdo::Training { training } = self.plan.units[*unit].ado else {
-                    return None;
-                };
+                let training = self.plan.units[*unit].ado.training?;
                 let trained = policies[training].as_ref()?;
                 (hash.as_ref() != Some(trained)).then(|| {
                     format!("foreign: it was played with another ado than piece {training} trained")

@@ -8,11 +8,11 @@ use serde_json::json;
 use super::file::RequestedStarts;
 use crate::content_hash::{BLANK, seal, sha256};
 use crate::evaluation::GateOn;
-use crate::run_dir::ChangedEgo;
+use crate::run_dir::{AdversaryId, ChangedEgo};
 use crate::sim::PlantKind;
 
 /// Version of the layout of plans and pieces.
-pub(super) const FORMAT: u32 = 1;
+pub(super) const FORMAT: u32 = 2;
 
 /// Campaign in pieces, which depend on nothing else.
 ///
@@ -108,60 +108,25 @@ pub struct Unit {
 
 /// Ado of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub(crate) enum PlannedAdo {
-    /// Neutral action all the time.
-    Neutral,
-    /// Random actions, each held for five decisions.
-    Held,
-    /// Random action at each decision.
-    Random,
-    /// Constant action.
-    Constant {
-        /// Number of the action.
-        action: usize,
-        /// Label of the action.
-        label: String,
-    },
-    /// Given actions, one per decision, the last action held.
-    Script {
-        /// Name in rows.
-        name: String,
-        /// Numbers of the actions.
-        actions: Vec<usize>,
-    },
-    /// Sequences of actions, searched per start.
-    Search {
-        /// Name, as given to `--method`.
-        method: String,
-        /// Largest number of action switches.
-        switches: usize,
-        /// Simulations per start.
-        budget: u64,
-    },
-    /// Trained ado of a run directory of the plan.
-    Trained {
-        /// Position of the run.
-        run: usize,
-    },
-    /// Ado that the campaign trains.
-    Training {
-        /// Position of the training.
-        training: usize,
-    },
+#[serde(deny_unknown_fields)]
+pub(crate) struct PlannedAdo {
+    /// Its id.
+    pub id: AdversaryId,
+    /// Position of the run whose policy it plays, for a trained ado of another run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<usize>,
+    /// Position of the training whose policy it plays, for an ado of the campaign.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub training: Option<usize>,
 }
 
-impl PlannedAdo {
-    /// Returns the name in rows.
-    pub fn word(&self) -> String {
-        match self {
-            PlannedAdo::Neutral => "neutral".to_owned(),
-            PlannedAdo::Held => "hold".to_owned(),
-            PlannedAdo::Random => "random".to_owned(),
-            PlannedAdo::Constant { label, .. } => format!("constant {label}"),
-            PlannedAdo::Script { name, .. } => name.clone(),
-            PlannedAdo::Search { .. } => "search".to_owned(),
-            PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => "trained".to_owned(),
+impl From<AdversaryId> for PlannedAdo {
+    /// Returns an ado without a policy.
+    fn from(id: AdversaryId) -> PlannedAdo {
+        PlannedAdo {
+            id,
+            run: None,
+            training: None,
         }
     }
 }
@@ -236,6 +201,12 @@ impl Plan {
         self.worlds.get(unit.world)?.plant
     }
 
+    /// Returns the seed of the training of an ado, if it was trained.
+    pub(super) fn train_seed(&self, ado: &PlannedAdo) -> Option<u64> {
+        let run = ado.run.and_then(|run| Some(self.ados.get(run)?.seed));
+        run.or_else(|| Some(self.trainings.get(ado.training?)?.seed))
+    }
+
     /// Returns the piece of a number.
     pub(crate) fn piece(&self, number: usize) -> Option<CampaignPiece> {
         // Trainings have the first numbers.
@@ -267,14 +238,9 @@ impl Plan {
             }
             Work::Starts { unit, starts } => {
                 let planned = self.units.get(*unit);
-                let run = planned.and_then(|planned| match planned.ado {
-                    PlannedAdo::Trained { run } => self.ados.get(run),
-                    _ => None,
-                });
-                let training = planned.and_then(|planned| match planned.ado {
-                    PlannedAdo::Training { training } => self.trainings.get(training),
-                    _ => None,
-                });
+                let run = planned.and_then(|planned| self.ados.get(planned.ado.run?));
+                let training =
+                    planned.and_then(|planned| self.trainings.get(planned.ado.training?));
                 // The gate and the boundary are read by the merge only, so they are
                 // not part of the question.
                 json!({
@@ -320,7 +286,7 @@ mod tests {
                 name: "nominal".to_owned(),
                 change: crate::world::Change::default(),
             },
-            ado: PlannedAdo::Held,
+            ado: AdversaryId::Hold.into(),
             starts,
             each,
         };

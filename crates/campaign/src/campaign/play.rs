@@ -3,9 +3,8 @@
 use std::ops::Range;
 
 use super::error::CampaignError;
-use super::plan::{Plan, PlannedAdo, Unit};
+use super::plan::{Plan, Unit};
 use super::row::StartRow;
-use crate::adversary::Ado;
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, TrivialStarts, Watch, check_repeatability, leaf,
 };
@@ -13,7 +12,7 @@ use crate::preventability::Avoidability;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scene::AfterContact;
-use crate::search::{Adversary, ExperimentCell, Method, MethodSettings, StartResult};
+use crate::search::{Adversary, ExperimentCell, PlayerParts, StartResult};
 use crate::severity::Impact;
 use crate::stats::StartOutcome;
 use crate::world::Scenario;
@@ -125,30 +124,13 @@ impl UnitContext<'_> {
         )
     }
 
-    fn adversary(&self) -> Result<Adversary<'_>, CampaignError> {
-        Ok(Adversary::Ado(match &self.unit.ado {
-            PlannedAdo::Neutral => return Ok(Adversary::Neutral),
-            PlannedAdo::Search {
-                method,
-                switches,
-                budget,
-            } => {
-                let settings = MethodSettings {
-                    switches: Some(*switches),
-                    stored: None,
-                };
-                let method = Method::named(method, &settings)?;
-                return Ok(Adversary::Search(method, *budget));
-            }
-            PlannedAdo::Held => Ado::Held,
-            PlannedAdo::Random => Ado::Random,
-            PlannedAdo::Constant { action, .. } => Ado::Constant(*action),
-            PlannedAdo::Script { actions, .. } => Ado::Script(actions),
-            PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => match &self.ado {
-                Some(ado) => Ado::Trained(&*ado.policy, ado.seed),
-                None => return Err(CampaignError::Fault("the ado was not loaded".to_owned())),
-            },
-        }))
+    fn adversary(&self) -> Result<Box<dyn Adversary + '_>, CampaignError> {
+        let parts = PlayerParts {
+            policy: self.ado.as_ref().map(|ado| (&*ado.policy, ado.seed)),
+            ..PlayerParts::default()
+        };
+        let player = parts.player(&self.unit.ado.id)?;
+        player.ok_or_else(|| CampaignError::Fault("the ado was not loaded".to_owned()))
     }
 
     /// Returns the row of a trivial start.
@@ -157,7 +139,7 @@ impl UnitContext<'_> {
             world: self.world.name().to_owned(),
             plant: self.ego.scenario().plant(),
             ego: self.ego.name().to_owned(),
-            ado: self.unit.ado.word(),
+            ado: self.unit.ado.id.to_string(),
             train_seed: self.ado.as_ref().map(|ado| ado.seed),
             start: start as u64,
             x: x.to_vec(),

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::cell_map::CellMap;
 use super::dir::PlanDir;
-use super::plan::{Plan, PlannedAdo, Unit};
+use super::plan::Unit;
 use super::row::SummaryFields;
 use super::unit_gate::UnitGate;
 use crate::evaluation::{GateContact, GateEgo};
@@ -155,12 +155,12 @@ impl CampaignSummary {
         let mut rows = Vec::new();
         for (nth, (unit, tally)) in units.iter().enumerate() {
             rows.push(row(dir, &units, unit, tally));
-            let PlannedAdo::Training { .. } = unit.ado else {
+            if unit.ado.training.is_none() {
                 continue;
-            };
+            }
             let is_mate = |other: &&(&Unit, &UnitCounts)| {
                 (other.0.world, &other.0.ego) == (unit.world, &unit.ego)
-                    && matches!(other.0.ado, PlannedAdo::Training { .. })
+                    && other.0.ado.training.is_some()
             };
             let mates: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(is_mate).collect();
             // The mean follows the last training of its group, so rows stay in plan order.
@@ -203,14 +203,6 @@ impl CampaignSummary {
     }
 }
 
-pub(super) fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
-    match unit.ado {
-        PlannedAdo::Trained { run } => plan.ados.get(run).map(|run| run.seed),
-        PlannedAdo::Training { training } => plan.trainings.get(training).map(|it| it.seed),
-        _ => None,
-    }
-}
-
 /// Returns the plant of a unit, as in rows.
 pub(super) fn plant(dir: &PlanDir, unit: &Unit) -> Dynamics {
     match unit.ego.change.plant {
@@ -223,8 +215,7 @@ pub(super) fn plant(dir: &PlanDir, unit: &Unit) -> Dynamics {
 /// Returns the share of the starts solved by a search that an ado solves too.
 fn recall(units: &[(&Unit, &UnitCounts)], unit: &Unit, tally: &UnitCounts) -> Option<f64> {
     let is_search = |(other, _): &&(&Unit, &UnitCounts)| {
-        (other.world, &other.ego) == (unit.world, &unit.ego)
-            && matches!(other.ado, PlannedAdo::Search { .. })
+        (other.world, &other.ego) == (unit.world, &unit.ego) && other.ado.id.is_search()
     };
     let (_, searched) = units.iter().find(is_search)?;
     let fails = |one: &StartOutcome| *one == StartOutcome::Solved;
@@ -244,6 +235,7 @@ fn row(
     tally: &UnitCounts,
 ) -> SummaryRow {
     let plan = dir.plan();
+    let train_seed = plan.train_seed(&unit.ado);
     let fails = tally.of_kind(StartOutcome::Solved);
     let [held, fouls, uncounted] = [
         StartOutcome::Held,
@@ -262,19 +254,18 @@ fn row(
         world: dir.world(unit).name().to_owned(),
         plant: plant(dir, unit),
         ego: unit.ego.name.clone(),
-        ado: unit.ado.word(),
-        train_seed: train_seed(plan, unit),
-        trainings: usize::from(train_seed(plan, unit).is_some()),
+        ado: unit.ado.id.to_string(),
+        train_seed,
+        trainings: usize::from(train_seed.is_some()),
         starts,
         trivial: tally.of_kind(StartOutcome::Trivial),
         fails,
         success_rate: fails as f64 / starts.max(1) as f64,
         ci95: wilson(fails, starts),
         at_most: (fails == 0 && starts > 0).then(|| at_most(starts)),
-        recall: match unit.ado {
-            PlannedAdo::Search { .. } => None,
-            _ => recall(units, unit, tally),
-        },
+        recall: (!unit.ado.id.is_search())
+            .then(|| recall(units, unit, tally))
+            .flatten(),
         fouls,
         uncounted,
         contacts: tally.contacts,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::dir::PlanDir;
 use super::plan::Unit;
-use super::summary::{UnitCounts, plant, train_seed};
+use super::summary::{UnitCounts, plant};
 use crate::evaluation::{DecidedGate, Gate, GateOn, NotRun};
 use crate::scene::Dynamics;
 
@@ -47,8 +47,8 @@ impl UnitGate {
                 Some(UnitGate {
                     world: dir.world(unit).name().to_owned(),
                     plant: plant(dir, unit),
-                    ado: unit.ado.word(),
-                    train_seed: train_seed(dir.plan(), unit),
+                    ado: unit.ado.id.to_string(),
+                    train_seed: dir.plan().train_seed(&unit.ado),
                     decided: gate.decided(on),
                 })
             })

@@ -1,7 +1,7 @@
 //! Files for external engines: Snakemake and a plain Slurm array.
 
 use super::piece::name_of;
-use super::plan::{Plan, PlannedAdo, Work};
+use super::plan::{Plan, Work};
 
 /// Writes a Snakefile for Snakemake 8 or later that runs, retries and merges the pieces.
 pub(super) fn snakefile(plan: &Plan) -> String {
@@ -67,7 +67,7 @@ fn needs_of(plan: &Plan) -> Vec<(usize, usize, usize)> {
         let Work::Starts { unit, .. } = piece.work else {
             continue;
         };
-        let PlannedAdo::Training { training } = plan.units[unit].ado else {
+        let Some(training) = plan.units[unit].ado.training else {
             continue;
         };
         match needs.last_mut() {

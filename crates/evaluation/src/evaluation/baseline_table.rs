@@ -4,7 +4,7 @@ use super::blocking_rules::{RuleAblation, in_the_way};
 use super::composed::{composed, is_composed};
 use crate::experiment::{EgoError, EgoUnderTest, Watch, check_repeatability, consent, test_starts};
 use crate::run_dir::Row;
-use crate::search::{Adversary, Experiment};
+use crate::search::{Adversary, BASELINES, Experiment, Search};
 use crate::world::Scenario;
 
 /// Rows of baselines and search, ego by ego.
@@ -54,10 +54,10 @@ pub fn untrained(
             all.rows.extend(rows.into_iter().map(alone));
             continue;
         }
-        let searched = [Adversary::switches(switches)].into_iter();
+        let search: &dyn Adversary = &Search::switches(switches);
         let experiment = Experiment {
             ego,
-            adversaries: searched.chain(Adversary::BASELINES).collect(),
+            adversaries: [search].into_iter().chain(BASELINES).collect(),
             starts: &starts,
         };
         let mut rows = experiment.rows(watch);

@@ -11,7 +11,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
-use crate::search::{Adversary, Cem};
+use crate::search::{Adversary, Cem, Search};
 use crate::world::Scenario;
 
 /// Most starts that are searched again.
@@ -60,13 +60,16 @@ pub(super) fn in_the_way(
         return None;
     }
     watch.phase("searching without rules, one rule left out at a time");
-    let solved_by = |search: Adversary<'_>, world: Scenario| {
+    let solved_by = |search: Search<'_>, world: Scenario| {
         let cell = search.play(&ego.in_world(world), &few, &watch.quiet());
         cell.map_or(0, |cell| cell.row.successes)
     };
-    let sampling = Adversary::Search(Cem::default().into(), SIMULATIONS);
+    let sampling = Search {
+        method: Cem::default().into(),
+        budget: SIMULATIONS,
+    };
     let within_rules = solved_by(sampling, scenario.clone());
-    let solved = |world| solved_by(Adversary::switches(switches), world);
+    let solved = |world| solved_by(Search::switches(switches), world);
     let without_all = match within_rules {
         0 => solved(scenario.without_rules(|_| true)),
         _ => 0,

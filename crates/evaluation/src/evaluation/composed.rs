@@ -16,7 +16,7 @@ pub(super) fn is_composed(world: &Scenario) -> bool {
 
 /// Plays the placed ados of a world against an ego: all, then without each of them.
 pub(super) fn composed(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) -> Vec<Row> {
-    let play = |ego: &EgoUnderTest| Adversary::Ado(Ado::Composed).play(ego, starts, watch);
+    let play = |ego: &EgoUnderTest| Ado::Composed.play(ego, starts, watch);
     let mut rows: Vec<Row> = play(ego).map(|cell| cell.row).into_iter().collect();
     // One at a time: all pairs of more than two ados would be too many rows.
     let ados = ego.scenario().judged_ados();

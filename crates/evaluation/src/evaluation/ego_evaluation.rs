@@ -1,12 +1,12 @@
 //! Evaluation of all ados against an ego.
 
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
-use crate::adversary::{Ado, AdoKind, Baselines, BestOfN, EvalRequest, GridPolicy, eval};
+use crate::adversary::{Ado, Baselines, BestOfN, EvalRequest, GridPolicy, eval};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::rl::Policy;
 use crate::run_dir::{AdversaryId, Row};
-use crate::search::{Adversary, ExperimentCell, Hold};
+use crate::search::{Adversary, ExperimentCell, Hold, PlayerParts, Search};
 use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::training::retrained;
 use crate::world::Repeats;
@@ -28,40 +28,35 @@ pub(super) struct EgoEvaluation<'a> {
 
 impl<'a> EgoEvaluation<'a> {
     pub(super) fn play(&mut self) -> Result<(), EvaluationError> {
-        let baselines = self.baselines;
-        for &kind in &baselines.ados {
-            for ado in baselines.made(kind) {
-                self.add(Adversary::Ado(ado));
+        for id in self.evaluation.ados {
+            if let Some(policy) = GridPolicy::of(id) {
+                self.on_grid(policy)?;
+                continue;
             }
-            match kind {
-                AdoKind::Trained | AdoKind::All => {
+            match id {
+                AdversaryId::Trained => {
                     self.trained();
                     self.sampled();
                 }
-                AdoKind::Without => self.without_each(),
-                AdoKind::Constant => self.add(Adversary::BestConstant),
-                AdoKind::Switch => self.add(Adversary::BestSwitch),
-                AdoKind::Retrained => self.retrained()?,
-                AdoKind::Chaser => {
-                    let row = self.on_grid(GridPolicy::Chaser)?.map(|cell| cell.row);
-                    self.rows.extend(row);
-                }
-                AdoKind::Optimal => {
-                    let cell = self.on_grid(GridPolicy::Optimal)?;
-                    self.rows.extend(cell.iter().map(|cell| cell.row.clone()));
-                    // Files are named after world and ego, so those of the trained ado
-                    // take precedence.
-                    if !baselines.ados.contains(&AdoKind::Trained) {
-                        self.found = cell;
-                    }
-                }
+                AdversaryId::Without { .. } => self.without(id),
+                AdversaryId::Retrained => self.retrained()?,
                 // A fair baseline for a learned ego gets as many runs as learning takes.
-                AdoKind::Hold => {
+                AdversaryId::Hold => {
+                    self.add(&Ado::Held);
                     if let Some(runs) = self.evaluation.runs {
                         self.held_for_as_much(runs.get());
                     }
                 }
-                AdoKind::Random | AdoKind::Heuristic | AdoKind::Replays => {}
+                other => {
+                    let parts = PlayerParts {
+                        policy: Some((self.policy, self.evaluation.run.manifest().seed)),
+                        heuristic: self.baselines.heuristic.as_ref(),
+                        stored: self.baselines.stored.as_ref(),
+                    };
+                    if let Some(player) = parts.player(other)? {
+                        self.add(&*player);
+                    }
+                }
             }
         }
         // The adapted ado comes after the reused ado and the baselines that it must
@@ -71,18 +66,18 @@ impl<'a> EgoEvaluation<'a> {
         }
         // The search comes last, because every row is compared with it.
         if let Some(switches) = self.evaluation.search {
-            self.add(Adversary::switches(switches));
+            self.add(&Search::switches(switches));
             Row::compare_with_last(&mut self.rows);
         }
         Ok(())
     }
 
-    fn row(&self, adversary: Adversary<'_>) -> Option<Row> {
+    fn row(&self, adversary: &dyn Adversary) -> Option<Row> {
         let cell = adversary.play(self.ego, self.starts, self.watch)?;
         Some(cell.row)
     }
 
-    fn add(&mut self, adversary: Adversary<'_>) {
+    fn add(&mut self, adversary: &dyn Adversary) {
         self.rows.extend(self.row(adversary));
     }
 
@@ -96,7 +91,10 @@ impl<'a> EgoEvaluation<'a> {
         let spent = runs + starts * self.evaluation.tries;
         // Rounded up, so the baseline never gets fewer runs.
         let budget = spent.div_ceil(starts.max(1));
-        let row = self.row(Adversary::Search(Hold.into(), budget));
+        let row = self.row(&Search {
+            method: Hold.into(),
+            budget,
+        });
         self.rows.extend(row.map(|row| Row {
             ado: AdversaryId::Hold,
             method: format!("at most {budget} runs per start, as many as adapting takes"),
@@ -158,27 +156,33 @@ impl<'a> EgoEvaluation<'a> {
             }));
         let seed = self.evaluation.run.manifest().seed;
         let ado = Ado::Sampled(self.policy, seed, sampling.temperature);
-        if let Some(cell) = Adversary::Ado(ado).play(&ego, self.starts, self.watch) {
+        if let Some(cell) = ado.play(&ego, self.starts, self.watch) {
             self.rows.push(cell.row);
         }
     }
 
-    /// Plays the trained ado without each of its ados in turn, if it has several.
-    fn without_each(&mut self) {
+    /// Plays the trained ado without one of several: one of its own, or a placed one.
+    fn without(&mut self, id: &AdversaryId) {
         let (world, seed) = (self.ego.scenario(), self.evaluation.run.manifest().seed);
-        let parts = &world.spaces().parts;
-        for part in parts.iter().filter(|_| parts.len() > 1) {
-            self.add(Adversary::Ado(Ado::Without(self.policy, seed, &part.name)));
+        let Some(left_out) = id.left_out() else {
+            return;
+        };
+        let own = world.spaces().parts.iter();
+        if own
+            .map(|part| part.name.as_str())
+            .any(|name| name == left_out)
+        {
+            self.add(&Ado::Without(self.policy, seed, left_out));
+            return;
         }
-        for placed in world.judged_ados() {
-            let others = self.ego.in_world(world.with_idle_ados(|ado| ado == placed));
-            let trained = Adversary::Ado(Ado::Trained(self.policy, seed));
-            let cell = trained.play(&others, self.starts, self.watch);
-            self.rows.extend(cell.map(|cell| Row {
-                ado: AdversaryId::without(placed),
-                ..cell.row
-            }));
-        }
+        let others = self
+            .ego
+            .in_world(world.with_idle_ados(|ado| ado == left_out));
+        let cell = Ado::Trained(self.policy, seed).play(&others, self.starts, self.watch);
+        self.rows.extend(cell.map(|cell| Row {
+            ado: id.clone(),
+            ..cell.row
+        }));
     }
 
     /// Plays the ado that plans in a surrogate of this ego, unless stopped.
@@ -228,19 +232,25 @@ impl<'a> EgoEvaluation<'a> {
         let policy = own.policy()?;
         let ado = Ado::Trained(&*policy, run.manifest().seed);
         let method = own.scenario()?.learner.name().to_lowercase();
-        self.rows
-            .extend(self.row(Adversary::Ado(ado)).map(|row| Row {
-                ado: AdversaryId::Retrained,
-                method,
-                ..row
-            }));
+        self.rows.extend(self.row(&ado).map(|row| Row {
+            ado: AdversaryId::Retrained,
+            method,
+            ..row
+        }));
         Ok(())
     }
 
-    fn on_grid(&self, rule: GridPolicy) -> Result<Option<ExperimentCell>, EvaluationError> {
+    /// Plays a rule of grid worlds, whose counterexamples are kept if none are trained.
+    fn on_grid(&mut self, rule: GridPolicy) -> Result<(), EvaluationError> {
         // These ados use both positions, so they play in the fully observed world.
         let (whole, policy) = rule.policy(self.ego)?;
-        let ado = Adversary::Ado(rule.ado(&policy));
-        Ok(ado.play(&whole, self.starts, self.watch))
+        let cell = rule.ado(&policy).play(&whole, self.starts, self.watch);
+        self.rows.extend(cell.iter().map(|cell| cell.row.clone()));
+        // Files are named after world and ego, so those of the trained ado take precedence.
+        let is_optimal = matches!(rule, GridPolicy::Optimal);
+        if is_optimal && !self.evaluation.ados.contains(&AdversaryId::Trained) {
+            self.found = cell;
+        }
+        Ok(())
     }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::adversary::AdversaryError;
 use crate::experiment::EgoError;
 use crate::run_dir::{KeptError, RunError};
+use crate::search::SearchError;
 use crate::surrogate::LEAST_RUNS;
 use crate::theorems::TheoremsError;
 use crate::training::TrainError;
@@ -60,6 +61,9 @@ pub enum EvaluationError {
     /// A baseline does not apply.
     #[error(transparent)]
     Adversary(#[from] AdversaryError),
+    /// A search is not possible.
+    #[error(transparent)]
+    Search(#[from] SearchError),
     /// A theorem does not apply.
     #[error(transparent)]
     Theorems(#[from] TheoremsError),
@@ -90,6 +94,7 @@ impl EvaluationError {
                 "`--with` shows runs whose world files are equal to the letter".to_owned()
             }
             EvaluationError::Ego(error) => return error.help(),
+            EvaluationError::Search(error) => error.help(),
             EvaluationError::Adversary(error) => return error.help().map(str::to_owned),
             EvaluationError::Theorems(_)
             | EvaluationError::Train(_)

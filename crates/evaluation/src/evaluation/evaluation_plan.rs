@@ -2,10 +2,10 @@
 
 use std::num::NonZeroU64;
 
-use crate::adversary::{AdoKind, GridPolicy};
+use crate::adversary::GridPolicy;
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::EgoUnderTest;
-use crate::run_dir::RunDir;
+use crate::run_dir::{AdversaryId, RunDir};
 use crate::stl::Explanation;
 use crate::surrogate::LEAST_RUNS;
 use crate::testbench::Sampling;
@@ -20,8 +20,8 @@ pub struct Evaluation<'a> {
     pub nominal: &'a Scenario,
     /// Egos under test.
     pub egos: &'a [EgoUnderTest],
-    /// Ados to evaluate.
-    pub ados: &'a [AdoKind],
+    /// Adversaries to evaluate, such as those of an [`AdoGroup`](crate::adversary::AdoGroup).
+    pub ados: &'a [AdversaryId],
     /// Number of test starts and seed of their stream.
     pub starts: (usize, u64),
     /// Largest number of switches of a search for comparison, if any.
@@ -49,12 +49,7 @@ impl Evaluation<'_> {
 
     /// Checks that the optimal ado, if requested, can be made in the world of each ego.
     pub(super) fn can_solve(&self) -> Result<(), EvaluationError> {
-        let is_requested = |kind: &AdoKind| match kind {
-            AdoKind::Optimal => true,
-            AdoKind::All => self.nominal.grid().is_some(),
-            _ => false,
-        };
-        if self.ados.iter().any(is_requested) {
+        if self.ados.contains(&GridPolicy::Optimal.id()) {
             for ego in self.egos {
                 GridPolicy::admits_optimal(ego.scenario())?;
             }

@@ -10,6 +10,7 @@ use std::path::Path;
 use indexmap::IndexMap;
 use serde::Serialize;
 
+use crate::adversary::Ado;
 use crate::crashes::{KeepSettings, KeptFiles, copies, description};
 use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, leaf, untried_starts,
@@ -17,7 +18,7 @@ use crate::experiment::{
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
 use crate::run_dir::{KeptError, Row};
-use crate::search::{Adversary, ExperimentCell, SWITCHES, SWITCHES_OF_PROGRAMS};
+use crate::search::{Adversary, ExperimentCell, SWITCHES, SWITCHES_OF_PROGRAMS, Search};
 use crate::stats::StartOutcome;
 use crate::testbench::{Episode, Film, Testbench, film_beyond};
 use crate::world::Scenario;
@@ -149,7 +150,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         (None, false) => count,
     };
     let starts = untried_starts(scenario, seed, most);
-    let neutral = Adversary::Neutral.play(request.ego, &starts, watch)?;
+    let neutral = Ado::Neutral.play(request.ego, &starts, watch)?;
     if neutral.results.iter().all(Option::is_none) {
         return None;
     }
@@ -166,7 +167,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     if let Some(switches) = switches {
         watch.phase(&format!("variations: {}", request.ego.name()));
         let passed = evaluated.passed();
-        evaluated.varied = Adversary::switches(switches).play(request.ego, &passed, watch);
+        evaluated.varied = Search::switches(switches).play(request.ego, &passed, watch);
         rows.extend(evaluated.varied.iter().map(|cell| cell.row.clone()));
     }
     check_repeatability(request.ego, &starts, &mut rows, watch);

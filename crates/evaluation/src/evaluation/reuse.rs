@@ -118,8 +118,8 @@ pub(super) fn reused_with_coasting(
         trivial: vec![false; starts.starts.len()],
         ..starts.clone()
     };
-    let neutral = Ado::Constant(ego.scenario().world().spaces().neutral);
-    let alone = ExperimentCell::evaluated(ego, &all, eval(&ego.against(neutral, &all), watch));
+    let evaluated = eval(&ego.against(Ado::Neutral, &all), watch);
+    let alone = ExperimentCell::evaluated(ego, &all, evaluated);
     let coasting = &alone.row;
     let whole = coasting.partial.is_none();
     for row in &mut rows {
@@ -130,7 +130,7 @@ pub(super) fn reused_with_coasting(
     }
     let search = rows
         .iter()
-        .find(|row| row.ado == AdversaryId::Search)
+        .find(|row| row.ado.is_search())
         .filter(|row| row.partial.is_none());
     let reused = ReusedOn {
         ego: ego.name().to_owned(),

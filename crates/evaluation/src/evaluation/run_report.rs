@@ -155,7 +155,7 @@ impl<'a> ReportRequest<'a> {
         let own = EgoUnderTest::nominal(self.scenario);
         let policy = self.run.policy()?;
         let ado = Ado::Trained(&*policy, self.run.manifest().seed);
-        let cell = Adversary::Ado(ado).play(&own, &starts, watch);
+        let cell = ado.play(&own, &starts, watch);
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));
@@ -205,7 +205,7 @@ impl<'a> ReportRequest<'a> {
                 if ego.name() == "nominal" && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
-                let cell = Adversary::Ado(ado).play(ego, &own, watch);
+                let cell = ado.play(ego, &own, watch);
                 report.tested.extend(cell.map(tested));
             }
             let rows = report.tested.iter_mut().map(|tested| &mut tested.row);

@@ -142,7 +142,7 @@ impl Trained<'_> {
         watch: &Watch<'_>,
     ) -> Option<Row> {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
-        let mut cell = Adversary::Ado(ado).play(ego, starts, watch)?;
+        let mut cell = ado.play(ego, starts, watch)?;
         cell.row.compare_with_search(&searched.row.solved);
         cell.row.warning = self.run.warning();
         Some(cell.row)

@@ -21,6 +21,8 @@ pub enum Ado<'a> {
     Without(&'a dyn Policy, u64, &'a str),
     /// The action without effect, beside the placed ados of the world.
     Composed,
+    /// The neutral action throughout, so that the ego fails by itself or not at all.
+    Neutral,
     /// A uniformly random action at each decision.
     Random,
     /// A uniformly random action, held for five decisions.
@@ -45,11 +47,12 @@ impl Ado<'_> {
             Ado::Sampled(..) => AdversaryId::Sampled,
             Ado::Without(_, _, name) => AdversaryId::without(name),
             Ado::Composed => AdversaryId::Composed,
+            Ado::Neutral => AdversaryId::Neutral,
             Ado::Random => AdversaryId::Random,
             Ado::Held => AdversaryId::Hold,
-            Ado::Constant(action) => AdversaryId::Constant { action },
+            Ado::Constant(action) => AdversaryId::Constant { action, name: None },
             Ado::Rule(_, name, _) => name.into(),
-            Ado::Script(_) => AdversaryId::Script,
+            Ado::Script(_) => "script".into(),
             Ado::Heuristic(_) => AdversaryId::Heuristic,
             Ado::Replays(_, nearest) => AdversaryId::Replays { nearest },
         }
@@ -66,6 +69,7 @@ impl Ado<'_> {
                 format!("{name}, drawn at temperature {temperature}")
             }
             Ado::Composed => format!("placed: {}", scenario.judged_ados().join(", ")),
+            Ado::Neutral => scenario.action_label(scenario.world().spaces().neutral),
             Ado::Random => "random".to_owned(),
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
@@ -85,7 +89,7 @@ impl Ado<'_> {
                 Box::new(SampledPolicy::new(policy, temperature, run))
             }
             Ado::Without(policy, _, ado) => Box::new(WithoutAdo::new(policy, spaces, ado)),
-            Ado::Composed => Box::new(Constant(spaces.neutral)),
+            Ado::Composed | Ado::Neutral => Box::new(Constant(spaces.neutral)),
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),

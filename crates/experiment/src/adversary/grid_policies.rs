@@ -6,6 +6,7 @@ use crate::experiment::EgoUnderTest;
 use crate::grid_solver::exact::chase;
 use crate::grid_solver::game_graph::GameGraph;
 use crate::grid_solver::position_policy::{NoOptimalPolicy, PositionPolicy};
+use crate::run_dir::AdversaryId;
 use crate::world::Scenario;
 
 /// Untrained ados of grid worlds, which observe both positions.
@@ -28,12 +29,31 @@ impl GridPolicy {
         admitted.map_err(|source| not_optimal(scenario, source.into()))
     }
 
+    /// Returns the policy of an adversary. `None`: it is another adversary.
+    pub fn of(id: &AdversaryId) -> Option<GridPolicy> {
+        let mut all = [GridPolicy::Optimal, GridPolicy::Chaser].into_iter();
+        all.find(|policy| policy.id() == *id)
+    }
+
+    /// Returns the identity in rows.
+    pub fn id(self) -> AdversaryId {
+        self.name().into()
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            GridPolicy::Optimal => "optimal",
+            GridPolicy::Chaser => "chaser",
+        }
+    }
+
     /// Returns the ado that plays a policy.
     pub fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
-        match self {
-            GridPolicy::Optimal => Ado::Rule(policy, "optimal", "backward induction"),
-            GridPolicy::Chaser => Ado::Rule(policy, "chaser", "along the larger axis"),
-        }
+        let method = match self {
+            GridPolicy::Optimal => "backward induction",
+            GridPolicy::Chaser => "along the larger axis",
+        };
+        Ado::Rule(policy, self.name(), method)
     }
 
     /// Returns the ego in the fully observed world, and the rule's policy there.

@@ -1,6 +1,7 @@
 //! Adversaries: ados of a row, and the rollout that makes the row.
 
 mod ado;
+mod ado_group;
 mod baselines;
 pub mod best_of_n;
 mod error;
@@ -14,7 +15,7 @@ mod without_ado;
 pub use crate::grid_solver::game_graph::NotSolvable;
 pub use crate::grid_solver::position_policy::{Indistinct, NoOptimalPolicy};
 pub use ado::Ado;
-pub use baselines::AdoKind;
+pub use ado_group::{ADO_GROUPS, AdoGroup};
 pub use baselines::Baselines;
 pub use best_of_n::BestOfN;
 pub use error::AdversaryError;

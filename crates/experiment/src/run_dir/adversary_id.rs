@@ -4,7 +4,9 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
-/// Adversary of a row. Rows are compared by it, never by a caption.
+/// Adversary of rows, of campaigns and of `--ado`, with all that its player requires.
+///
+/// Rows are compared by it, never by a caption. `search::Player` makes its player.
 ///
 /// In JSON it is `adversary`, beside the caption `ado`. A row of an earlier
 /// version has the word `ado` only, which is then the name of its adversary.
@@ -34,6 +36,9 @@ pub enum AdversaryId {
     Constant {
         /// Joint action.
         action: usize,
+        /// Caption: `constant` and the label of the action. Rows leave it out.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
     },
     /// Neutral action throughout.
     Neutral,
@@ -42,7 +47,14 @@ pub enum AdversaryId {
     /// Acceleration and then braking, with the most successful moment.
     BestSwitch,
     /// Given sequence of actions.
-    Script,
+    Script {
+        /// Name given by its author.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        name: Option<String>,
+        /// Joint actions, one per decision, the last one held. Rows leave them out.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        actions: Vec<usize>,
+    },
     /// Tuned rule.
     Heuristic,
     /// Nearest stored counterexamples.
@@ -51,7 +63,11 @@ pub enum AdversaryId {
         nearest: usize,
     },
     /// Search of every start.
-    Search,
+    Search {
+        /// Settings of the search. Rows leave them out and have the method in words.
+        #[serde(flatten)]
+        settings: Option<SearchSettings>,
+    },
     /// Adversary that only its name identifies.
     Named {
         /// Name given by its author.
@@ -59,13 +75,42 @@ pub enum AdversaryId {
     },
 }
 
+/// Settings of a search.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct SearchSettings {
+    /// Name of the method, as given to `--method`.
+    pub method: String,
+    /// Largest number of action switches.
+    pub switches: usize,
+    /// Simulations per start.
+    pub budget: u64,
+}
+
+/// Beginning of the caption of several ados without one.
+const WITHOUT: &str = "without ";
 /// Number of replays in rows of earlier versions, which name no number.
 const FORMER_REPLAYS: usize = 10;
 
 impl AdversaryId {
+    /// Search, as in rows.
+    pub const SEARCH: AdversaryId = AdversaryId::Search { settings: None };
+
+    /// Returns whether it is a search of every start.
+    pub fn is_search(&self) -> bool {
+        matches!(self, AdversaryId::Search { .. })
+    }
+
     /// Returns the caption in tables, pages and messages.
     pub fn caption(&self) -> &str {
         match self {
+            AdversaryId::Constant {
+                name: Some(name), ..
+            }
+            | AdversaryId::Script {
+                name: Some(name), ..
+            }
+            | AdversaryId::Named { name }
+            | AdversaryId::Without { name } => name,
             AdversaryId::Trained => "trained",
             AdversaryId::Adapted => "adapted",
             AdversaryId::Retrained => "retrained",
@@ -74,23 +119,28 @@ impl AdversaryId {
             AdversaryId::Constant { .. } | AdversaryId::BestConstant => "constant",
             AdversaryId::Neutral => "neutral",
             AdversaryId::BestSwitch => "switch",
-            AdversaryId::Script => "script",
+            AdversaryId::Script { .. } => "script",
             AdversaryId::Heuristic => "heuristic",
             AdversaryId::Replays { nearest: 1 } => "replay",
             AdversaryId::Replays { .. } => "replays",
-            AdversaryId::Search => "search",
+            AdversaryId::Search { .. } => "search",
             AdversaryId::Sampled => "sampled",
             AdversaryId::Composed => "composed",
-            AdversaryId::Named { name } | AdversaryId::Without { name } => name,
         }
     }
-}
 
-impl AdversaryId {
     /// Returns the identity of several ados without one.
     pub fn without(ado: &str) -> AdversaryId {
         AdversaryId::Without {
-            name: format!("without {ado}"),
+            name: format!("{WITHOUT}{ado}"),
+        }
+    }
+
+    /// Returns the ado that is left out, if one is.
+    pub fn left_out(&self) -> Option<&str> {
+        match self {
+            AdversaryId::Without { name } => name.strip_prefix(WITHOUT),
+            _ => None,
         }
     }
 }
@@ -116,13 +166,16 @@ impl From<&str> for AdversaryId {
             // Rows of single constants were never written.
             "constant" => AdversaryId::BestConstant,
             "switch" => AdversaryId::BestSwitch,
-            "script" => AdversaryId::Script,
+            "script" => AdversaryId::Script {
+                name: None,
+                actions: Vec::new(),
+            },
             "heuristic" => AdversaryId::Heuristic,
             "replay" => AdversaryId::Replays { nearest: 1 },
             "replays" => AdversaryId::Replays {
                 nearest: FORMER_REPLAYS,
             },
-            "search" => AdversaryId::Search,
+            "search" => AdversaryId::SEARCH,
             other => AdversaryId::Named {
                 name: other.to_owned(),
             },
@@ -177,7 +230,10 @@ mod tests {
 
     #[test]
     fn an_adversary_is_read_by_its_id_and_in_earlier_rows_by_its_name() {
-        let held = AdversaryId::Constant { action: 2 };
+        let held = AdversaryId::Constant {
+            action: 2,
+            name: None,
+        };
         let written = serde_json::to_value(Keys(held.clone())).expect("JSON");
         let id = json!({ "kind": "constant", "action": 2 });
         assert_eq!(written, json!({ "ado": "constant", "adversary": id }));

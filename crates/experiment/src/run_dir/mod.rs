@@ -58,8 +58,8 @@ pub use about::{
     About, Answer, Decisive, Effort, EgoRuns, LastChance, NoAnswer, NotAsked, Persistence,
     Severity, Shrunk, Variation, Why,
 };
-pub use adversary_id::AdversaryId;
 pub use adversary_id::keys as adversary_keys;
+pub use adversary_id::{AdversaryId, SearchSettings};
 pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};

@@ -3,10 +3,9 @@
 //! Policies and searches are adversaries alike. Each gives a cell: its row, its result
 //! per start, and the records from which its successes are played again.
 
-use super::list::{Method, Switches};
-use super::request::SearchRequest;
-use super::{Searched, search};
-use crate::adversary::{Ado, Evaluated, RecordedSuccess, best_constant, best_then_brake, eval};
+use super::Searched;
+use super::player::Adversary;
+use crate::adversary::{Evaluated, RecordedSuccess};
 use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch};
 use crate::rulebook::Verdict;
 use crate::run_dir::{AdversaryId, Row};
@@ -19,30 +18,13 @@ use crate::testbench::{Episode, Testbench};
 /// Most successes of a row to which the reference drivers are applied.
 const JUDGED: usize = 20;
 
-/// Adversary of an experiment.
-#[derive(Clone, Copy)]
-pub enum Adversary<'a> {
-    /// Ado that plays each start.
-    Ado(Ado<'a>),
-    /// Neutral action throughout, so that the ego fails by itself or not at all.
-    Neutral,
-    /// Constant action that succeeds most often.
-    BestConstant,
-    /// Acceleration and then braking, with the most successful moment.
-    ///
-    /// It gives no cell in a world where the ado cannot do both.
-    BestSwitch,
-    /// Search of each start with a number of simulations, 0 for methods without a budget.
-    Search(Method<'a>, u64),
-}
-
 /// Adversaries against an ego, from the same test starts.
 #[derive(Clone)]
 pub struct Experiment<'a> {
     /// Ego under test, in its world.
     pub ego: &'a EgoUnderTest,
     /// Adversaries, in the order of their cells.
-    pub adversaries: Vec<Adversary<'a>>,
+    pub adversaries: Vec<&'a dyn Adversary>,
     /// Test starts.
     pub starts: &'a TestStarts,
 }
@@ -78,54 +60,6 @@ pub struct StartResult {
     /// Physics steps spent.
     pub physics_steps: u64,
     pub(crate) success: Option<RecordedSuccess>,
-}
-
-impl<'a> Adversary<'a> {
-    /// Ados that anything learned must beat.
-    pub const BASELINES: [Adversary<'static>; 3] = [
-        Adversary::Ado(Ado::Held),
-        Adversary::Ado(Ado::Random),
-        Adversary::BestConstant,
-    ];
-
-    /// Returns the search of all sequences with at most a number of action switches.
-    pub fn switches(most: usize) -> Adversary<'a> {
-        Adversary::Search(Switches(most).into(), 0)
-    }
-
-    /// Plays the adversary against an ego. `None`: it does not apply to the world.
-    pub fn play(
-        self,
-        ego: &EgoUnderTest,
-        starts: &TestStarts,
-        watch: &Watch<'_>,
-    ) -> Option<ExperimentCell> {
-        let evaluated = match self {
-            Adversary::Ado(ado) => eval(&ego.against(ado, starts), watch),
-            Adversary::Neutral => {
-                let neutral = Ado::Constant(ego.scenario().world().spaces().neutral);
-                let mut evaluated = eval(&ego.against(neutral, starts), watch);
-                evaluated.row.ado = AdversaryId::Neutral;
-                evaluated
-            }
-            Adversary::BestConstant => best_constant(ego, starts, watch),
-            Adversary::BestSwitch => best_then_brake(ego, starts, watch)?,
-            Adversary::Search(method, budget) => {
-                let request = SearchRequest {
-                    scenario: ego.scenario(),
-                    ego: ego.name(),
-                    method,
-                    budget,
-                    starts,
-                };
-                let searched = search(&request, watch);
-                let cell = ExperimentCell::searched(ego, starts, searched);
-                return Some(cell.with_judged_contacts(watch));
-            }
-        };
-        let cell = ExperimentCell::evaluated(ego, starts, evaluated);
-        Some(cell.with_judged_contacts(watch))
-    }
 }
 
 impl Experiment<'_> {
@@ -314,7 +248,9 @@ impl ExperimentCell {
 
 #[cfg(test)]
 mod tests {
+    use super::super::player::{BASELINES, BestSwitch, Search};
     use super::*;
+    use crate::adversary::Ado;
     use crate::experiment::test_starts;
     use crate::sim::PlantKind;
     use crate::world::Scenario;
@@ -326,15 +262,10 @@ mod tests {
         let ego = EgoUnderTest::nominal(&weak.on(PlantKind::Kinematic));
         let watch = Watch::unwatched();
         let starts = test_starts(ego.scenario(), 77, 12, &watch).expect("not stopped");
-        let others = [Adversary::Neutral, Adversary::BestSwitch];
-        let searched = [Adversary::switches(1)];
+        let others: [&dyn Adversary; 3] = [&Ado::Neutral, &BestSwitch, &Search::switches(1)];
         let experiment = Experiment {
             ego: &ego,
-            adversaries: Adversary::BASELINES
-                .into_iter()
-                .chain(others)
-                .chain(searched)
-                .collect(),
+            adversaries: BASELINES.into_iter().chain(others).collect(),
             starts: &starts,
         };
         let cells = experiment.run(&watch);

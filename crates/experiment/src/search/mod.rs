@@ -14,6 +14,7 @@ mod hold;
 mod list;
 mod method;
 mod mutate;
+mod player;
 mod random;
 mod request;
 mod switches;
@@ -22,7 +23,7 @@ mod trials;
 mod uniform;
 
 pub use experiment::StartResult;
-pub use experiment::{Adversary, Experiment, ExperimentCell};
+pub use experiment::{Experiment, ExperimentCell};
 pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{
@@ -30,6 +31,7 @@ pub use method::{
     usual_switches,
 };
 pub use mutate::mutate;
+pub use player::{Adversary, BASELINES, BestConstant, BestSwitch, PlayerParts, Search};
 pub use request::SearchRequest;
 
 use crate::adversary::{
@@ -95,7 +97,7 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
             // A program would have to play the episode again.
             let can_replay = request.scenario.program().is_none();
             if let Some(actions) = found.actions.as_ref().filter(|_| can_replay) {
-                let caption = || success_caption(request.ego, &AdversaryId::Search, turn.index);
+                let caption = || success_caption(request.ego, &AdversaryId::SEARCH, turn.index);
                 let found = RecordedSuccess::of_actions(actions.clone());
                 let again = || found.play(request.scenario, &mut searcher.bench, (start, *noise));
                 watch.show_success(request.scenario, &caption, again);
@@ -153,7 +155,7 @@ impl SearchRequest<'_> {
     }
 
     fn row(&self, found: &[Option<SearchResult>]) -> Row {
-        let mut row = blank_row(self.scenario, (self.ego, AdversaryId::Search), self.starts);
+        let mut row = blank_row(self.scenario, (self.ego, AdversaryId::SEARCH), self.starts);
         let searched = found.iter().flatten();
         row.unconfirmed = self.prescreens().then(|| Unconfirmed {
             sequences: searched.clone().map(|found| found.unconfirmed).sum(),

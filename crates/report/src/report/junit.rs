@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::{Report, Tested};
-use crate::run_dir::{AdversaryId, Row};
+use crate::run_dir::Row;
 use crate::stats::StartOutcome;
 use crate::testbench::FaultCount;
 use crate::visible::visible_markup;
@@ -43,7 +43,7 @@ pub(super) fn xml(report: &Report<'_>) -> String {
 
 /// Returns true for a trained ado or a search, and false for a baseline.
 fn is_adversary(tested: &&Tested) -> bool {
-    tested.row.train_seed.is_some() || tested.row.ado == AdversaryId::Search
+    tested.row.train_seed.is_some() || tested.row.ado.is_search()
 }
 
 /// Returns true if the ego or the physics failed on a start.

@@ -88,7 +88,7 @@ fn is_trained(row: &Row) -> bool {
 
 /// Returns true for an ado that neither learned nor searched.
 fn is_baseline(row: &Row) -> bool {
-    row.train_seed.is_none() && row.ado != AdversaryId::Search && !is_trained(row)
+    row.train_seed.is_none() && !row.ado.is_search() && !is_trained(row)
 }
 
 /// Egos on which a baseline is at least as good as the trained ado.

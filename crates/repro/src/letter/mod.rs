@@ -17,7 +17,7 @@ use super::case_studies::{CaseStudies, trained_run};
 use brakecheck::adversary::Ado;
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
 use brakecheck::run_dir::{Row, RunDir};
-use brakecheck::search::{Adversary, Experiment};
+use brakecheck::search::{Adversary, BASELINES, Experiment, Search};
 use brakecheck::stats::{Outcomes, seeds_interval};
 use brakecheck::training::TrainError;
 use brakecheck::world::PlantKind;
@@ -163,10 +163,10 @@ pub fn letter_baselines(
     watch: &Watch<'_>,
 ) -> Option<LetterBaselines> {
     // The search comes first, because `letter_row` compares with the first row.
-    let searched = [Adversary::switches(switches)].into_iter();
+    let search: &dyn Adversary = &Search::switches(switches);
     let experiment = Experiment {
         ego: &EgoUnderTest::nominal(scenario),
-        adversaries: searched.chain(Adversary::BASELINES).collect(),
+        adversaries: [search].into_iter().chain(BASELINES).collect(),
         starts,
     };
     let rows = experiment.rows(watch);
@@ -253,7 +253,7 @@ pub fn letter_row(
         for (path, _) in &runs {
             let run = RunDir::open(path).map_err(TrainError::from)?;
             let policy = run.policy().map_err(TrainError::from)?;
-            let ado = Adversary::Ado(Ado::Trained(&*policy, run.manifest().seed));
+            let ado = Ado::Trained(&*policy, run.manifest().seed);
             rows.extend(ado.play(&ego, &starts, watch).map(|cell| cell.row));
         }
         if let Some(searched) = baselines.rows.first() {

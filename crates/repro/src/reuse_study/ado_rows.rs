@@ -7,7 +7,9 @@ use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch};
 use brakecheck::rl::Policy;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{Row, RunDir, RunError};
-use brakecheck::search::{Adversary, Experiment, Hold, Mutate, SWITCHES, SearchRequest, search};
+use brakecheck::search::{
+    Adversary, BASELINES, Experiment, Hold, Mutate, SWITCHES, Search, SearchRequest, search,
+};
 use brakecheck_experiment::adversary::best_of_n::BestOfN;
 use brakecheck_experiment::adversary::rollout::eval;
 
@@ -47,12 +49,10 @@ impl EgoOnStarts<'_> {
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let stored: Stored = run.counterexamples()?;
-        let ados = [Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)]
-            .into_iter()
-            .chain(heuristic.map(Ado::Heuristic))
-            .map(Adversary::Ado);
-        let adversaries = ados.chain(Adversary::BASELINES).collect();
-        let mut rows = self.rows(adversaries);
+        let mut ados = vec![Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)];
+        ados.extend(heuristic.map(Ado::Heuristic));
+        let ados = ados.iter().map(|ado| ado as &dyn Adversary);
+        let mut rows = self.rows(ados.chain(BASELINES).collect());
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
         // One search with the largest budget contains the smaller ones.
         let request = SearchRequest {
@@ -70,15 +70,18 @@ impl EgoOnStarts<'_> {
             ));
         }
         // Mutation gets as many runs per start as the ado with several tries.
-        let mutated = self.rows(vec![Adversary::Search(Mutate(&stored).into(), tries)]);
+        let mutated = self.rows(vec![&Search {
+            method: Mutate(&stored).into(),
+            budget: tries,
+        }]);
         let name = format!("mutate, {tries}");
         rows.extend(mutated.into_iter().map(|row| called(&name, row)));
         // The search comes last, because the other rows are compared with it.
-        rows.extend(self.rows(vec![Adversary::switches(SWITCHES)]));
+        rows.extend(self.rows(vec![&Search::switches(SWITCHES)]));
         Ok(rows)
     }
 
-    fn rows(&self, adversaries: Vec<Adversary<'_>>) -> Vec<Row> {
+    fn rows(&self, adversaries: Vec<&dyn Adversary>) -> Vec<Row> {
         let experiment = Experiment {
             ego: self.ego,
             adversaries,

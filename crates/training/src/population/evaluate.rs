@@ -11,7 +11,7 @@ use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, consent,
 };
 use crate::run_dir::{CellCount, FailureCell, Row, RunDir};
-use crate::search::{Adversary, ExperimentCell};
+use crate::search::{Adversary, ExperimentCell, Search};
 use crate::stats::{Incidence, KindsEstimate, NewKinds, Outcomes, StartOutcome};
 
 /// Runs for which the number of new cells is predicted.
@@ -132,7 +132,7 @@ impl PopulationTest<'_> {
         for member in self.members {
             let policy = member.policy()?;
             let ado = Ado::Trained(&*policy, member.manifest().seed);
-            let cell = Adversary::Ado(ado).play(self.ego, &starts, watch);
+            let cell = ado.play(self.ego, &starts, watch);
             played.extend(cell.map(|mut cell| {
                 cell.row.warning = member.warning();
                 cell
@@ -140,7 +140,7 @@ impl PopulationTest<'_> {
         }
         let mut searched = self
             .search
-            .and_then(|switches| Adversary::switches(switches).play(self.ego, &starts, watch));
+            .and_then(|switches| Search::switches(switches).play(self.ego, &starts, watch));
         // An interrupted evaluation would have the cells of its first members only.
         if watch.interrupted() {
             return Ok(None);

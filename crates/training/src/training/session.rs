@@ -19,7 +19,7 @@ use crate::run_dir::{
     Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError, bind_programs,
     trained_naturally,
 };
-use crate::search::{Adversary, Experiment, ExperimentCell};
+use crate::search::{Adversary, BASELINES, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
 use crate::testbench::Sampling;
 use crate::world::{Change, Scenario, TrainingEgos};
@@ -92,11 +92,13 @@ impl TrainSession {
                 world: world.name.clone(),
             });
         }
+        // All of the request is checked before the directory exists.
         let ego = request.ego(&world)?;
         let seed = request.seed.unwrap_or(0);
         let from = request.from.map(|from| from.policy_bundle()).transpose()?;
         if let Some(bundle) = &from {
             let fits = world.learner.build_from(world.spaces(), seed, bundle);
+            // Built here to see whether it fits. The training builds its own.
             fits.map_err(TrainError::from)?;
         }
         let bank = gather(&world, request.bank)?;
@@ -180,6 +182,7 @@ impl TrainSession {
     ) -> Result<TrainSession, SessionError> {
         let tested = EgoUnderTest::of_training(&world, ego.as_ref())?;
         consent(&world, std::slice::from_ref(&tested))?;
+        // Before the directory is made, so that a refusal leaves nothing behind.
         consent_to_family(&world)?;
         let mut run = open(ego)?;
         // A rebuilt program is another ego.
@@ -220,16 +223,17 @@ impl TrainSession {
     ) -> Result<Option<Closing>, SessionError> {
         let policy = self.run.policy()?;
         let steps = steps(self.ego.scenario());
+        // The evaluation is the last step, after the training and its searches.
         let watch = &watch.first_of(steps).later(steps - 1);
         let nominal = EgoUnderTest::nominal(&self.run.world()?);
         let stored = TestStarts::stored(Some(self.run.path()), &nominal, (starts, 0), watch);
         let Some(starts) = stored else {
             return Ok(None);
         };
-        let trained = Adversary::Ado(Ado::Trained(&*policy, self.run.manifest().seed));
+        let trained: &dyn Adversary = &Ado::Trained(&*policy, self.run.manifest().seed);
         let experiment = Experiment {
             ego: &self.ego,
-            adversaries: [trained].into_iter().chain(Adversary::BASELINES).collect(),
+            adversaries: [trained].into_iter().chain(BASELINES).collect(),
             starts: &starts,
         };
         // Invariant: every adversary here has a cell, and the first is the trained ado's.
@@ -239,6 +243,7 @@ impl TrainSession {
         let mut rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
         let trained = cells.swap_remove(0);
         if let Some(row) = self.second_look(&*policy, &starts, watch) {
+            // Below the ado's own row, with which it is compared.
             rows.insert(1, row);
         }
         Ok(Some(Closing { rows, trained }))
@@ -254,12 +259,15 @@ impl TrainSession {
         watch: &Watch<'_>,
     ) -> Option<Row> {
         let calibration = self.run.manifest().calibration;
+        // Draws that solved nothing on the calibration starts will not pay on the test
+        // starts.
         calibration.filter(|calibration| calibration.drawn > 0)?;
         let Sampling { temperature, draws } = Sampling::SECOND_LOOK;
         let ado = Ado::Trained(policy, self.run.manifest().seed);
         let several = BestOfN {
             request: self.ego.against(ado, starts),
             policy,
+            // The greedy action first, as in the calibration.
             tries: 1 + u64::from(draws),
             temperature: Some(temperature),
         };
@@ -316,6 +324,7 @@ impl TrainRequest<'_> {
         if let Some(mode) = self.per_ado {
             world = mode.in_world(&world)?;
         }
+        // A structure can only be left out of egos that are drawn.
         if self.leave_out.is_some() && self.against != TrainingEgos::Randomized {
             return Err(SessionError::Options(OptionClash::LeaveOut));
         }
@@ -369,6 +378,7 @@ impl TrainRequest<'_> {
                 name: name.to_owned(),
                 change: Change::default(),
             })),
+            // A training has one ego, unless the world's family gives it.
             Some("all") => Err(SessionError::Options(OptionClash::AllEgos)),
             Some(name) => {
                 let egos = EgoUnderTest::find(world, name)?;
@@ -392,6 +402,7 @@ impl TrainRequest<'_> {
         if self.goals.is_none() {
             world.goals.clone_from(&begun.goals);
         }
+        // Each option that is not given again is that of the run.
         let left_out = begun
             .left_out
             .as_deref()
@@ -413,6 +424,8 @@ impl TrainRequest<'_> {
         Ok(match (self.decisions, learner) {
             (Some(decisions), _) => world.training_for(decisions)?,
             (None, Ok(learner)) => world.learning_with(learner),
+            // Settings of an older version may be unreadable. They are reported as a
+            // difference.
             (None, Err(_)) => world.training_for(begun.decisions)?,
         })
     }

@@ -5,7 +5,7 @@ use crate::campaign::error::CampaignError;
 use crate::campaign::file::AdoEntry;
 use crate::campaign::plan::{PlannedAdo, PlannedRun, PlannedTraining};
 use crate::ron_file::{ValuePath, guessed};
-use crate::run_dir::{RunDir, file_name};
+use crate::run_dir::{AdversaryId, RunDir, SearchSettings, file_name};
 use crate::search::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
 use crate::world::Scenario;
 
@@ -45,15 +45,15 @@ impl Checker {
     ) -> Result<Vec<PlannedAdo>, CampaignError> {
         let (played, _) = &self.worlds[world];
         let one = match entry {
-            AdoEntry::Neutral => PlannedAdo::Neutral,
-            AdoEntry::Held => PlannedAdo::Held,
-            AdoEntry::Random => PlannedAdo::Random,
-            AdoEntry::Constant(label) => PlannedAdo::Constant {
+            AdoEntry::Neutral => AdversaryId::Neutral,
+            AdoEntry::Held => AdversaryId::Hold,
+            AdoEntry::Random => AdversaryId::Random,
+            AdoEntry::Constant(label) => AdversaryId::Constant {
                 action: self.action(at, played, label)?,
-                label: label.clone(),
+                name: Some(format!("constant {label}")),
             },
-            AdoEntry::Script { name, steps, then } => PlannedAdo::Script {
-                name: name.clone(),
+            AdoEntry::Script { name, steps, then } => AdversaryId::Script {
+                name: Some(name.clone()),
                 actions: self.script(at, played, steps, then)?,
             },
             AdoEntry::Search {
@@ -68,7 +68,7 @@ impl Checker {
                 decisions,
             } => return self.trainings(at, world, *seeds, *first_seed, *decisions),
         };
-        Ok(vec![one])
+        Ok(vec![one.into()])
     }
 
     /// Returns the actions of a script, one per decision, the last action held.
@@ -107,7 +107,7 @@ impl Checker {
         method: Option<&str>,
         switches: Option<usize>,
         budget: Option<u64>,
-    ) -> Result<PlannedAdo, CampaignError> {
+    ) -> Result<AdversaryId, CampaignError> {
         // The same default as on the command line.
         let name = method.unwrap_or("switches");
         if name == "mutate" {
@@ -130,10 +130,12 @@ impl Checker {
         .flatten()
         .collect();
         known.info().refuse_others(&given).map_err(wrong)?;
-        Ok(PlannedAdo::Search {
-            method: name.to_owned(),
-            switches: switches.unwrap_or(SWITCHES),
-            budget: budget.unwrap_or(BUDGET),
+        Ok(AdversaryId::Search {
+            settings: Some(SearchSettings {
+                method: name.to_owned(),
+                switches: switches.unwrap_or(SWITCHES),
+                budget: budget.unwrap_or(BUDGET),
+            }),
         })
     }
 
@@ -156,8 +158,10 @@ impl Checker {
         }
         let mut ados = Vec::new();
         for nth in 0..seeds {
-            let training = self.trainings.len();
-            ados.push(PlannedAdo::Training { training });
+            ados.push(PlannedAdo {
+                training: Some(self.trainings.len()),
+                ..AdversaryId::Trained.into()
+            });
             self.trainings.push(PlannedTraining {
                 world,
                 // Seeds near the limit repeat instead of overflowing, and duplicates are refused.
@@ -171,13 +175,10 @@ impl Checker {
     /// Refuses ados that rows could not distinguish.
     fn refuse_equal_names(&self, ados: &[PlannedAdo]) -> Result<(), CampaignError> {
         // Rows name an ado by its word and its training seed.
-        let key = |ado: &PlannedAdo| match ado {
-            PlannedAdo::Training { training } => {
-                let seed = self.trainings.get(*training).map(|it| it.seed);
-                (ado.word(), seed)
-            }
-            PlannedAdo::Trained { run } => (ado.word(), self.ados.get(*run).map(|it| it.seed)),
-            other => (other.word(), None),
+        let key = |ado: &PlannedAdo| {
+            let run = ado.run.and_then(|run| Some(self.ados.get(run)?.seed));
+            let seed = run.or_else(|| Some(self.trainings.get(ado.training?)?.seed));
+            (ado.id.to_string(), seed)
         };
         for (nth, ado) in ados.iter().enumerate() {
             if ados[..nth].iter().any(|other| key(other) == key(ado)) {
@@ -246,6 +247,9 @@ impl Checker {
             self.runs.push(path);
             self.ados.len() - 1
         });
-        Ok(vec![PlannedAdo::Trained { run }])
+        Ok(vec![PlannedAdo {
+            run: Some(run),
+            ..AdversaryId::Trained.into()
+        }])
     }
 }
