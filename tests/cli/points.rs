@@ -161,7 +161,7 @@ fn a_campaign_judges_every_point_by_the_ego_that_it_names() {
     let row = &merged["summary"]["rows"][0];
     let eval = brakecheck(&with_program(&["eval", &world, "--json"], &weak));
     let table = &json(&eval)["points"][0];
-    let [fails, trivial, starts] = ["fails", "trivial", "starts"].map(|it| number(&row[it]));
+    let [fails, trivial, starts] = ["successes", "trivial", "starts"].map(|it| number(&row[it]));
     assert_eq!((fails, trivial, starts), (number(&table["failed"]), 0, 25));
     assert!(fails > 0 && fails < 25, "{row}");
 }

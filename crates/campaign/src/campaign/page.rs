@@ -160,10 +160,11 @@ impl SummaryRow {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
             (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),
-            _ => self.ado.clone(),
+            _ => self.ado.to_string(),
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
         let dash = || "–".to_owned();
+        let count = |rate: f64| format!("{:.0}", rate * self.starts as f64);
         [
             self.ego.clone(),
             who,
@@ -172,11 +173,11 @@ impl SummaryRow {
             format!("{lo:.1}–{hi:.1}"),
             self.recall
                 .map_or_else(dash, |recall| format!("{recall:.2}")),
-            self.fouls.to_string(),
-            self.contacts.to_string(),
+            count(self.foul_rate),
+            count(self.contact_rate),
             self.preventable
                 .map_or_else(dash, |count| count.to_string()),
-            self.closing_mps
+            self.success_closing_mps
                 .map_or_else(dash, |speed| format!("{:.1}", speed.median)),
         ]
     }

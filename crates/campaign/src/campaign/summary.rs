@@ -11,7 +11,7 @@ use super::row::SummaryFields;
 use super::unit_gate::UnitGate;
 use crate::evaluation::{GateContact, GateEgo};
 use crate::preventability::Avoidability;
-use crate::run_dir::ClosingSpeed;
+use crate::run_dir::{AdversaryId, ClosingSpeed, adversary_keys};
 use crate::scene::Dynamics;
 use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
 
@@ -60,9 +60,12 @@ impl UnitCounts {
             };
             self.success_contacts.insert(start, contact);
         }
-        self.contacts += usize::from(row.contact);
-        self.simulations += row.simulations;
         self.physics_steps += row.physics_steps;
+        // As in rows of other verbs, no rate counts an invalid start.
+        if row.outcome != StartOutcome::Invalid {
+            self.contacts += usize::from(row.contact);
+            self.simulations += row.simulations;
+        }
     }
 
     fn of_kind(&self, kind: StartOutcome) -> usize {
@@ -94,8 +97,9 @@ pub struct SummaryRow {
     pub plant: Dynamics,
     /// Name of the ego.
     pub ego: String,
-    /// Name of the ado.
-    pub ado: String,
+    /// Ado, which JSON has as `adversary` and with its caption as `ado`.
+    #[serde(flatten, serialize_with = "adversary_keys::serialize")]
+    pub ado: AdversaryId,
     /// Seed of the training.
     ///
     /// `None`: no training, or several ([`SummaryRow::trainings`]).
@@ -107,8 +111,8 @@ pub struct SummaryRow {
     /// Starts left out, because the nominal ego fails there by itself.
     pub trivial: usize,
     /// Starts from which the ego fails.
-    pub fails: usize,
-    /// fails / starts.
+    pub successes: usize,
+    /// successes / starts.
     pub success_rate: f64,
     /// 95 % interval of the rate.
     pub ci95: [f64; 2],
@@ -118,20 +122,20 @@ pub struct SummaryRow {
     ///
     /// `None`: no search played this ego, or it solves no start.
     pub recall: Option<f64>,
-    /// Starts on which the ado broke a rule.
-    pub fouls: usize,
+    /// Share of starts on which the ado broke a rule.
+    pub foul_rate: f64,
     /// Starts on which a violation does not count.
     pub uncounted: usize,
-    /// Starts that ended in contact.
-    pub(crate) contacts: usize,
+    /// Share of starts that ended in contact.
+    pub contact_rate: f64,
     /// Successes that CC_LATCHED or FSM would have avoided. `None`: not judged.
     pub preventable: Option<usize>,
     /// Closing speed of the successes that end in contact.
-    pub closing_mps: Option<ClosingSpeed>,
+    pub success_closing_mps: Option<ClosingSpeed>,
     /// Starts with a fault of the ego or the physics.
     pub invalid: usize,
-    /// Number of episodes.
-    pub simulations: u64,
+    /// Mean number of simulations per start.
+    pub sims_per_start: f64,
     /// Number of physics steps.
     pub physics_steps: u64,
 }
@@ -244,6 +248,7 @@ fn row(
     ]
     .map(|kind| tally.of_kind(kind));
     let starts = fails + held + fouls + uncounted;
+    let per_start = |count: f64| count / starts.max(1) as f64;
     let judged = plan.preventability;
     let avoided = tally
         .avoidability
@@ -254,25 +259,25 @@ fn row(
         world: dir.world(unit).name().to_owned(),
         plant: plant(dir, unit),
         ego: unit.ego.name.clone(),
-        ado: unit.ado.id.to_string(),
+        ado: unit.ado.id.clone(),
         train_seed,
         trainings: usize::from(train_seed.is_some()),
         starts,
         trivial: tally.of_kind(StartOutcome::Trivial),
-        fails,
-        success_rate: fails as f64 / starts.max(1) as f64,
+        successes: fails,
+        success_rate: per_start(fails as f64),
         ci95: wilson(fails, starts),
         at_most: (fails == 0 && starts > 0).then(|| at_most(starts)),
         recall: (!unit.ado.id.is_search())
             .then(|| recall(units, unit, tally))
             .flatten(),
-        fouls,
+        foul_rate: per_start(fouls as f64),
         uncounted,
-        contacts: tally.contacts,
+        contact_rate: per_start(tally.contacts as f64),
         preventable: judged.then(|| avoided.count()),
-        closing_mps: ClosingSpeed::of(closing.map(|it| it.closing_mps).collect()),
+        success_closing_mps: ClosingSpeed::of(closing.map(|it| it.closing_mps).collect()),
         invalid: tally.of_kind(StartOutcome::Invalid),
-        simulations: tally.simulations,
+        sims_per_start: per_start(tally.simulations as f64),
         physics_steps: tally.physics_steps,
     }
 }
@@ -281,15 +286,19 @@ fn row(
 fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
     let sum = |of: fn(&SummaryRow) -> usize| rows.iter().map(of).sum::<usize>();
     let marks: Vec<&Outcomes> = marks.iter().collect();
-    let (starts, fails) = (sum(|row| row.starts), sum(|row| row.fails));
+    // Trainings play the same starts, of which some may be invalid for one of them only.
+    let mean = |of: fn(&SummaryRow) -> f64| {
+        let weighted = rows.iter().map(|row| row.starts as f64 * of(row));
+        weighted.sum::<f64>() / sum(|row| row.starts).max(1) as f64
+    };
     let rates = rows.iter().map(|row| row.success_rate);
     SummaryRow {
         train_seed: None,
         trainings: rows.len(),
-        starts,
+        starts: sum(|row| row.starts),
         // Trivial starts depend on the world only, so they are equal in all rows.
         trivial: rows[0].trivial,
-        fails,
+        successes: sum(|row| row.successes),
         success_rate: rates.sum::<f64>() / rows.len().max(1) as f64,
         // The interval covers both the starts and the seeds of the trainings.
         ci95: seeds_interval(&marks),
@@ -299,15 +308,15 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
             let all: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
             all.map(|all| all.iter().sum::<f64>() / all.len().max(1) as f64)
         },
-        fouls: sum(|row| row.fouls),
+        foul_rate: mean(|row| row.foul_rate),
         uncounted: sum(|row| row.uncounted),
-        contacts: sum(|row| row.contacts),
+        contact_rate: mean(|row| row.contact_rate),
         preventable: rows[0]
             .preventable
             .map(|_| sum(|row| row.preventable.unwrap_or(0))),
-        closing_mps: None,
+        success_closing_mps: None,
         invalid: sum(|row| row.invalid),
-        simulations: rows.iter().map(|row| row.simulations).sum(),
+        sims_per_start: mean(|row| row.sims_per_start),
         physics_steps: rows.iter().map(|row| row.physics_steps).sum(),
         ..rows[0].clone()
     }

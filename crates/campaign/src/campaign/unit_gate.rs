@@ -8,6 +8,7 @@ use super::dir::PlanDir;
 use super::plan::Unit;
 use super::summary::{UnitCounts, plant};
 use crate::evaluation::{DecidedGate, Gate, GateOn, NotRun};
+use crate::run_dir::{AdversaryId, adversary_keys};
 use crate::scene::Dynamics;
 
 /// Decided gate of an ego in a world, under one ado.
@@ -17,8 +18,9 @@ pub struct UnitGate {
     pub world: String,
     /// The plant.
     pub plant: Dynamics,
-    /// Name of the ado.
-    pub ado: String,
+    /// Ado, which JSON has as `adversary` and with its caption as `ado`.
+    #[serde(flatten, serialize_with = "adversary_keys::serialize")]
+    pub ado: AdversaryId,
     /// Seed of its training.
     pub train_seed: Option<u64>,
     /// Comparison with the baseline ego, and its decision.
@@ -47,7 +49,7 @@ impl UnitGate {
                 Some(UnitGate {
                     world: dir.world(unit).name().to_owned(),
                     plant: plant(dir, unit),
-                    ado: unit.ado.id.to_string(),
+                    ado: unit.ado.id.clone(),
                     train_seed: dir.plan().train_seed(&unit.ado),
                     decided: gate.decided(on),
                 })
