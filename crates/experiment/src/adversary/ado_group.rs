@@ -125,3 +125,30 @@ fn without_each(world: &Scenario) -> Vec<AdversaryId> {
     let names = names.chain(world.judged_ados());
     names.map(AdversaryId::without).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_word_is_found_and_all_has_what_applies_to_a_world() {
+        for group in ADO_GROUPS {
+            let found = AdoGroup::named(group.word).expect("a word of the list");
+            assert_eq!(found.about, group.about);
+        }
+        assert!(AdoGroup::named("held").is_none());
+        let captions = |world: &str| -> Vec<String> {
+            let world = Scenario::shipped(world).expect("shipped").expect("sound");
+            all(&world).iter().map(ToString::to_string).collect()
+        };
+        let first = ["trained", "hold", "random", "constant"];
+        let grid = ["optimal", "chaser"];
+        assert_eq!(captions("grid"), [&first[..], &grid].concat());
+        let road = ["switch", "heuristic", "replay", "replays", "retrained"];
+        assert_eq!(captions("acc"), [&first[..], &road].concat());
+        // In a world with several ados each is left out in turn.
+        let several = captions("sandwich");
+        assert_eq!(several[0], "trained");
+        assert!(several[1].starts_with("without ") && several[2].starts_with("without "));
+    }
+}

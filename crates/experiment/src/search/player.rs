@@ -174,3 +174,54 @@ fn judged(
 ) -> ExperimentCell {
     ExperimentCell::evaluated(ego, starts, evaluated).with_judged_contacts(watch)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::test_starts;
+    use crate::run_dir::SearchSettings;
+    use crate::sim::PlantKind;
+    use crate::world::Scenario;
+
+    #[test]
+    fn a_player_is_made_of_an_id_and_plays_it() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let ego = EgoUnderTest::nominal(&world.on(PlantKind::Kinematic));
+        let watch = Watch::unwatched();
+        let starts = test_starts(ego.scenario(), 5, 6, &watch).expect("not stopped");
+        let settings = |method: &str| SearchSettings {
+            method: method.to_owned(),
+            switches: 0,
+            budget: 3,
+        };
+        let searched = |method| AdversaryId::Search {
+            settings: Some(settings(method)),
+        };
+        let actions = vec![2, 0];
+        let scripted = AdversaryId::Script {
+            name: Some("fast".to_owned()),
+            actions: actions.clone(),
+        };
+        let solved = |player: &dyn Adversary| {
+            let cell = player.play(&ego, &starts, &watch).expect("it applies");
+            (cell.row.ado, cell.row.solved)
+        };
+        let parts = PlayerParts::default();
+        let played = |id: &AdversaryId| {
+            let player = parts.player(id).expect("a known method");
+            solved(&*player.expect("it has all its parts"))
+        };
+        assert_eq!(played(&scripted), solved(&Ado::Script(&actions)));
+        assert_eq!(played(&searched("switches")), solved(&Search::switches(0)));
+        for id in ["neutral", "random", "hold", "constant", "switch"] {
+            let id = AdversaryId::from(id);
+            assert_eq!(played(&id).0, id);
+        }
+        // A method that does not exist, and adversaries whose parts are missing.
+        assert!(parts.player(&searched("guess")).is_err());
+        for id in ["trained", "heuristic", "replays", "search", "chaser"] {
+            let id = AdversaryId::from(id);
+            assert!(parts.player(&id).expect("no search").is_none(), "{id}");
+        }
+    }
+}
