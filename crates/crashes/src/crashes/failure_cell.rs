@@ -1,8 +1,8 @@
 //! Cell of a failure, found by replays without the single actions of its ados.
 
-use crate::experiment::leaf;
+use crate::experiment::FailureKind;
 use crate::rulebook::Verdict;
-use crate::run_dir::{CellFailure, DecisiveAction, FailureCell};
+use crate::run_dir::{CellFailure, FailureCell, NecessaryAction};
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
@@ -78,8 +78,8 @@ impl CellFinder {
 
     /// Returns the cell of a success of the ados in `scenario`.
     ///
-    /// An action is decisive if the ego holds when its ado takes the neutral action
-    /// wherever it took this action. Of several, the one that is taken first decides.
+    /// An action is necessary if the ego holds when its ado takes the neutral action
+    /// wherever it took this action. Of several, the one that is taken first counts.
     pub fn cell(&mut self, scenario: &Scenario, episode: &Episode) -> FailureCell {
         let per_decision = self.bench.clock().samples_per_decision().max(1);
         // Actions after the verdict cannot have caused the failure.
@@ -99,7 +99,7 @@ impl CellFinder {
         };
         FailureCell {
             failure: kind(scenario, episode, &self.ego),
-            decisive: decisive(&self.digits, actions, holds),
+            necessary: necessary(&self.digits, actions, holds),
         }
     }
 }
@@ -113,28 +113,20 @@ fn ego_name(scenario: &Scenario) -> String {
 
 /// Returns the kind of a failure. A contact counts only if all rules hold until it.
 fn kind(scenario: &Scenario, episode: &Episode, ego: &str) -> CellFailure {
-    let contact = episode
+    let lawful = episode
         .contact
         .as_ref()
         .filter(|_| !episode.is_foul_before_contact());
-    match contact.and_then(|touch| Some((touch, touch.impact?))) {
-        Some((touch, impact)) => {
-            let (one, other) = &touch.between;
-            let partner = if one == ego { other } else { one };
-            CellFailure::contact(partner, impact.kind, touch.closing_speed_mps)
-        }
-        None => CellFailure::Violation {
-            leaf: leaf(scenario, episode),
-        },
-    }
+    let closing_mps = lawful.map(|touch| touch.closing_speed_mps);
+    FailureKind::of(scenario, episode).in_cell(ego, closing_mps)
 }
 
 /// Returns the first action without which the ego holds.
-fn decisive(
+fn necessary(
     digits: &[AdoDigit],
     actions: &[usize],
     mut holds: impl FnMut(&[usize]) -> bool,
-) -> Option<DecisiveAction> {
+) -> Option<NecessaryAction> {
     let mut tried: Vec<(usize, usize)> = Vec::new();
     for &joint in actions {
         for (number, digit) in digits.iter().enumerate() {
@@ -145,7 +137,7 @@ fn decisive(
             }
             tried.push((number, action));
             if holds(&digit.without(action, actions)) {
-                return Some(DecisiveAction {
+                return Some(NecessaryAction {
                     ado: digit.name.clone(),
                     action,
                 });
@@ -175,15 +167,15 @@ mod tests {
     }
 
     #[test]
-    fn the_decisive_action_is_one_ados_and_the_others_keep_theirs() {
+    fn the_necessary_action_is_one_ados_and_the_others_keep_theirs() {
         let actions = [joint(0, 2), joint(1, 3), joint(2, 2), joint(1, 0)];
         // Ego holds if ado b never takes action 3 while a still takes 0 and 2.
         let mut seen = Vec::new();
-        let found = decisive(&digits(), &actions, |changed| {
+        let found = necessary(&digits(), &actions, |changed| {
             seen.push(changed.to_vec());
             changed == [joint(0, 2), joint(1, 0), joint(2, 2), joint(1, 0)]
         });
-        let expected = DecisiveAction {
+        let expected = NecessaryAction {
             ado: "b".to_owned(),
             action: 3,
         };
@@ -191,7 +183,7 @@ mod tests {
         assert_eq!(seen.len(), 3, "a 0, b 2, b 3: {seen:?}");
         // Neutral actions are never tried: a 0, b 2, b 3 and a 2 are all.
         let mut count = 0;
-        let none = decisive(&digits(), &actions, |_| {
+        let none = necessary(&digits(), &actions, |_| {
             count += 1;
             false
         });
@@ -199,11 +191,11 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_names_its_decisive_action_by_what_it_does() {
+    fn a_cell_names_its_necessary_action_by_what_it_does() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let cell = |action| FailureCell {
             failure: CellFailure::contact("ado", CrashKind::RearEnd, 4.5),
-            decisive: Some(DecisiveAction {
+            necessary: Some(NecessaryAction {
                 ado: "ado".to_owned(),
                 action,
             }),
@@ -221,7 +213,7 @@ mod tests {
     fn every_part_of_a_cell_distinguishes_it_and_survives_json() {
         let cell = |partner: &str, kind, closing_mps, action| FailureCell {
             failure: CellFailure::contact(partner, kind, closing_mps),
-            decisive: Some(DecisiveAction {
+            necessary: Some(NecessaryAction {
                 ado: "a".to_owned(),
                 action,
             }),
@@ -237,7 +229,7 @@ mod tests {
                 failure: CellFailure::Violation {
                     leaf: "gap > 0".to_owned(),
                 },
-                decisive: None,
+                necessary: None,
             },
         ];
         for other in &others {

@@ -16,7 +16,7 @@ use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
 use crate::experiment::{Watch, violated};
 use crate::preventability::{BrakingReplays, Preventability};
 use crate::rulebook::Verdict;
-use crate::run_dir::{Answer, Decisive, LastChance, NoAnswer, NotAsked, Why};
+use crate::run_dir::{Answer, DecisiveSpan, LastChance, NoAnswer, NotAsked, Why};
 use crate::scene::drive::{ControllerFactory, DriveSpec};
 use crate::sim::{GRAVITY_MPS2, PlantKind};
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
@@ -141,7 +141,7 @@ fn answer(scenario: &Scenario, verdict: Verdict) -> Answer {
 /// Later decisions stay as recorded. If no such decision exists, it returns the earliest
 /// stretch of equal actions with this property. `None` if neither exists, or if the ego
 /// refuses questions.
-pub fn decisive(scenario: &Scenario, episode: &Episode) -> Option<Decisive> {
+pub fn decisive(scenario: &Scenario, episode: &Episode) -> Option<DecisiveSpan> {
     let watch = Watch::unwatched();
     let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
     decisive_within(&reruns, episode).ok().flatten()
@@ -170,7 +170,10 @@ pub(super) fn span_runs(scenario: &Scenario, actions: &[usize]) -> usize {
 }
 
 /// Finds the decisive action within the runs of `reruns`.
-fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Decisive>, NotAsked> {
+fn decisive_within(
+    reruns: &Reruns<'_>,
+    episode: &Episode,
+) -> Result<Option<DecisiveSpan>, NotAsked> {
     let (scenario, actions) = (reruns.scenario(), &episode.actions);
     let neutral = scenario.world().spaces().neutral;
     if actions.iter().all(|action| *action == neutral) {
@@ -190,7 +193,7 @@ fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Deci
             continue;
         };
         let decision_s = scenario.bench().clock().decision_s;
-        return Ok(Some(Decisive {
+        return Ok(Some(DecisiveSpan {
             action: scenario.action_label(actions[from]),
             from_s: tidy(from as f64 * decision_s),
             until_s: tidy(to as f64 * decision_s),

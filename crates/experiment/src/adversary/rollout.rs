@@ -10,7 +10,7 @@ use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::natural::{NaturalnessOfRow, SuccessRarity};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureKind, Partial, Repeated, Row,
+    AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureCount, Partial, Repeated, Row,
     StartRepeated, SuccessContacts,
 };
 use crate::scene::Start;
@@ -346,11 +346,9 @@ impl EvalRequest<'_> {
             .then(|| SuccessContacts::counted(touching.map(|outcome| outcome.impact)));
         let failures: Vec<Option<&RecordedFailure>> = solved.map(|p| p.failure.as_ref()).collect();
         row.distinct = groups(&failures);
-        let classes = failures
-            .iter()
-            .flatten()
-            .map(|one| one.shape.class.leaf_and_contact());
-        row.kinds = FailureKind::counted(classes);
+        let kinds = failures.iter().flatten().map(|one| &one.shape.kind);
+        row.kinds =
+            FailureCount::counted(kinds.map(|kind| (kind.leaf.clone(), kind.agents.clone())));
         row.naturalness = naturalness(self.scenario, &failures);
         row
     }

@@ -16,12 +16,9 @@
 
 use std::cmp;
 
-use serde::{Deserialize, Serialize};
-
-use super::failed_leaf::leaf;
+use super::failure_kind::FailureKind;
 use crate::rulebook::Verdict;
 use crate::run_dir::Severity;
-use crate::severity::CrashKind;
 use crate::testbench::Episode;
 use crate::trace::Trace;
 use crate::world::Scenario;
@@ -34,53 +31,24 @@ pub const NEAR: f64 = 0.15;
 /// Features by which counterexamples are compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CrashFeatures {
-    /// Class of the crash.
-    pub class: CrashClass,
+    /// Kind of the failure, which similar counterexamples share exactly.
+    pub kind: FailureKind,
     /// Scaled signals at the contact.
     pub signals: Vec<f64>,
-}
-
-/// Features that similar counterexamples share exactly.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CrashClass {
-    leaf: String,
-    kind: Option<CrashKind>,
-    with: Option<(String, String)>,
-}
-
-impl CrashClass {
-    /// Returns the kind of contact in words.
-    pub fn contact_in_words(&self) -> String {
-        match (&self.with, self.kind) {
-            (None, _) => "no contact".to_owned(),
-            (Some((a, b)), Some(kind)) => format!("{} of {a} and {b}", kind.word()),
-            (Some((a, b)), None) => format!("contact of {a} and {b}"),
-        }
-    }
-
-    /// Returns the violated leaf of ψ_ego and the agents in contact.
-    pub(crate) fn leaf_and_contact(&self) -> (String, Option<(String, String)>) {
-        (self.leaf.clone(), self.with.clone())
-    }
 }
 
 impl CrashFeatures {
     /// Returns the features of an episode of `scenario`.
     pub fn of(scenario: &Scenario, episode: &Episode) -> CrashFeatures {
-        let contact = episode.contact.as_ref();
         CrashFeatures {
-            class: CrashClass {
-                leaf: leaf(scenario, episode),
-                kind: contact.and_then(|touch| Some(touch.impact?.kind)),
-                with: contact.map(|touch| touch.between.clone()),
-            },
+            kind: FailureKind::of(scenario, episode),
             signals: observed(scenario, &episode.trace),
         }
     }
 
     /// Returns whether two counterexamples are similar.
     pub fn is_like(&self, other: &CrashFeatures) -> bool {
-        self.class == other.class && self.distance(other) <= NEAR
+        self.kind == other.kind && self.distance(other) <= NEAR
     }
 
     /// Returns the root mean square difference of the observed signals, in half ranges.

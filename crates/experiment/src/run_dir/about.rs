@@ -305,7 +305,7 @@ pub struct Why {
     ///
     /// `None` if no single action decides it, or the question was not asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub decisive: Option<Decisive>,
+    pub decisive: Option<DecisiveSpan>,
     /// Reason why `decisive` was not determined. `None` if it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_asked: Option<NotAsked>,
@@ -318,7 +318,7 @@ pub struct Why {
 
 /// Earliest action without which there is no failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Decisive {
+pub struct DecisiveSpan {
     /// Action in words.
     pub action: String,
     /// Start of the action, in s.

@@ -17,15 +17,15 @@ use crate::world::Scenario;
 /// Width of the bins of closing speeds.
 pub const CLOSING_BIN_MPS: f64 = 2.0;
 
-/// Cell of a failure: its kind, and the action that decides it.
+/// Cell of a failure: its kind, and the action that it requires.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FailureCell {
     /// Kind of the failure.
     pub failure: CellFailure,
-    /// Action without which the ego does not fail. `None` if no single action decides.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub decisive: Option<DecisiveAction>,
+    /// Action without which the ego does not fail. `None`: no single one.
+    #[serde(default, rename = "decisive", skip_serializing_if = "Option::is_none")]
+    pub necessary: Option<NecessaryAction>,
 }
 
 /// Kind of a failure in a cell.
@@ -48,10 +48,10 @@ pub enum CellFailure {
     },
 }
 
-/// Action of one ado.
+/// Action of one ado without which the ego does not fail.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DecisiveAction {
+pub struct NecessaryAction {
     /// Name of the ado.
     pub ado: String,
     /// Number of the action in the ado's own set.
@@ -73,17 +73,17 @@ impl CellFailure {
 }
 
 impl FailureCell {
-    /// Returns the cell in words, with the decisive action as its world labels it.
+    /// Returns the cell in words, with the necessary action as its world labels it.
     pub fn in_words(&self, world: &Scenario) -> String {
         let failure = self.failure.to_string();
-        match &self.decisive {
-            Some(decisive) => format!("{failure}, {}: {}", decisive.ado, decisive.label(world)),
+        match &self.necessary {
+            Some(action) => format!("{failure}, {}: {}", action.ado, action.label(world)),
             None => failure,
         }
     }
 }
 
-impl DecisiveAction {
+impl NecessaryAction {
     /// Returns the label of the action, its number in a world without such an action.
     fn label(&self, world: &Scenario) -> String {
         let Some(driving) = world.drive() else {

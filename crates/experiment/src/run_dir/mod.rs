@@ -55,7 +55,7 @@ pub use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
 pub use crate::run_files::{OtherProgram, RunDifference, RunError};
 pub use crate::world::RunsOnDisk;
 pub use about::{
-    About, Answer, Decisive, Effort, EgoRuns, LastChance, NoAnswer, NotAsked, Persistence,
+    About, Answer, DecisiveSpan, Effort, EgoRuns, LastChance, NoAnswer, NotAsked, Persistence,
     Severity, Shrunk, Variation, Why,
 };
 pub use adversary_id::keys as adversary_keys;
@@ -67,7 +67,7 @@ pub use counterexample::{Counterexample, KeptError};
 pub use counterexample::{digests_of, motion_after_contact};
 pub use differences::RequestedTraining;
 pub use failure_cell::{
-    CLOSING_BIN_MPS, CellCount, CellFailure, DecisiveAction, FailureCell, KnownFailures,
+    CLOSING_BIN_MPS, CellCount, CellFailure, FailureCell, KnownFailures, NecessaryAction,
 };
 pub use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
@@ -76,7 +76,7 @@ pub use program_content::ProgramContent;
 pub use program_content::{ProgramContents, bind_programs, stored_programs};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
-pub use row::{Anytime, BrokenRule, FailsAlone, FailureKind, Partial, Row, Unconfirmed};
+pub use row::{Anytime, BrokenRule, FailsAlone, FailureCount, Partial, Row, Unconfirmed};
 pub use samples::{ReadTrace, SamplesError, TraceOptions, read_trace, trace_of_csv};
 pub use success_contacts::SuccessContacts;
 pub use training_counterexamples::Stored;

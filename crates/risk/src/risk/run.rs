@@ -10,7 +10,7 @@ use super::mixture::Mixture;
 use super::record::{DriverAnswer, EgoFailure, KnownFailure, RiskRun, RunEnd, multiply};
 use super::start_law::StartLaw;
 use crate::ego::{Fault, FaultKind};
-use crate::experiment::CrashFeatures;
+use crate::experiment::FailureKind;
 use crate::preventability::HUMAN_MODELS;
 use crate::rulebook::{Rulebook, Verdict};
 use crate::scene::Start;
@@ -129,7 +129,7 @@ impl RiskWorld {
             played.push(action);
             bench.decide(action);
         }
-        let failed = self.end(bench, &mut run, (order, &start, played));
+        let failed = self.end(bench, &mut run, order, &start, played);
         // Held actions explore beyond the law on purpose.
         if !run.is_possible() && matches!(order.source, EpisodeSource::Recorded(..)) {
             run.end = RunEnd::Impossible;
@@ -194,7 +194,9 @@ impl RiskWorld {
         &self,
         bench: &Testbench,
         run: &mut RiskRun,
-        (order, start, played): (&Order<'_>, &Start, Vec<usize>),
+        order: &Order<'_>,
+        start: &Start,
+        played: Vec<usize>,
     ) -> Option<Episode> {
         let verdict = bench.verdict().unwrap_or(Verdict::Invalid);
         match verdict {
@@ -224,7 +226,7 @@ impl RiskWorld {
         let mut judged = episode.trace.clone();
         judged.truncate(episode.judged);
         let broken = self.broken(&judged);
-        let class = CrashFeatures::of(&self.scenario, episode).class;
+        let kind = FailureKind::of(&self.scenario, episode);
         let rules = match broken {
             None => "lawful".to_owned(),
             Some(rule) => format!("breaks “{}”", self.rules.rules[rule].name),
@@ -235,7 +237,7 @@ impl RiskWorld {
             None => DriverAnswer::NoAnswer,
         };
         EgoFailure {
-            mode: format!("{}, {rules}", class.contact_in_words()),
+            mode: format!("{}, {rules}", kind.contact_in_words()),
             lawful: broken.is_none(),
             preventable: prevent.then(answer),
         }

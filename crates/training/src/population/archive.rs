@@ -138,7 +138,7 @@ mod tests {
         ArchivedFailure {
             cell: FailureCell {
                 failure: CellFailure::contact(partner, CrashKind::HeadOn, 1.0),
-                decisive: None,
+                necessary: None,
             },
             index,
             actions: vec![2, 2],

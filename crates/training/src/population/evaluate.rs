@@ -342,7 +342,7 @@ mod tests {
     fn cell(partner: &str) -> FailureCell {
         FailureCell {
             failure: CellFailure::contact(partner, CrashKind::HeadOn, 1.0),
-            decisive: None,
+            necessary: None,
         }
     }
 

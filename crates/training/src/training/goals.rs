@@ -9,12 +9,11 @@
 use std::collections::BTreeMap;
 
 use crate::crashes::CellFinder;
-use crate::experiment::{CrashClass, CrashFeatures};
+use crate::experiment::{CrashFeatures, FailureKind};
 use crate::rl::{BundleError, TensorFile};
-use crate::rulebook::TrainingGoal;
 use crate::run_dir::{CellCount, FailureCell, KnownFailures};
 use crate::testbench::Episode;
-use crate::world::Scenario;
+use crate::world::{Scenario, TrainingGoal};
 
 /// Goals of a training, and the groups of its successes.
 pub struct GoalTracker {
@@ -154,9 +153,9 @@ impl GoalTracker {
     /// Writes the counts into a checkpoint.
     pub fn save(&self, bundle: &mut TensorFile) {
         let n = self.groups.len();
-        let classes: Vec<&CrashClass> = self.groups.iter().map(|(shape, _)| &shape.class).collect();
+        let shapes = self.groups.iter().map(|(shape, _)| &shape.kind);
         // Invariant: a story is text and words, which serde_json always writes.
-        let classes = serde_json::to_vec(&classes).unwrap_or_default();
+        let classes = serde_json::to_vec(&shapes.collect::<Vec<_>>()).unwrap_or_default();
         bundle.put("goals/stories", &[classes.len()], classes);
         let signals: Vec<f64> = self
             .groups
@@ -176,8 +175,8 @@ impl GoalTracker {
     }
 
     fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
-        let classes: Vec<CrashClass> = from_json(bundle.rows::<u8>("goals/stories", &[])?)?;
-        let n = classes.len();
+        let kinds: Vec<FailureKind> = from_json(bundle.rows::<u8>("goals/stories", &[])?)?;
+        let n = kinds.len();
         let counts = bundle.get::<u64>("goals/counts", &[n])?;
         // Without groups, there are no rows that state a width.
         let width = match bundle.shape("goals/signals") {
@@ -185,10 +184,10 @@ impl GoalTracker {
             _ => 0,
         };
         let signals = bundle.get::<f64>("goals/signals", &[n, width])?;
-        for (i, class) in classes.into_iter().enumerate() {
+        for (i, kind) in kinds.into_iter().enumerate() {
             let signals = signals[i * width..(i + 1) * width].to_vec();
             self.groups
-                .push((CrashFeatures { class, signals }, counts[i]));
+                .push((CrashFeatures { kind, signals }, counts[i]));
         }
         self.successes = counts.iter().sum();
         Ok(())
@@ -204,8 +203,8 @@ fn from_json<T: serde::de::DeserializeOwned>(text: &[u8]) -> Result<T, BundleErr
 /// Returns the share of `Severe`, 0 without a contact of the ego.
 fn severe(episode: &Episode) -> f64 {
     let touch = episode.contact.as_ref();
-    let touch = touch.filter(|touch| touch.impact.is_some_and(|impact| impact.concerns_ego()));
-    touch.map_or(0.0, |touch| {
+    let of_ego = touch.filter(|touch| touch.impact.is_some_and(|impact| impact.concerns_ego()));
+    of_ego.map_or(0.0, |touch| {
         TrainingGoal::severe_share(touch.closing_speed_mps)
     })
 }
@@ -246,7 +245,7 @@ mod tests {
             failure: CellFailure::Violation {
                 leaf: "another".to_owned(),
             },
-            decisive: None,
+            necessary: None,
         };
         let tracker = |own: u64, others: u64| {
             let count = |cell: &FailureCell, failures| CellCount {
