@@ -73,6 +73,13 @@ pub mod openx {
     #[doc(inline)]
     pub use brakecheck_openx::openx::import;
 }
+/// Definition 4: from prioritised rules and ψ_ego to a verdict and a reward.
+pub mod rulebook {
+    #[doc(inline)]
+    pub use brakecheck_scene::rulebook::*;
+    #[doc(inline)]
+    pub use brakecheck_world::world::TrainingGoal;
+}
 #[doc(inline)]
 pub use brakecheck_experiment::run_dir;
 #[doc(inline)]
@@ -88,8 +95,6 @@ pub use brakecheck_risk::risk;
 pub use brakecheck_rl::rl;
 #[doc(inline)]
 pub use brakecheck_scene::preventability;
-#[doc(inline)]
-pub use brakecheck_scene::rulebook;
 #[doc(inline)]
 pub use brakecheck_scene::scene;
 #[doc(inline)]

@@ -11,7 +11,6 @@
 //! Architecture Invariant: pure functions of traces, without scene or learner.
 
 mod counts;
-mod goal;
 mod reward;
 mod run_monitor;
 mod runs;
@@ -19,7 +18,6 @@ mod state_judge;
 mod verdict;
 
 pub use counts::Counts;
-pub use goal::TrainingGoal;
 pub use reward::Reward;
 pub use runs::{NewSamples, RunsJudge};
 pub use state_judge::{NoState, StateJudge};
@@ -301,8 +299,8 @@ impl Judge {
     /// They are those that no further sample could satisfy, or else, in a run that ended,
     /// those that are not strictly kept.
     pub fn broken(&mut self, rulebook: &Rulebook, judged: &Trace) -> Vec<usize> {
-        let lost = self.lost.iter().enumerate();
-        let lost: Vec<usize> = lost.filter_map(|(i, lost)| lost.then_some(i)).collect();
+        let flags = self.lost.iter().enumerate();
+        let lost: Vec<usize> = flags.filter_map(|(i, lost)| lost.then_some(i)).collect();
         if !lost.is_empty() {
             return lost;
         }

@@ -10,8 +10,7 @@ use super::manifest::settings_of;
 use super::{ChangedEgo, RunDifference, RunDir, RunError};
 use crate::content_hash::sha256;
 use crate::natural::NaturalTraining;
-use crate::rulebook::TrainingGoal;
-use crate::world::Scenario;
+use crate::world::{Scenario, TrainingGoal};
 
 /// Requested training.
 #[derive(Clone, Copy, Debug)]

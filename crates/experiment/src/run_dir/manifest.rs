@@ -8,12 +8,11 @@ use super::calibration::{Calibration, TrainingEnd};
 use super::training_counterexamples::StoredCount;
 use crate::content_hash::{self, fingerprint};
 use crate::natural::NaturalTraining;
-use crate::rulebook::TrainingGoal;
 use crate::run_files::append_log::Grown;
 use crate::run_files::sealed::{SealedCounterexamples, manifest_text, timing_s};
 use crate::run_files::{MANIFEST, RunError, SealedFiles};
 use crate::scene::Dynamics;
-use crate::world::{Change, Scenario, TrainingEgos};
+use crate::world::{Change, Scenario, TrainingEgos, TrainingGoal};
 
 /// Content of the file with the processor time.
 #[derive(Serialize)]

@@ -14,7 +14,6 @@ use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, check_repeatability, consent, consent_to_family, on_plant,
 };
 use crate::rl::{LearnerConfig, Policy};
-use crate::rulebook::TrainingGoal;
 use crate::run_dir::{
     Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError, bind_programs,
     trained_naturally,
@@ -22,7 +21,7 @@ use crate::run_dir::{
 use crate::search::{Adversary, BASELINES, Experiment, ExperimentCell};
 use crate::sim::PlantKind;
 use crate::testbench::Sampling;
-use crate::world::{Change, Scenario, TrainingEgos};
+use crate::world::{Change, Scenario, TrainingEgos, TrainingGoal};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
 const KEPT_EPISODES: usize = 5;

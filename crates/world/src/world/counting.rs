@@ -2,9 +2,10 @@
 
 use super::check;
 use super::file::{AgentFile, DriveFile, ScenarioFile};
+use super::training_goal::TrainingGoal;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
+use crate::rulebook::{Counts, JudgeKind, Reward};
 
 /// Greatest closing speed that `counts` may require, in m/s.
 const MAX_CLOSING_MPS: f64 = 150.0;

@@ -12,11 +12,12 @@ use super::natural_file::NaturalFile;
 pub(super) use super::number_or_range::NumberOrRange;
 pub(super) use super::rule_file::RuleFile;
 use super::trained::run::TrainedFile;
+use super::training_goal::TrainingGoal;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::LearnerSettings;
 use crate::road::{Direction, Piece, Priority, RoadPlace};
 use crate::ron_file::{Ordered, Patch};
-use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
+use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{
     Actions, LaneKeeping, MeetEgo, MotionPlan, Range, Schedule, Script, ScriptStep, Sensors,

@@ -59,6 +59,7 @@ mod starts;
 mod structure;
 mod traffic;
 mod trained;
+mod training_goal;
 mod turns;
 mod vacuous;
 mod variants;
@@ -86,6 +87,7 @@ pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;
 pub use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
+pub use training_goal::TrainingGoal;
 
 impl Scenario {
     /// Reads and checks a world file. `runs` finds the runs that it refers to.
