@@ -1,9 +1,9 @@
 //! Replays with somebody else in the ego's place.
 
-mod at_the_wheel;
 mod by_hand;
 mod edges;
 mod panel;
+mod reference_controllers;
 
 use brakecheck::crashes::Regressions;
 use brakecheck::ego::ReferenceDriver;

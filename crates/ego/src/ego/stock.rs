@@ -213,19 +213,19 @@ egos! {
     /// Follows, and stops for lights by the stopping distance.
     traffic_light_acc::YellowLightFixed by build;
     /// Competent and careful, answers overlapping paths (UN R157).
-    reference::CcDriver by at_the_wheel;
+    reference::CcDriver by controller;
     /// Competent and careful, answers agents that leave the next lane.
-    reference::CcLaneDriver by at_the_wheel;
+    reference::CcLaneDriver by controller;
     /// Like `CcLaneDriver`, and brakes until it is no faster than the agent.
-    reference::CcLatchedDriver by at_the_wheel;
+    reference::CcLatchedDriver by controller;
     /// Brakes for cut-ins at the latest time of UN R157's formula.
-    reference::RegDriver by at_the_wheel;
+    reference::RegDriver by controller;
     /// Responsibility-sensitive safety, answered by braking.
-    reference::RssDriver by at_the_wheel;
+    reference::RssDriver by controller;
     /// The fuzzy safety model.
-    reference::FsmDriver by at_the_wheel;
+    reference::FsmDriver by controller;
     /// Brakes at once and fully for an unavoidable contact.
-    reference::IdealDriver by at_the_wheel;
+    reference::IdealDriver by controller;
     /// Keeps its speed, whatever it perceives, as assumed by test protocols.
     coast::Coast by clone;
     /// A separate program, on its stdin and stdout.

@@ -23,19 +23,19 @@
 //! assert_eq!(driver.step(&ego, &[lead]), Response::Brake(12.65 * 0.1));
 //! ```
 
-mod at_the_wheel;
 mod cc;
 mod fsm;
 mod ideal;
 mod model;
+mod reference_controller;
 mod reg;
 mod rss;
 
-pub use at_the_wheel::{AtTheWheel, NOMINAL_MPS2};
 pub use cc::{CcDriver, CcLaneDriver, CcLatchedDriver};
 pub use fsm::FsmDriver;
 pub use ideal::IdealDriver;
 pub use model::ReferenceDriver;
+pub use reference_controller::{NOMINAL_MPS2, ReferenceController};
 pub use reg::RegDriver;
 pub use rss::RssDriver;
 
@@ -191,11 +191,11 @@ pub trait DriverModel: Send {
     }
 
     /// Returns it as a controller of the ego's car.
-    fn at_the_wheel(&self) -> AtTheWheel<Self>
+    fn controller(&self) -> ReferenceController<Self>
     where
         Self: Clone,
     {
-        AtTheWheel::new(self.clone())
+        ReferenceController::new(self.clone())
     }
 }
 

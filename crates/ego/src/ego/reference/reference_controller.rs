@@ -11,7 +11,7 @@ pub const NOMINAL_MPS2: f64 = 1.0;
 
 /// A reference driver of the ego, whose nominal speed is its initial speed.
 #[derive(Clone, Debug)]
-pub struct AtTheWheel<M> {
+pub struct ReferenceController<M> {
     model: M,
     lane_width_m: f64,
     driver: Option<Reflexes<M>>,
@@ -25,9 +25,9 @@ pub struct AtTheWheel<M> {
     others: Vec<LaneBody>,
 }
 
-impl<M> AtTheWheel<M> {
-    pub(super) fn new(model: M) -> AtTheWheel<M> {
-        AtTheWheel {
+impl<M> ReferenceController<M> {
+    pub(super) fn new(model: M) -> ReferenceController<M> {
+        ReferenceController {
             model,
             lane_width_m: 0.0,
             driver: None,
@@ -119,7 +119,7 @@ impl LaneBody {
     }
 }
 
-impl<M: DriverModel + Clone + 'static> Controller for AtTheWheel<M> {
+impl<M: DriverModel + Clone + 'static> Controller for ReferenceController<M> {
     fn brief(&mut self, briefing: &Briefing) {
         self.lane_width_m = briefing.road.lane_width_m;
     }
