@@ -61,161 +61,64 @@ pub struct GridSignalSource {
 /// Cells that fill the range of an observed length.
 const USUAL_CELLS: f64 = 4.0;
 
+/// Range by which lengths are observed.
+///
+/// It is constant instead of the map's size, so that a policy of one map sees the same
+/// numbers on a larger one.
+const LENGTH: (f64, f64) = (0.0, USUAL_CELLS);
+/// Range by which offsets of both signs are observed.
+const OFFSET: (f64, f64) = (-USUAL_CELLS, USUAL_CELLS);
+
+impl GridSignalSource {
+    /// Creates a length in cells, which is published when mentioned.
+    fn length(name: impl Into<String>, about: &str, source: Source) -> GridSignalSource {
+        GridSignalSource::new(Signal::real(name, "cell", about), LENGTH, source)
+    }
+
+    fn new(signal: Signal, range: (f64, f64), source: Source) -> GridSignalSource {
+        GridSignalSource {
+            signal,
+            range,
+            always: false,
+            source,
+        }
+    }
+
+    /// Makes every trace hold it.
+    fn always(self) -> GridSignalSource {
+        GridSignalSource {
+            always: true,
+            ..self
+        }
+    }
+
+    /// Sets the usual range.
+    fn within(self, range: (f64, f64)) -> GridSignalSource {
+        GridSignalSource { range, ..self }
+    }
+}
+
 impl GridSpec {
     /// Returns every signal this scene can publish, except derived ones.
     pub fn catalogue(&self) -> Vec<GridSignalSource> {
-        let steps = f64::from(self.steps());
-        // Constant instead of the map's size: a policy of one map then sees the
-        // same numbers on a larger one.
-        let length = (0.0, USUAL_CELLS);
-        let offset = (-USUAL_CELLS, USUAL_CELLS);
-        let mut offers = Vec::new();
-        let mut offer = |name: &str, unit, about: &str, range, always, source| {
-            offers.push(GridSignalSource {
-                signal: Signal::real(name, unit, about),
-                range,
-                always,
-                source,
-            });
-        };
-        offer(
-            "time",
-            "s",
-            "steps taken, one second each",
-            (0.0, steps),
-            false,
-            Source::Time,
-        );
-        offer(
-            "time_left",
-            "s",
-            "steps to the horizon",
-            (0.0, steps),
-            true,
-            Source::TimeLeft,
-        );
-        for (name, who) in [("ego", Who::Ego), ("ado", Who::Ado)] {
-            let at = |field: &str| format!("{name}.{field}");
-            offer(
-                &at("x"),
-                "cell",
-                "distance from the left wall",
-                length,
-                true,
-                Source::X(who),
-            );
-            offer(
-                &at("y"),
-                "cell",
-                "distance from the bottom wall",
-                length,
-                true,
-                Source::Y(who),
-            );
-            offer(
-                &at("column"),
-                "cell",
-                "column of the whole cell it is in, from 0",
-                length,
-                false,
-                Source::Column(who),
-            );
-            offer(
-                &at("row"),
-                "cell",
-                "row of the whole cell it is in, from 0",
-                length,
-                false,
-                Source::Row(who),
-            );
-            for (field, about, source) in [
-                ("up", "free cells above it", Source::Up(who)),
-                ("down", "free cells below it", Source::Down(who)),
-                ("left", "free cells to its left", Source::Left(who)),
-                ("right", "free cells to its right", Source::Right(who)),
-            ] {
-                offer(&at(field), "cell", about, length, false, source);
-            }
-        }
-        offer(
-            "speed_inf",
-            "cell/s",
-            "‖v‖∞ of the ado: cells moved in the last step along the larger axis",
-            (0.0, 2.0),
-            true,
-            Source::Speed(Who::Ado),
-        );
-        offer(
-            "ego.speed_inf",
-            "cell/s",
-            "‖v‖∞ of the ego over the last step",
-            length,
-            false,
-            Source::Speed(Who::Ego),
-        );
-        offer(
-            "away.x",
-            "cell",
-            "how far the ego is to the right of the ado",
-            offset,
-            false,
-            Source::AwayX,
-        );
-        offer(
-            "away.y",
-            "cell",
-            "how far the ego is above the ado",
-            offset,
-            false,
-            Source::AwayY,
-        );
-        offer(
-            "behind.x",
-            "cell",
-            "free cells behind the ego as the ado sees it, along x; to the right if level",
-            length,
-            false,
-            Source::BehindX,
-        );
-        offer(
-            "behind.y",
-            "cell",
-            "free cells behind the ego as the ado sees it, along y; above it if level",
-            length,
-            false,
-            Source::BehindY,
-        );
-        offer(
-            "ego.step",
-            "cell",
-            "k: cells the ego moves per step",
-            length,
-            false,
-            Source::EgoStep,
-        );
-        offer(
-            "d_man",
-            "cell",
-            "Manhattan distance of the two",
-            (0.0, 2.0 * USUAL_CELLS),
-            true,
-            Source::Manhattan,
-        );
-        offer(
-            "size",
-            "cell",
-            "n: cells along a side",
-            (0.0, 10.0),
-            false,
-            Source::Size,
-        );
-        offers.push(GridSignalSource {
-            signal: Signal::boolean("captured", "whether the two are less than one cell apart"),
-            range: (0.0, 1.0),
-            always: false,
-            source: Source::Captured,
-        });
-        offers
+        // Traces have their columns in this order, and kept files the traces.
+        let mut all = Vec::from(self.clock_signals());
+        all.extend(agent_signals("ego", Who::Ego));
+        all.extend(agent_signals("ado", Who::Ado));
+        all.extend(speed_signals());
+        all.extend(pair_signals());
+        all.extend(map_signals());
+        all
+    }
+
+    fn clock_signals(&self) -> [GridSignalSource; 2] {
+        let steps = (0.0, f64::from(self.steps()));
+        let time = Signal::real("time", "s", "steps taken, one second each");
+        let time_left = Signal::real("time_left", "s", "steps to the horizon");
+        [
+            GridSignalSource::new(time, steps, Source::Time),
+            GridSignalSource::new(time_left, steps, Source::TimeLeft).always(),
+        ]
     }
 
     /// Returns the signals in a trace of this scene, except derived ones.
@@ -224,6 +127,71 @@ impl GridSpec {
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers
     }
+}
+
+/// Returns the place of an agent and the free cells around it.
+fn agent_signals(name: &str, who: Who) -> [GridSignalSource; 8] {
+    let length = |field: &str, about: &str, source: Source| {
+        GridSignalSource::length(format!("{name}.{field}"), about, source)
+    };
+    let column = "column of the whole cell it is in, from 0";
+    let row = "row of the whole cell it is in, from 0";
+    [
+        length("x", "distance from the left wall", Source::X(who)).always(),
+        length("y", "distance from the bottom wall", Source::Y(who)).always(),
+        length("column", column, Source::Column(who)),
+        length("row", row, Source::Row(who)),
+        length("up", "free cells above it", Source::Up(who)),
+        length("down", "free cells below it", Source::Down(who)),
+        length("left", "free cells to its left", Source::Left(who)),
+        length("right", "free cells to its right", Source::Right(who)),
+    ]
+}
+
+fn speed_signals() -> [GridSignalSource; 2] {
+    let ado = "‖v‖∞ of the ado: cells moved in the last step along the larger axis";
+    let ego = "‖v‖∞ of the ego over the last step";
+    let speed = |name: &str, about: &str| Signal::real(name, "cell/s", about);
+    [
+        // Without an owner in its name, as in the paper's rules, which limit the ado.
+        GridSignalSource::new(speed("speed_inf", ado), (0.0, 2.0), Source::Speed(Who::Ado))
+            .always(),
+        GridSignalSource::new(speed("ego.speed_inf", ego), LENGTH, Source::Speed(Who::Ego)),
+    ]
+}
+
+/// Returns the place of the ego as the ado sees it.
+fn pair_signals() -> [GridSignalSource; 4] {
+    let right = "how far the ego is to the right of the ado";
+    let above = "how far the ego is above the ado";
+    let behind_x = "free cells behind the ego as the ado sees it, along x; to the right if level";
+    let behind_y = "free cells behind the ego as the ado sees it, along y; above it if level";
+    [
+        GridSignalSource::length("away.x", right, Source::AwayX).within(OFFSET),
+        GridSignalSource::length("away.y", above, Source::AwayY).within(OFFSET),
+        GridSignalSource::length("behind.x", behind_x, Source::BehindX),
+        GridSignalSource::length("behind.y", behind_y, Source::BehindY),
+    ]
+}
+
+/// Returns the constants of the map, and the distance that decides a capture.
+fn map_signals() -> [GridSignalSource; 4] {
+    let step = "k: cells the ego moves per step";
+    let distance = "Manhattan distance of the two";
+    let captured = "whether the two are less than one cell apart";
+    [
+        GridSignalSource::length("ego.step", step, Source::EgoStep),
+        GridSignalSource::length("d_man", distance, Source::Manhattan)
+            // Both coordinates add up to it.
+            .within((0.0, 2.0 * USUAL_CELLS))
+            .always(),
+        GridSignalSource::length("size", "n: cells along a side", Source::Size).within((0.0, 10.0)),
+        GridSignalSource::new(
+            Signal::boolean("captured", captured),
+            (0.0, 1.0),
+            Source::Captured,
+        ),
+    ]
 }
 
 /// Current and previous position of both agents, with the step count.
