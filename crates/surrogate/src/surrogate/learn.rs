@@ -153,13 +153,13 @@ impl LearnedFrom {
     ///
     /// The interval predicts the share among `starts` further starts.
     pub fn expected(&self, starts: usize) -> (f64, [f64; 2]) {
-        let (successes, runs) = match self.acts() {
+        let counted = match self.acts() {
             Acts::Planned => self.by_plans(),
-            Acts::AsTrained => (self.as_trained_successes, self.as_trained),
+            Acts::AsTrained => self.by_training(),
             Acts::OpenLoop => self.by_open_loop(),
         };
-        let rate = successes as f64 / runs.max(1) as f64;
-        (rate, predicted(successes as usize, runs as usize, starts))
+        let [successes, runs] = [counted.successes, counted.runs].map(|count| count as usize);
+        (counted.rate(), predicted(successes, runs, starts))
     }
 
     /// Returns the way in which the ado acts.
@@ -170,33 +170,55 @@ impl LearnedFrom {
     /// The trained policy has few runs, so the lower bound of its interval must exceed the
     /// upper bound of the best alternative.
     pub(crate) fn acts(&self) -> Acts {
-        let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
-        let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
         let (planned, open_loop) = (self.by_plans(), self.by_open_loop());
-        let [_, most] = interval(planned);
-        let (best, acts) = if most < rate(open_loop) {
+        let [_, most_planned] = planned.interval();
+        let (best, acts) = if most_planned < open_loop.rate() {
             (open_loop, Acts::OpenLoop)
         } else {
             (planned, Acts::Planned)
         };
-        let ([as_trained, _], [_, most]) = (
-            interval((self.as_trained_successes, self.as_trained)),
-            interval(best),
-        );
-        if most < as_trained {
-            Acts::AsTrained
-        } else {
-            acts
+        let ([least, _], [_, most]) = (self.by_training().interval(), best.interval());
+        if most < least { Acts::AsTrained } else { acts }
+    }
+
+    fn by_plans(&self) -> CountedRuns {
+        CountedRuns {
+            successes: self.planned_successes,
+            runs: self.planned,
         }
     }
 
-    fn by_plans(&self) -> (u64, u64) {
-        (self.planned_successes, self.planned)
+    fn by_training(&self) -> CountedRuns {
+        CountedRuns {
+            successes: self.as_trained_successes,
+            runs: self.as_trained,
+        }
     }
 
-    fn by_open_loop(&self) -> (u64, u64) {
+    fn by_open_loop(&self) -> CountedRuns {
         let tried = self.fixed.as_ref();
-        tried.map_or((0, 0), |tried| (tried.successes, tried.runs))
+        tried.map_or(CountedRuns::default(), |tried| CountedRuns {
+            successes: tried.successes,
+            runs: tried.runs,
+        })
+    }
+}
+
+/// Runs of an ego, and how many of them were successes.
+#[derive(Clone, Copy, Default)]
+struct CountedRuns {
+    successes: u64,
+    runs: u64,
+}
+
+impl CountedRuns {
+    fn rate(self) -> f64 {
+        self.successes as f64 / self.runs.max(1) as f64
+    }
+
+    /// Returns the 95 % interval of the rate.
+    fn interval(self) -> [f64; 2] {
+        wilson(self.successes as usize, self.runs as usize)
     }
 }
 
@@ -217,100 +239,181 @@ pub struct LearnedEgo {
 /// Equal requests give equal results on any number of threads, if the ego is
 /// deterministic.
 pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
-    let LearnEgoRequest {
-        nominal,
-        ego,
-        policy,
-        bundle,
-        runs,
-        unknown,
-        seed,
-    } = *request;
-    let mut kinds = kinds_except(unknown);
-    let mut learned = |runs: &[RecordedRun], brake: Option<EmergencyBrake>, updates: u64| {
-        let labelled = labelled(ego, runs);
-        let found = fit_models(&labelled, &kinds, seed, watch);
-        // Later rounds fit only the kinds that came close in the round before.
-        let nearest: Arc<[FittedModel]> = found.nearest.into();
-        kinds = found.kinds;
-        let samples = samples(&labelled, &nearest);
-        fit(&samples, &nearest, brake, updates, seed, watch)
-    };
-    let all = starts(nominal, runs, seed);
-    let count = if runs >= THREE_ROUNDS { 3 } else { 2 };
-    let mut chunks = all.chunks(all.len().div_ceil(count).max(1));
-    let mut recorded = mixed(ego, policy, chunks.next()?, watch);
-    let as_trained = recorded.iter().filter(|run| run.as_trained);
-    let mut from = LearnedFrom {
-        runs: all.len() as u64,
-        error: None,
-        planned: 0,
-        planned_successes: 0,
-        as_trained: as_trained.clone().count() as u64,
-        as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
-        fixed: None,
-        judged_on: judged_on(ego, &recorded),
-        brake: None,
-        nearest: Vec::new(),
-    };
-    let mut surrogate = learned(&recorded, None, UPDATES)?;
-    let rounds: Vec<_> = chunks.collect();
-    let mut inside = None;
-    for (round, starts) in rounds.iter().enumerate() {
-        let is_last = round + 1 == rounds.len();
-        // The runs of the last round are played like the test starts.
-        if is_last {
-            // A second policy is therefore available from this round on.
-            inside = fine_tuned(ego, bundle, &surrogate, seed, watch);
-        }
-        let followed = inside.as_ref().and_then(|inside| load_policy(inside).ok());
-        let policies = Policies {
-            as_trained: policy,
-            fine_tuned: followed.as_deref(),
+    let all = starts(request.nominal, request.runs, request.seed);
+    let count = if request.runs >= THREE_ROUNDS { 3 } else { 2 };
+    let mut rounds = all.chunks(all.len().div_ceil(count).max(1));
+    let mut learning = EgoLearning::begin(request, &all, rounds.next()?, watch)?;
+    let further: Vec<_> = rounds.collect();
+    for (round, starts) in further.iter().enumerate() {
+        let is_last = round + 1 == further.len();
+        learning.play_round(starts, is_last)?;
+    }
+    learning.end()
+}
+
+/// Learning of an ego in rounds, each of which is played with the fit of the one before.
+struct EgoLearning<'a> {
+    request: &'a LearnEgoRequest<'a>,
+    /// Starts of all rounds.
+    all: &'a [(Start, u64)],
+    watch: &'a Watch<'a>,
+    /// Kinds of stock controllers that the next round fits.
+    kinds: Vec<&'static str>,
+    recorded: Vec<RecordedRun>,
+    surrogate: Arc<Surrogate>,
+    /// Policy that the ado learned inside the surrogate, from the last round on.
+    fine_tuned: Option<TensorFile>,
+    from: LearnedFrom,
+}
+
+impl<'a> EgoLearning<'a> {
+    /// Records the first round and fits the surrogate to it.
+    fn begin(
+        request: &'a LearnEgoRequest<'a>,
+        all: &'a [(Start, u64)],
+        first: &[(Start, u64)],
+        watch: &'a Watch<'a>,
+    ) -> Option<EgoLearning<'a>> {
+        let ego = request.ego;
+        let recorded = mixed(ego, request.policy, first, watch);
+        let as_trained = recorded.iter().filter(|run| run.as_trained);
+        let from = LearnedFrom {
+            runs: all.len() as u64,
+            error: None,
+            planned: 0,
+            planned_successes: 0,
+            as_trained: as_trained.clone().count() as u64,
+            as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
+            fixed: None,
+            judged_on: judged_on(ego, &recorded),
+            brake: None,
+            nearest: Vec::new(),
         };
-        let (plant, budget) = (from.judged_on, PlanningBudget::BRIEF);
-        let planner = || Planner::new(ego, &surrogate, plant, policies, budget, watch);
+        let mut kinds = kinds_except(request.unknown);
+        let surrogate = refitted(request, &recorded, &mut kinds, None, UPDATES, watch)?;
+        Some(EgoLearning {
+            request,
+            all,
+            watch,
+            kinds,
+            recorded,
+            surrogate,
+            fine_tuned: None,
+            from,
+        })
+    }
+
+    /// Records a further round and fits the surrogate to all runs. `None`: stopped.
+    fn play_round(&mut self, starts: &[(Start, u64)], is_last: bool) -> Option<()> {
+        let ego = self.request.ego;
+        // The runs of the last round are played like the test starts, where a policy from
+        // inside the surrogate is available.
+        if is_last {
+            self.fine_tune();
+        }
         // Half of the last round tests fixed actions if the surrogate does not predict the ego.
-        let is_unsure = is_last && from.error.is_some_and(|error| !error.predicts_well());
+        let is_unsure = is_last && self.from.error.is_some_and(|error| !error.predicts_well());
         let [to_plan, to_compare] = if is_unsure {
             interleaved(starts)
         } else {
             [starts.to_vec(), Vec::new()]
         };
-        let found = planned(ego, planner, &to_plan, watch);
-        if is_unsure && let Some(actions) = best_fixed(ego, &surrogate, &all) {
-            let tried = open_loop_runs(ego, &actions, &to_compare, watch);
-            let successes = tried.iter().filter(|run| run.is_success).count() as u64;
-            from.fixed = Some(TriedActions {
-                actions,
-                runs: tried.len() as u64,
-                successes,
-            });
-            recorded.extend(tried);
+        let planned = self.planned(&to_plan);
+        if is_unsure {
+            self.try_fixed_actions(&to_compare);
         }
-        if watch.stopped() {
+        if self.watch.stopped() {
             return None;
         }
         // The error is measured before the refit, so these runs are new to the surrogate.
-        from.error = error_of(ego, &surrogate, &found).or(from.error);
-        from.planned = found.len() as u64;
-        from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
-        recorded.extend(found);
-        let updates = if is_last { LAST_UPDATES } else { UPDATES };
-        surrogate = learned(&recorded, surrogate.brake, updates)?;
+        self.from.error = error_of(ego, &self.surrogate, &planned).or(self.from.error);
+        self.from.planned = planned.len() as u64;
+        self.from.planned_successes = planned.iter().filter(|run| run.is_success).count() as u64;
+        self.recorded.extend(planned);
+        self.surrogate = refitted(
+            self.request,
+            &self.recorded,
+            &mut self.kinds,
+            self.surrogate.brake,
+            if is_last { LAST_UPDATES } else { UPDATES },
+            self.watch,
+        )?;
+        Some(())
     }
-    from.nearest = surrogate.nearest.to_vec();
-    from.brake = surrogate.brake;
-    // The training continues from the policy of the last round.
-    let inside = fine_tuned(ego, inside.as_ref().or(bundle), &surrogate, seed, watch);
-    if watch.stopped() {
-        return None;
+
+    /// Continues the ado's training inside the surrogate, from its last policy there.
+    fn fine_tune(&mut self) {
+        let LearnEgoRequest {
+            ego, bundle, seed, ..
+        } = *self.request;
+        let before = self.fine_tuned.as_ref().or(bundle);
+        self.fine_tuned = fine_tuned(ego, before, &self.surrogate, seed, self.watch);
     }
-    Some(LearnedEgo {
-        surrogate,
-        fine_tuned: inside.map(Arc::new),
-        from,
-    })
+
+    /// Records runs of plans in the surrogate.
+    fn planned(&self, starts: &[(Start, u64)]) -> Vec<RecordedRun> {
+        let ego = self.request.ego;
+        let followed = self
+            .fine_tuned
+            .as_ref()
+            .and_then(|inside| load_policy(inside).ok());
+        let policies = Policies {
+            as_trained: self.request.policy,
+            fine_tuned: followed.as_deref(),
+        };
+        let (plant, budget) = (self.from.judged_on, PlanningBudget::BRIEF);
+        let planner = || Planner::new(ego, &self.surrogate, plant, policies, budget, self.watch);
+        planned(ego, planner, starts, self.watch)
+    }
+
+    /// Records runs of the actions that succeed most often in the surrogate, if any do.
+    fn try_fixed_actions(&mut self, starts: &[(Start, u64)]) {
+        let ego = self.request.ego;
+        let Some(actions) = best_fixed(ego, &self.surrogate, self.all) else {
+            return;
+        };
+        let tried = open_loop_runs(ego, &actions, starts, self.watch);
+        let successes = tried.iter().filter(|run| run.is_success).count() as u64;
+        self.from.fixed = Some(TriedActions {
+            actions,
+            runs: tried.len() as u64,
+            successes,
+        });
+        self.recorded.extend(tried);
+    }
+
+    /// Returns the learned ego. `None`: stopped.
+    fn end(mut self) -> Option<LearnedEgo> {
+        self.from.nearest = self.surrogate.nearest.to_vec();
+        self.from.brake = self.surrogate.brake;
+        // The surrogate is fitted to more runs than the last policy was trained in.
+        self.fine_tune();
+        (!self.watch.stopped()).then(|| LearnedEgo {
+            surrogate: self.surrogate,
+            fine_tuned: self.fine_tuned.map(Arc::new),
+            from: self.from,
+        })
+    }
+}
+
+/// Fits a surrogate to all runs. `None`: stopped, or the ego never ran.
+///
+/// `kinds` are the kinds of stock controllers to compare, and then those that came close.
+fn refitted(
+    request: &LearnEgoRequest<'_>,
+    runs: &[RecordedRun],
+    kinds: &mut Vec<&'static str>,
+    brake: Option<EmergencyBrake>,
+    updates: u64,
+    watch: &Watch<'_>,
+) -> Option<Arc<Surrogate>> {
+    let labelled = labelled(request.ego, runs);
+    let found = fit_models(&labelled, kinds, request.seed, watch);
+    let nearest: Arc<[FittedModel]> = found.nearest.into();
+    // Later rounds fit only the kinds that came close, because the fits take most of the time.
+    *kinds = found.kinds;
+    let samples = samples(&labelled, &nearest);
+    fit(&samples, &nearest, brake, updates, request.seed, watch)
 }
 
 /// Splits the starts into two interleaved halves.
