@@ -12,6 +12,13 @@ use brakecheck_scene::natural::vehicle_meter::VehicleMeter;
 use brakecheck_scene::natural::{AdoLimit, SuccessRarity, motorway};
 use brakecheck_traffic::CUT_IN_GAP_M;
 
+fn wish(accel_mps2: f64, lateral_mps: f64) -> Command {
+    Command {
+        accel_mps2,
+        lateral_mps,
+    }
+}
+
 /// World `cut_in` with the ado in the left lane, at its first sample.
 fn scene(per_1000_km: f64) -> LimitedScene {
     let world = Scenario::shipped("cut_in")
@@ -39,7 +46,7 @@ fn a_cut_in_is_rated_by_the_worst_state_of_its_decision() {
     let [ego_m, ado_m] = [0, 1].map(|agent| spec.agents[agent].body.length_m);
     let lane_m = spec.road.lane_middle_m(0);
     // Off the middle of the ego's lane, ahead of its front, and speeds of ego and ado.
-    let mut found = |[off_m, ahead_m]: [f64; 2], [ego, ado]: [f64; 2], motion: (f64, f64)| {
+    let mut found = |[off_m, ahead_m]: [f64; 2], [ego, ado]: [f64; 2], motion: Command| {
         let front_m = scene.bodies[0].state.pose.x_m;
         scene.bodies[0].state.speed_mps = ego;
         scene.bodies[1].state.speed_mps = ado;
@@ -47,7 +54,7 @@ fn a_cut_in_is_rated_by_the_worst_state_of_its_decision() {
         scene.bodies[1].state.pose.y_m = lane_m + off_m;
         scene.cut_in(1, motion, 0.5)
     };
-    let right = (0.0, -1.2);
+    let right = wish(0.0, -1.2);
     let plain = found([2.0, 30.0], [16.0, 10.0], right).expect("crosses");
     assert!((plain.closing_mps - 6.0).abs() < 1e-9, "{plain:?}");
     assert!(
@@ -56,13 +63,13 @@ fn a_cut_in_is_rated_by_the_worst_state_of_its_decision() {
     );
     assert_eq!(plain.lateral_mps, -1.2);
     // Braking closes the gap further, and speeding up comes too late to help.
-    let braking = found([2.0, 30.0], [16.0, 10.0], (-4.0, -1.2)).expect("crosses");
+    let braking = found([2.0, 30.0], [16.0, 10.0], wish(-4.0, -1.2)).expect("crosses");
     assert!((braking.closing_mps - 8.0).abs() < 1e-9, "{braking:?}");
     assert!(
         (braking.gap_m - (30.0 - ado_m - 4.0)).abs() < 1e-6,
         "{braking:?}"
     );
-    let faster = found([2.0, 30.0], [16.0, 10.0], (4.0, -1.2)).expect("crosses");
+    let faster = found([2.0, 30.0], [16.0, 10.0], wish(4.0, -1.2)).expect("crosses");
     assert_eq!(faster, plain);
     // A faster ado opens the gap, which is then that of the beginning.
     let opening = found([2.0, 30.0], [10.0, 16.0], right).expect("crosses");
@@ -71,13 +78,13 @@ fn a_cut_in_is_rated_by_the_worst_state_of_its_decision() {
     let beside = found([2.0, 1.0], [16.0, 10.0], right).expect("crosses");
     assert_eq!(beside.gap_m, 0.0);
     // From the right, by symmetry.
-    assert!(found([-2.0, 30.0], [16.0, 10.0], (0.0, 1.2)).is_some());
+    assert!(found([-2.0, 30.0], [16.0, 10.0], wish(0.0, 1.2)).is_some());
     let half_m = 1.75;
     for (place, motion) in [
         // No motion to the side, one away, one that ends before the line, and one
         // that began behind it.
-        ([2.0, 30.0], (0.0, 0.0)),
-        ([2.0, 30.0], (0.0, 1.2)),
+        ([2.0, 30.0], wish(0.0, 0.0)),
+        ([2.0, 30.0], wish(0.0, 1.2)),
         ([half_m + 0.61, 30.0], right),
         ([half_m - 0.01, 30.0], right),
         // Behind the ego, and too far ahead.
@@ -128,8 +135,8 @@ fn deviations_are_rated_with_the_plan_to_which_they_add() {
     };
     // Without a plan, what the body does now is no part of an action.
     scene.bodies[1].state.accel_mps2 = -6.0;
-    assert!(scene.allows(&ado(0.0), (0.0, 0.0)));
-    assert!(!scene.allows(&ado(0.0), (-6.0, 0.0)));
+    assert!(scene.allows(&ado(0.0), wish(0.0, 0.0)));
+    assert!(!scene.allows(&ado(0.0), wish(-6.0, 0.0)));
     let world = include_str!("../../worlds/ncap/cbla.ron");
     let world = Scenario::parse("cbla.ron", world).expect("sound");
     let driving = world.drive().expect("a road").world().clone();
@@ -147,10 +154,10 @@ fn deviations_are_rated_with_the_plan_to_which_they_add() {
         ..ado(added_mps2)
     };
     // The plan brakes with 6 m/s², or the last action did.
-    assert!(!scene.allows(&ado(0.0), (0.0, 0.0)));
-    assert!(scene.allows(&ado(0.0), (6.0, 0.0)));
-    assert!(scene.allows(&ado(-6.0), (0.0, 0.0)));
-    assert!(!scene.allows(&ado(-6.0), (-6.0, 0.0)));
+    assert!(!scene.allows(&ado(0.0), wish(0.0, 0.0)));
+    assert!(scene.allows(&ado(0.0), wish(6.0, 0.0)));
+    assert!(scene.allows(&ado(-6.0), wish(0.0, 0.0)));
+    assert!(!scene.allows(&ado(-6.0), wish(-6.0, 0.0)));
 }
 
 fn acc() -> Scenario {

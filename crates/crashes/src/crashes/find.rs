@@ -118,11 +118,11 @@ impl Regressions {
                 }),
             };
         }
-        let file = dir.join(episode);
-        let file = if file.exists() {
-            // The file may be named without its extension.
-            file
+        let named = dir.join(episode);
+        let file = if named.exists() {
+            named
         } else {
+            // The file may be named without its extension.
             dir.join(format!("{episode}.ron"))
         };
         if file.is_file() {

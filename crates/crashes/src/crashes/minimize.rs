@@ -33,9 +33,9 @@ use super::reruns::{KEEP_RUNS, Reruns};
 use crate::experiment::Watch;
 use crate::preventability::{Label, NotApplicable};
 use crate::run_dir::{Effort, Shrunk};
-use crate::scene::{ContactEvent, Start};
+use crate::scene::ContactEvent;
 use crate::search::{Tree, WalkControl};
-use crate::testbench::{Aftermath, Episode, FaultLog, Testbench};
+use crate::testbench::{Aftermath, Episode, FaultLog, NoisyStart, Testbench};
 use crate::world::Scenario;
 
 /// Share by which the closing speed of a minimized crash may differ, either way.
@@ -119,8 +119,7 @@ pub(super) fn shrink_within(
         bench: cheap.bench(),
         closing,
         aim: Aim::of(scenario, episode),
-        start: &episode.start,
-        noise: episode.noise,
+        from: episode.noisy_start(),
         aftermath: &episode.actions[recorded.len()..],
         watch: &watch,
         moves: MOVES,
@@ -226,8 +225,7 @@ struct Shrinking<'a> {
     bench: Testbench,
     closing: f64,
     aim: Aim,
-    start: &'a Start,
-    noise: u64,
+    from: NoisyStart<'a>,
     /// Recorded actions after the recorded failure.
     aftermath: &'a [usize],
     watch: &'a Watch<'a>,
@@ -268,7 +266,7 @@ impl Shrinking<'_> {
             }
             WalkControl::Continue
         };
-        let from = ((self.start, self.noise), 0);
+        let from = ((self.from.start, self.from.noise), 0);
         let root = &mut self.bench;
         // Effort counts up to the failure, so the walk ends there.
         let mut tree = Tree::new(root, from, Aftermath::Skip, &mut note, self.watch);
@@ -309,7 +307,7 @@ impl Shrinking<'_> {
             self.moves = 0;
             return false;
         }
-        let (from, aftermath) = ((self.start, self.noise), self.aftermath);
+        let (from, aftermath) = (self.from, self.aftermath);
         let mut run = |bench: &mut Testbench| story(bench, from, actions, aftermath);
         let episode = self.reruns.repeated(self.scenario, &mut run);
         let played = up_to_failure(self.scenario, &episode).to_vec();
@@ -339,8 +337,7 @@ impl Shrinking<'_> {
         }
         self.reruns.count(1);
         self.moves = self.moves.saturating_sub(1);
-        let from = (self.start, self.noise);
-        let episode = story(&mut self.bench, from, actions, self.aftermath);
+        let episode = story(&mut self.bench, self.from, actions, self.aftermath);
         self.aim.is_reached(&episode, self.closing)
     }
 
@@ -388,7 +385,7 @@ impl Shrinking<'_> {
 /// Up to the failure, the last action of the sequence is held.
 fn story(
     bench: &mut Testbench,
-    (start, noise): (&Start, u64),
+    from: NoisyStart<'_>,
     actions: &[usize],
     aftermath: &[usize],
 ) -> Episode {
@@ -396,7 +393,7 @@ fn story(
     let last = actions.last().copied().unwrap_or(neutral);
     let (mut before, mut after) = (actions.iter(), aftermath.iter());
     let mut played = Vec::new();
-    bench.begin(start, noise, Aftermath::Play);
+    bench.begin(from.start, from.noise, Aftermath::Play);
     while !bench.is_done() {
         let action = if bench.is_decided() {
             after.next().copied().unwrap_or(neutral)
@@ -406,7 +403,7 @@ fn story(
         played.push(action);
         bench.decide(action);
     }
-    bench.episode(start, noise, played)
+    bench.episode(from.start, from.noise, played)
 }
 
 /// Returns whether an effort is less than `now`, with no larger sum than the original.

@@ -14,7 +14,7 @@ use crate::run_dir::{Persistence, Variation};
 use crate::scene::Start;
 use crate::scene::drive::Sensors;
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Episode, Replay};
+use crate::testbench::{Aftermath, Episode, NoisyStart, Replay};
 use crate::world::{Change, DriveScenario, Scenario};
 
 /// Perturbation of a length or a speed of the start, in m and m/s.
@@ -51,7 +51,10 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
     reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
         let mut ado = Replay::then(&episode.actions, world.world().spaces().neutral);
-        let from = (&start, episode.noise);
+        let from = NoisyStart {
+            start: &start,
+            noise: episode.noise,
+        };
         let replayed = reruns.played(&world, from, &mut ado, Aftermath::Skip);
         let no_answer = no_answer(&world, replayed.verdict);
         Variation {
@@ -103,8 +106,8 @@ fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart>
         }),
         ..Change::default()
     };
-    let later = scenario.with(&later).ok();
-    worlds.extend(later.map(|world| ("sensors one sample later".to_owned(), world)));
+    let delayed = scenario.with(&later).ok();
+    worlds.extend(delayed.map(|world| ("sensors one sample later".to_owned(), world)));
     let start = &episode.start;
     let all = worlds.into_iter();
     all.map(|(name, world)| (name, world, start.clone()))

@@ -114,7 +114,10 @@ impl Regressions {
                 source,
             })?;
             files = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+            // Reports and pictures may lie beside them.
             files.retain(|file| file.extension().is_some_and(|e| e == "ron"));
+            // Directories list their files in no order, and numbers of episodes refer to
+            // this one.
             files.sort();
         }
         if files.is_empty() {
@@ -252,6 +255,7 @@ impl Regressions {
             let replayed = replay(kept, scenario)?;
             log.note(index as u64, replayed.fault());
             all.push(replayed);
+            // A program that never starts would wait for its deadline at every file.
             if log.has_given_up() {
                 break;
             }
@@ -326,6 +330,8 @@ impl Regressions {
     /// No replay does, and an ado breaks its rule in one of them.
     pub fn check_answers(replayed: &[Replayed]) -> Result<(), RegressionError> {
         let counts = ReplayCounts::of(replayed);
+        // One answer suffices: a changed ego may well end some episodes by a rule
+        // violation.
         if counts.no_answer == 0 || counts.still_fail + counts.fixed > 0 {
             return Ok(());
         }
@@ -367,7 +373,7 @@ impl Regressions {
     /// A world is not usable, or its ego is a program without recorded commands and
     /// without your consent.
     pub fn replay_recorded(&self) -> Result<Vec<Replayed>, RegressionError> {
-        let worlds = self.kept.iter().map(|kept| {
+        let loaded = self.kept.iter().map(|kept| {
             let recorded = &kept.counterexample;
             let world = recorded.scenario(&kept.path)?;
             Ok(match recorded.commands() {
@@ -375,7 +381,8 @@ impl Regressions {
                 None => world.allow_programs(self.programs_allowed),
             })
         });
-        let worlds = worlds.collect::<Result<Vec<_>, RegressionError>>()?;
+        // All are loaded before the first program may start.
+        let worlds = loaded.collect::<Result<Vec<_>, RegressionError>>()?;
         self.consent(&worlds)?;
         let pairs = self.kept.iter().zip(worlds);
         pairs
@@ -394,6 +401,7 @@ impl Regressions {
         let world = recorded
             .scenario(&kept.path)?
             .allow_programs(self.programs_allowed);
+        // A running program answers new questions, which recorded commands cannot.
         let may_start = world.program().is_some_and(|it| it.is_allowed());
         Ok(match recorded.commands().filter(|_| !may_start) {
             Some(commands) => world.with_commands(&commands),
@@ -469,6 +477,7 @@ impl Regressions {
             }
             // A named or given ego replaces the recorded change, it is not added.
             ReplayedEgo::Change(change) => nominal()?.with(change)?,
+            // No world lists its own ego among those that reuse the ado.
             ReplayedEgo::Named(name) if name == "nominal" => nominal()?,
             ReplayedEgo::Named(name) => {
                 let world = nominal()?;

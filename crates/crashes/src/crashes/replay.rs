@@ -284,8 +284,8 @@ pub fn newest_of_training(
     let noise = run.noise_of(&stored)?;
     let mut bench = scenario.bench();
     let all: Vec<(&Success, u64)> = stored.all().iter().zip(noise).collect();
-    let newest = &all[..all.len().saturating_sub(skipped)];
-    let newest = &newest[newest.len().saturating_sub(most)..];
+    let until = all.len().saturating_sub(skipped);
+    let newest = &all[until.saturating_sub(most)..until];
     let replayed = newest.iter().map(|(success, noise)| {
         let mut actor = Replay::holding(&success.actions);
         let episode = play(

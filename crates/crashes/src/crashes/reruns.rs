@@ -15,7 +15,7 @@ use crate::rulebook::Verdict;
 use crate::run_dir::{EgoRuns, NotAsked, StartRepeated};
 use crate::scene::Start;
 use crate::scene::drive::EgoDrive;
-use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Replay, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Episode, FaultLog, NoisyStart, Replay, Testbench, play};
 use crate::world::{Repeats, Scenario};
 
 /// Default of the runs of a program for a counterexample.
@@ -94,7 +94,7 @@ impl<'a> Reruns<'a> {
     ///
     /// An ego that is not takes the world's repeats, or is refused.
     fn compare(&mut self, repeats: Repeats, episode: &Episode) -> Result<(), NotAsked> {
-        let from = (&episode.start, episode.noise);
+        let from = episode.noisy_start();
         // Twice, for egos that alternate between two behaviours.
         for _ in 0..COMPARED {
             self.take(1, 0)?;
@@ -215,12 +215,12 @@ impl<'a> Reruns<'a> {
     pub(super) fn played(
         &self,
         world: &Scenario,
-        (start, noise): (&Start, u64),
+        from: NoisyStart<'_>,
         actor: &mut dyn Actor,
         aftermath: Aftermath,
     ) -> Episode {
         self.repeated(world, &mut |bench| {
-            play(bench, start, noise, actor, aftermath)
+            play(bench, from.start, from.noise, actor, aftermath)
         })
     }
 
@@ -245,7 +245,7 @@ impl<'a> Reruns<'a> {
     /// Returns the verdict under these actions, followed by the neutral action.
     pub(super) fn verdict(&self, episode: &Episode, actions: &[usize]) -> Verdict {
         let neutral = self.scenario.world().spaces().neutral;
-        let from = (&episode.start, episode.noise);
+        let from = episode.noisy_start();
         let mut changed = Replay::then(actions, neutral);
         self.played(&self.scenario, from, &mut changed, Aftermath::Skip)
             .verdict

@@ -253,7 +253,7 @@ impl CrashWriter<'_> {
             distinct: clusters.len(),
             ..KeptFiles::default()
         };
-        let mut chosen = self.chosen((&candidates, &clusters), again, watch, &mut kept);
+        let mut chosen = self.chosen(&candidates, &clusters, again, watch, &mut kept);
         // Minimization may have made a counterexample less severe, so the order can
         // change.
         chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode).then(a.index.cmp(&b.index)));
@@ -321,7 +321,8 @@ impl CrashWriter<'_> {
     /// Returns the counterexamples to keep, examined in batches.
     fn chosen(
         &self,
-        (candidates, clusters): (&[CrashCandidate], &[Vec<usize>]),
+        candidates: &[CrashCandidate],
+        clusters: &[Vec<usize>],
         again: Again<'_>,
         watch: &Watch<'_>,
         kept: &mut KeptFiles,
@@ -330,6 +331,7 @@ impl CrashWriter<'_> {
             CrashSelection::Worst(most) => (leaders(clusters), most),
             CrashSelection::All => (all_by_rank(clusters), candidates.len()),
         };
+        // Each look costs as much as the labels of a kept file.
         queue.truncate(LOOKS.saturating_mul(most));
         let mut queue = queue.into_iter();
         let (mut chosen, mut looked) = (Vec::new(), 0);
@@ -390,6 +392,7 @@ impl CrashWriter<'_> {
         // Half of the runs at most are reserved for the labels.
         let (episode, shrunk) = shrink_within(reruns, found, reruns.at_most_half(labels));
         let small = description_within(reruns, &episode);
+        // A crash that became fragile by minimization is kept as it was found.
         let smaller = shrunk.after != shrunk.before;
         if smaller && !persists(&small) {
             let large = description_within(reruns, found);
@@ -430,6 +433,7 @@ fn all_by_rank(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
             members.map(|at| (*at, cluster.len()))
         })
         .collect();
+    // Positions are ranks, so this order is worst first.
     all.sort_unstable();
     all
 }
@@ -514,89 +518,4 @@ fn stem_of_ego(scenario: &Scenario, ego: &str) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::run_dir::{Answer, LastChance, Persistence, Variation};
-
-    fn variation(fails: Option<bool>, no_answer: Option<NoAnswer>) -> Variation {
-        Variation {
-            name: "one".to_owned(),
-            fails,
-            no_answer,
-        }
-    }
-
-    #[test]
-    fn a_broken_rule_confirms_no_failure() {
-        let fails = || variation(Some(true), None);
-        let rule = || {
-            let rule = "stays".to_owned();
-            variation(None, Some(NoAnswer::RuleBroken { rule }))
-        };
-        let fault = || variation(None, Some(NoAnswer::Fault));
-        let cases = [
-            (vec![fails(), rule()], true),
-            (vec![fails(), rule(), rule()], false),
-            (vec![fails(), fault(), fault()], true),
-            (vec![fails(), variation(Some(false), None)], true),
-            (vec![rule()], false),
-            (vec![fault()], false),
-        ];
-        for (variations, expected) in cases {
-            let about = About {
-                persistence: Some(Persistence { variations }),
-                ..About::default()
-            };
-            assert_eq!(persists(&about), expected, "{about}");
-        }
-        assert!(persists(&About::default()));
-    }
-
-    /// Full braking may fail where a driver who brakes less avoids the contact.
-    #[test]
-    fn a_driver_who_avoids_it_withdraws_that_braking_does_not() {
-        let chance = |at_s| LastChance {
-            driver: "full braking".to_owned(),
-            at_s,
-            violated_s: 3.0,
-            no_answer: None,
-            contact_s: None,
-        };
-        let why = |at_s| Why {
-            leaf: "gap >= 0".to_owned(),
-            leaf_s: 3.0,
-            decisive: None,
-            not_asked: None,
-            last_chance: Some(chance(at_s)),
-        };
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let file = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../tests/regressions/acc_iso-nominal-0005.ron"
-        );
-        let kept = crate::crashes::Regressions::load(file).expect("a kept counterexample");
-        let replayed = kept.replay_recorded().expect("replayed").remove(0);
-        let seen = seen_in(&replayed.scenario, &replayed.episode);
-        let panel = seen.preventability.clone().expect("a contact");
-        let driver = panel.any_driver().expect("a driver").name().to_owned();
-        let answer = |why: Why, seen: About| {
-            let known = with_cause(Some(why), seen);
-            known
-                .why
-                .and_then(|why| why.last_chance)
-                .expect("kept")
-                .answer()
-        };
-        let only = Answer::NoAnswer(NoAnswer::OnlyDriver { driver });
-        assert_eq!(answer(why(None), seen.clone()), only);
-        assert_eq!(answer(why(Some(1.0)), seen.clone()), Answer::Avoided);
-        let nobody = About {
-            preventability: Some(world.preventability(&Episode {
-                contact: None,
-                ..replayed.episode.clone()
-            })),
-            ..seen
-        };
-        assert_eq!(answer(why(None), nobody), Answer::NotAvoided);
-    }
-}
+mod tests;

@@ -135,7 +135,7 @@ impl Crash<'_> {
             ("after_contact".to_owned(), events)
         }));
         let header = header(&title, properties);
-        self.scenario_of((self.recorded, self.after), &drivers, header)
+        self.scenario_of(self.recorded, self.after, &drivers, header)
     }
 
     fn external(&self) -> Result<XmlElement, OpenXError> {
@@ -153,13 +153,14 @@ impl Crash<'_> {
                 .to_owned(),
         ));
         let header = header(&title, properties);
-        self.scenario_of((self.ghostly, None), &drivers, header)
+        self.scenario_of(self.ghostly, None, &drivers, header)
     }
 
     /// Returns the scenario of a passage, with a driver for every agent.
     fn scenario_of(
         &self,
-        (passage, after): (&Passage, Option<&FilmAfterContact>),
+        passage: &Passage,
+        after: Option<&FilmAfterContact>,
         drivers: &[MotionSource],
         header: XmlElement,
     ) -> Result<XmlElement, OpenXError> {

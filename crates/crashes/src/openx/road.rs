@@ -38,7 +38,7 @@ pub(super) fn document(
     let roads = own.chain(named).zip(world.courses()).enumerate().map(
         |(number, ((name, road), course))| {
             let profile = elevation.map(|it| it.profile(number, stretch(number)));
-            let laid = element((number, name), road, (course, profile), stretch(number));
+            let laid = element(number, name, road, course, profile, stretch(number));
             if spec.lights_of(number).next().is_some() {
                 laid.child(lights::signals(spec, number, stretch(number)))
             } else {
@@ -51,9 +51,11 @@ pub(super) fn document(
 
 /// Element of one road. The world's own road has number 0.
 fn element(
-    (number, name): (usize, &str),
+    number: usize,
+    name: &str,
     lanes_of: &Road,
-    (course, profile): (&Course, Option<XmlElement>),
+    course: &Course,
+    profile: Option<XmlElement>,
     stretch: Stretch,
 ) -> XmlElement {
     let mut road = XmlElement::new("road")

@@ -111,7 +111,7 @@ impl GameGraph {
     ) -> Result<Arc<GameGraph>, NotSolvable> {
         match &world.spec().starts {
             Starts::Pairs(pairs) => {
-                let starts = pairs.iter().map(|pair| position(*pair));
+                let starts = pairs.iter().map(|(ego, ado)| position(*ego, *ado));
                 GameGraph::explore_from(world, rulebook, depth, starts)
             }
             Starts::AllPairs | Starts::Uniform => {
@@ -343,8 +343,11 @@ impl Explorer<'_> {
         stop: Option<Stop>,
         frontier: &mut Frontier,
     ) -> Next {
-        let new = (sample as usize, &self.row[..]);
-        let verdict = self.judge.push(self.rulebook, &mut self.state, new, stop);
+        let sample = sample as usize;
+        let state = &mut self.state;
+        let verdict = self
+            .judge
+            .push(self.rulebook, state, sample, &self.row, stop);
         let Some(verdict) = verdict else {
             let memory = self.memories.number(&self.state);
             return Next::state(frontier.number(self.game.pair(now), memory));

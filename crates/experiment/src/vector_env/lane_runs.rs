@@ -11,7 +11,7 @@ use rand::Rng;
 use super::StepInto;
 use super::eligible::LaneWorld;
 use super::run::EnvRun;
-use crate::ego::{Actuator, Controller, Percept};
+use crate::ego::{Actuator, Command, Controller, Percept};
 use crate::road::OnRoad;
 use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
 use crate::scene::Start;
@@ -278,9 +278,12 @@ impl LaneRuns {
                 lateral_mps,
             }) = wish
             {
-                let drivetrain = (&mut vehicle.actuators[run], &mut vehicle.keepers[run]);
-                let wish = (accel_mps2, lateral_mps);
-                let (accel_mps2, curvature_per_m) = self.scene.driven(i, drivetrain, wish);
+                let wish = Command {
+                    accel_mps2,
+                    lateral_mps,
+                };
+                let (actuator, keeper) = (&mut vehicle.actuators[run], &mut vehicle.keepers[run]);
+                let (accel_mps2, curvature_per_m) = self.scene.driven(i, actuator, keeper, wish);
                 self.plant.command(i, accel_mps2, curvature_per_m);
             }
         }

@@ -6,7 +6,6 @@ use super::Example;
 use super::animation::{animation, colour_class};
 use super::plot::{Chart, Curve, Mark, chart};
 use super::verdict::VerdictWords;
-use crate::scene::AgentDescription;
 use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
 use crate::world::Scenario;
@@ -124,7 +123,7 @@ fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
 /// Speeds of all agents.
 fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     let agents = scenario.bench().stage().agents;
-    let curve = |(nth, who): (usize, &AgentDescription)| {
+    let found = agents.iter().enumerate().filter_map(|(nth, who)| {
         let column = episode.trace.signal(&format!("{}.speed", who.name))?;
         Some(Curve {
             name: who.name.clone(),
@@ -132,8 +131,8 @@ fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             points: over_time(&episode.trace, column),
             dots: Vec::new(),
         })
-    };
-    let curves: Vec<Curve> = agents.iter().enumerate().filter_map(curve).collect();
+    });
+    let curves: Vec<Curve> = found.collect();
     (!curves.is_empty()).then(|| Chart {
         title: "Speeds".to_owned(),
         x_label: "time [s]".to_owned(),

@@ -84,6 +84,7 @@ fn panels_of(one: &Behaviour, safe_m: f64) -> Vec<Chart> {
             at: safe_m,
             word: format!("d_safe = {safe_m} m"),
         }],
+        // From 0, so that distances of several panels compare by eye.
         y_span: Some((0.0, 0.0)),
         ..Chart::default()
     };
@@ -96,6 +97,7 @@ fn paths(one: &Behaviour) -> Option<Chart> {
     let way = |name: &str, class: &str, points: &[(f64, f64)]| Curve {
         dots: points
             .iter()
+            // A world sampled less than once a second has a dot at every sample.
             .step_by(one.per_second.max(1))
             .copied()
             .collect(),
@@ -186,6 +188,7 @@ pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> Str
             of("95 % interval", "c-ado", |point| point.2[0]),
             of("", "c-ado", |point| point.2[1]),
         ],
+        // All sweeps have the same scale, so that flat curves look flat.
         y_span: Some((0.0, 100.0)),
         ..Chart::default()
     };
@@ -195,6 +198,7 @@ pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> Str
 /// Panels in columns over a caption in plain text.
 fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
     let rows = panels.len().div_ceil(columns);
+    // SVG has no code font inside a line, and no wrapping.
     let lines = wrapped(&caption.replace('`', ""), LETTERS * columns);
     let width = PANEL.0 * columns as f64;
     let height = PANEL.1 * rows as f64 + LINE * (lines.len() + 1) as f64;
@@ -217,6 +221,7 @@ fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
             }
         }
     };
+    // Names of agents may hold characters that no viewer shows.
     visible_markup(&picture.into_string()).into_owned()
 }
 

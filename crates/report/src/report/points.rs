@@ -108,6 +108,7 @@ impl PointsPage<'_> {
         let skipped = count(&|it| it.skipped);
         let tests = self.points.len() + varied;
         let name = &self.scenario.name;
+        // CI servers group cases by their class, and the same point may run on both plants.
         let class = format!("{}.{}", self.scenario.name, self.scenario.plant());
         let page = html! {
             (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
@@ -145,6 +146,7 @@ impl PointsPage<'_> {
             .map(|(axis, value)| format!("{axis} {value}"))
             .collect();
         format!(
+            // Padded, because servers sort cases by their names.
             "ego {}, point {:04}: {}",
             self.ego,
             point.point,

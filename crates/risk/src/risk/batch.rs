@@ -78,7 +78,7 @@ impl Player<'_> {
         mixture: &Mixture,
     ) -> Result<Option<Vec<RiskRun>>, RunError> {
         let mut all = Vec::with_capacity(content.len());
-        let played = self.play_pieces(stage, (content, mixture), |piece| all.extend(piece))?;
+        let played = self.play_pieces(stage, content, mixture, |piece| all.extend(piece))?;
         Ok(played.map(|()| all))
     }
 
@@ -93,8 +93,8 @@ impl Player<'_> {
         mixture: &Mixture,
     ) -> Result<Option<NaturalCounts>, RunError> {
         let mut counts = NaturalCounts::default();
-        let batch = (Content::Natural(runs), mixture);
-        let played = self.play_pieces(stage, batch, |piece| counts.add(piece))?;
+        let content = Content::Natural(runs);
+        let played = self.play_pieces(stage, content, mixture, |piece| counts.add(piece))?;
         Ok(played.map(|()| counts))
     }
 
@@ -102,14 +102,15 @@ impl Player<'_> {
     fn play_pieces(
         &self,
         stage: u64,
-        (content, mixture): (Content<'_>, &Mixture),
+        content: Content<'_>,
+        mixture: &Mixture,
         mut used: impl FnMut(Vec<RiskRun>),
     ) -> Result<Option<()>, RunError> {
         let total = content.len();
         let components = mixture.allocation(total);
         for first in (0..total).step_by(PIECE) {
             let items: Vec<usize> = (first..total.min(first + PIECE)).collect();
-            let id = self.piece(stage, &content, (first, items.len()));
+            let id = self.piece(stage, &content, first, items.len());
             let file = self.file(&id);
             let stored = file.as_deref().map(|file| run_file::read(&id, file));
             if let Some(piece) = stored.transpose()?.flatten() {
@@ -130,10 +131,10 @@ impl Player<'_> {
                 piece
             } else {
                 let bench = || self.world.scenario.bench();
-                let played = work.each(&items, bench, |bench, index, _| {
-                    Some(self.one(bench, mixture, (&order(*index), is_counted)))
+                let runs = work.each(&items, bench, |bench, index, _| {
+                    Some(self.one(bench, mixture, &order(*index), is_counted))
                 });
-                played.into_iter().collect()
+                runs.into_iter().collect()
             };
             let Some(piece) = piece else {
                 return Ok(None);
@@ -153,7 +154,8 @@ impl Player<'_> {
         &self,
         bench: &mut Testbench,
         mixture: &Mixture,
-        (order, is_counted): (&Order<'_>, bool),
+        order: &Order<'_>,
+        is_counted: bool,
     ) -> RiskRun {
         let mut run = self.world.play(bench, mixture, order);
         if is_counted && run.failure().is_none() {
@@ -174,7 +176,7 @@ impl Player<'_> {
         let groups: Vec<&[usize]> = items.chunks(LANES).collect();
         let work = EpisodeLoop::uncounted(self.watch);
         let worker = || (self.world.lanes(), self.world.scenario.bench());
-        let played = work.each(&groups, worker, |(lanes, bench), group, _| {
+        let pieces = work.each(&groups, worker, |(lanes, bench), group, _| {
             let orders: Vec<Order<'_>> = group.iter().map(|index| order(*index)).collect();
             let ends = self
                 .world
@@ -183,12 +185,12 @@ impl Player<'_> {
                 .zip(orders);
             let runs = ends.map(|(run, order)| match run {
                 Some(run) => run,
-                None => self.one(bench, mixture, (&order, true)),
+                None => self.one(bench, mixture, &order, true),
             });
             Some(runs.collect::<Vec<RiskRun>>())
         });
-        let played: Option<Vec<Vec<RiskRun>>> = played.into_iter().collect();
-        Some(played?.concat())
+        let all: Option<Vec<Vec<RiskRun>>> = pieces.into_iter().collect();
+        Some(all?.concat())
     }
 
     fn order<'b>(
@@ -222,7 +224,7 @@ impl Player<'_> {
         }
     }
 
-    fn piece(&self, stage: u64, content: &Content<'_>, (first, runs): (usize, usize)) -> PieceId {
+    fn piece(&self, stage: u64, content: &Content<'_>, first: usize, runs: usize) -> PieceId {
         PieceId {
             request: self.request.clone(),
             ego: self.name.clone(),
@@ -314,7 +316,7 @@ mod tests {
         let counts = player
             .count(0, 10, &Mixture::natural(1))
             .map(|it| it.expect("not stopped"));
-        let piece = player.piece(0, &Content::Natural(10), (0, 10));
+        let piece = player.piece(0, &Content::Natural(10), 0, 10);
         let file = player.file(&piece).expect("a directory");
         drop(player);
         (counts, watch, file)

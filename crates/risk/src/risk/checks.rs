@@ -98,11 +98,12 @@ impl Refusal {
 impl Checks {
     /// Checks the rounds of an ego.
     ///
-    /// `natural` has its natural runs, which no proposal has learned from, and the
-    /// greatest failing weight before the last round.
+    /// `natural` has its natural runs, which no proposal has learned from, and `limit` is
+    /// the greatest failing weight before the last round.
     pub(super) fn of(
         rounds: &[Round],
-        (natural, limit): (&NaturalCounts, f64),
+        natural: &NaturalCounts,
+        limit: f64,
         mixture: &Mixture,
         probes: &[&Probe],
     ) -> Checks {
@@ -114,7 +115,6 @@ impl Checks {
             ..Round::default()
         };
         let last = rounds.last().unwrap_or(&none).with_failing_faults();
-        let natural_worst = (beyond.0 + natural.stored_faults(), beyond.1);
         let estimate = pooled(rounds, |_| true);
         let covered = coverage(mixture, probes, heaviest(rounds, estimate));
         let tail = weight_tail(rounds, mixture.greatest_weight());
@@ -129,7 +129,8 @@ impl Checks {
             }),
             natural_failures: failures,
             natural_beyond: beyond.0,
-            bound: bound(&last, limit, natural_worst).min(1.0),
+            // Any fault may have been a failure of any weight.
+            bound: bound(&last, limit, beyond.0 + natural.stored_faults(), beyond.1).min(1.0),
             refusals: Vec::new(),
         };
         checks.refusals = if rounds.is_empty() && failures > 0 {
@@ -318,7 +319,8 @@ mod tests {
         let round = round(failures, weight);
         Checks::of(
             &[round],
-            (&NaturalCounts::default(), 1.0),
+            &NaturalCounts::default(),
+            1.0,
             &Mixture::natural(0),
             &probes,
         )
@@ -364,7 +366,7 @@ mod tests {
     fn natural_starts_outside_count_as_those_of_rounds() {
         let refusals = |natural: &NaturalCounts| {
             let mixture = Mixture::natural(0);
-            let checks = Checks::of(&[round(100, 0.1)], (natural, 2.0), &mixture, &[]);
+            let checks = Checks::of(&[round(100, 0.1)], natural, 2.0, &mixture, &[]);
             let reasons = checks.refusals.into_iter().map(|it| it.reason);
             reasons.collect::<Vec<_>>()
         };
@@ -379,7 +381,7 @@ mod tests {
         let mixture = Mixture::natural(0);
         let refused = |failing| {
             let natural = natural(1000, 0, failing);
-            let checks = Checks::of(&[], (&natural, 0.0), &mixture, &[]);
+            let checks = Checks::of(&[], &natural, 0.0, &mixture, &[]);
             checks.refusals[0].reason.clone()
         };
         let found = refused(30);
@@ -393,7 +395,7 @@ mod tests {
     /// Refusals of a round, beside natural runs and without probes.
     fn refusals(rounds: &[Round], natural: &NaturalCounts, limit: f64) -> Vec<String> {
         let mixture = Mixture::natural(0);
-        let checks = Checks::of(rounds, (natural, limit), &mixture, &[]);
+        let checks = Checks::of(rounds, natural, limit, &mixture, &[]);
         checks.refusals.into_iter().map(|it| it.reason).collect()
     }
 
@@ -476,10 +478,10 @@ mod tests {
                 .map(|_| probe(0.25, "contact"))
                 .chain((0..uncovered).map(|_| probe(0.75, "contact")))
                 .chain((0..others).map(|_| probe(0.25, "other")));
-            let probes: Vec<Probe> = all.collect();
-            let probes: Vec<&Probe> = probes.iter().collect();
+            let owned: Vec<Probe> = all.collect();
+            let probes: Vec<&Probe> = owned.iter().collect();
             let natural = NaturalCounts::default();
-            let checks = Checks::of(&[round(400, 0.5)], (&natural, 1.0), &mixture, &probes);
+            let checks = Checks::of(&[round(400, 0.5)], &natural, 1.0, &mixture, &probes);
             let reasons = checks.refusals.into_iter().map(|it| it.reason);
             (checks.probes, reasons.collect::<Vec<_>>())
         };
@@ -537,7 +539,7 @@ mod tests {
         // Both raise the bound, which speaks of everything that may have failed.
         let bound = |round: Round, natural: &NaturalCounts| {
             let mixture = Mixture::natural(0);
-            Checks::of(&[round], (natural, 1.0), &mixture, &[]).bound
+            Checks::of(&[round], natural, 1.0, &mixture, &[]).bound
         };
         let sound = bound(faulty(0), &natural(0));
         assert!(sound + 1.9e-4 < bound(faulty(20), &natural(0)));
@@ -565,7 +567,7 @@ mod tests {
         let natural = natural(10_000, 0, 4);
         let mut last = round(50, 0.2);
         last.failures[7].weight = 2.2;
-        let checks = Checks::of(&[round(50, 0.1), last], (&natural, 0.5), &mixture, &[]);
+        let checks = Checks::of(&[round(50, 0.1), last], &natural, 0.5, &mixture, &[]);
         assert_eq!((checks.hits, checks.natural_failures), (100, 4));
         assert_eq!(checks.natural_beyond, 4);
         // The second of two equal rounds counts √2 times as much.
@@ -601,7 +603,7 @@ mod tests {
     fn the_bound_is_of_the_last_round_and_at_most_one() {
         let mixture = Mixture::natural(0);
         let bound = |rounds: &[Round], natural: &NaturalCounts, limit: f64| {
-            Checks::of(rounds, (natural, limit), &mixture, &[]).bound
+            Checks::of(rounds, natural, limit, &mixture, &[]).bound
         };
         // Without a round, only natural runs are left.
         let none = bound(&[], &natural(1000, 0, 0), 0.0);

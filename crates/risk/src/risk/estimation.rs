@@ -7,7 +7,7 @@ use super::mixture::Mixture;
 use super::natural_counts::NaturalCounts;
 use super::pool::{self, RiskEstimate, Round, WeightedFailure, WeightedFault, pooled};
 use super::record::{EgoFailure, RiskRun, RunEnd};
-use super::report::{EgoRisk, RiskCost, RiskReport};
+use super::report::{EgoRisk, RiskCost, RiskReport, WeightedRuns};
 use super::request::RiskRequest;
 use super::run::RiskWorld;
 use super::run_faults::RunFaults;
@@ -78,6 +78,7 @@ impl RiskRequest<'_> {
                     ));
                 }
             }
+            // The directory is bound to the programs before any run is stored in it.
             make_dir(dir)?;
             bind_programs(dir, &programs, batch::is_used(dir))?;
             batch::open(dir, &self.fingerprint())?;
@@ -91,6 +92,7 @@ impl RiskRequest<'_> {
         }
         let mut report = estimation.report();
         for (ego, risk) in self.egos.iter().zip(&mut report.egos) {
+            // After all runs, because only a used program shows that it keeps state.
             risk.unrepeatable = unrepeatable((ego.scenario(), ego.name()), |_| None, watch);
         }
         Ok(Some(report))
@@ -126,13 +128,13 @@ impl<'a> Estimation<'a> {
             .map(|(at, ego)| player(at, ego, false))
             .collect();
         let plant = request.settings.learn_on;
-        let learners = egos.map(|(at, ego)| match (&models[at], plant) {
+        let each = egos.map(|(at, ego)| match (&models[at], plant) {
             (Some(model), _) => Some(player(at, &model.scenario, true)),
             (None, Some(plant)) => Some(player(at, &ego.on(plant), true)),
             (None, None) => None,
         });
         // Egos learn from the same draws, so all have a learner or none has.
-        let learners: Option<Vec<Player<'a>>> = learners.collect();
+        let learners: Option<Vec<Player<'a>>> = each.collect();
         let mut cost = RiskCost::default();
         if models.iter().any(Option::is_some) {
             cost.surrogate = request.settings.surrogate.unwrap_or(0) as usize;
@@ -145,9 +147,8 @@ impl<'a> Estimation<'a> {
             .iter()
             .map(|ego| ego.name().to_owned())
             .collect();
-        let proposals = (request.settings.value, request.fault);
-        let seed = request.settings.seed;
-        let learning = Learning::begin(&players[0].world, names, proposals, seed);
+        let (kind, seed) = (request.settings.value, request.settings.seed);
+        let learning = Learning::begin(&players[0].world, names, kind, request.fault, seed);
         Estimation {
             natural: Vec::new(),
             faults: vec![RunFaults::default(); players.len()],
@@ -175,6 +176,7 @@ impl<'a> Estimation<'a> {
         let [natural_runs, ..] = settings.before_rounds();
         self.watch.phase("natural runs");
         // Nothing is learned from them, so that they can refute the proposals.
+        // A stage draws from a stream of its own, so that no run is drawn twice.
         let stage = self.stage;
         self.stage += 1;
         let players = self.players.iter();
@@ -268,6 +270,7 @@ impl<'a> Estimation<'a> {
             return false;
         };
         let settings = &self.request.settings;
+        // A narrow interval of few effective failures may miss a heavy weight.
         let is_narrow = all.half_width() <= settings.width && ENOUGH as f64 <= all.ess;
         is_narrow && self.checks(ego).refusals.is_empty()
     }
@@ -389,6 +392,7 @@ impl<'a> Estimation<'a> {
             *other == ego && known.failure().is_some_and(|it| it.mode == failure.mode)
         };
         match self.likeliest.iter_mut().find(same) {
+            // The first of equally likely failures stays.
             Some(known) if log <= known.1 => {}
             Some(known) => *known = (ego, log, run.clone()),
             None => self.likeliest.push((ego, log, run.clone())),
@@ -409,7 +413,8 @@ impl<'a> Estimation<'a> {
     fn checks(&self, ego: usize) -> Checks {
         Checks::of(
             &self.rounds[ego],
-            (&self.natural[ego], self.limits[ego]),
+            &self.natural[ego],
+            self.limits[ego],
             &self.mixture,
             &self
                 .probes
@@ -501,14 +506,14 @@ impl<'a> Estimation<'a> {
             .filter(|(of, _)| *of == ego)
             .map(|(_, mode)| mode.as_str())
             .collect();
-        EgoRisk::weighted(
-            name,
-            (&self.rounds[ego], &self.learning.inside()),
-            (checks, self.impossible[ego]),
-            (natural, self.faults[ego].clone()),
+        let runs = WeightedRuns {
+            rounds: &self.rounds[ego],
+            inside: self.learning.inside(),
+            faults: self.faults[ego].clone(),
+            impossible: self.impossible[ego],
             likeliest,
-        )
-        .with_known(&known)
+        };
+        EgoRisk::weighted(name, runs, natural, checks).with_known(&known)
     }
 }
 

@@ -54,6 +54,7 @@ impl LawBinder<'_, '_> {
                 kind,
             }));
         }
+        // One ado without a law has no entry above, and its digit would be missing.
         self.problems.is_empty().then_some(ActionLaw { ados })
     }
 
@@ -120,6 +121,7 @@ impl LawBinder<'_, '_> {
             };
             to[action] += weight;
         }
+        // Weights of one action add up, because an abbreviation may name it twice.
         let Some(to) = shares(&to) else {
             let what = "an onset leads to no action";
             self.problems.add(&place.to("to"), what, "no weight", None);
@@ -168,8 +170,8 @@ impl LawBinder<'_, '_> {
             return refuse(what, "declare a `Markov` law");
         }
         let model = model.driver;
-        let lateral = file.and_then(|file| file.lateral.as_ref());
-        let lateral = match (moves.is_empty(), lateral) {
+        let declared = file.and_then(|file| file.lateral.as_ref());
+        let lateral = match (moves.is_empty(), declared) {
             (true, None) => None,
             (false, Some(file)) => {
                 let labels: Vec<String> = moves
@@ -257,6 +259,7 @@ fn action_named(labels: &[String], name: &str) -> Option<usize> {
     // An abbreviation that fits several actions would be a guess.
     let mut short = (0..labels.len()).filter(|action| begins(&labels[*action]));
     let first = short.next().filter(|_| short.next().is_none());
+    // An exact name wins, or `0 m/s²` could not be named beside `0 m/s² left`.
     exact.or(first)
 }
 

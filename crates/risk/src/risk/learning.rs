@@ -49,7 +49,8 @@ impl Learning {
     pub(super) fn begin(
         world: &RiskWorld,
         egos: Vec<String>,
-        (kind, fault): (ValueKind, Option<ProposalFault>),
+        kind: ValueKind,
+        fault: Option<ProposalFault>,
         seed: u64,
     ) -> Learning {
         let law = &world.starts;
@@ -78,9 +79,9 @@ impl Learning {
 
     /// Returns the share of the law of starts inside X_init, exact if all are inside.
     pub(super) fn inside(&self) -> RiskEstimate {
-        let inside = self.pool.iter().filter(|(_, state)| state.is_some());
+        let starts = self.pool.iter().filter(|(_, state)| state.is_some());
         // At least one, because risks are divided by it.
-        let inside = inside.count().max(1);
+        let inside = starts.count().max(1);
         let counted = RiskEstimate::counted(inside, POOL);
         if inside < POOL {
             counted
@@ -201,7 +202,7 @@ impl Learning {
     /// Fits the proposals of starts to V at the first decisions.
     fn start_trees(&self, value: &Value) -> Vec<StartTree> {
         let actions = self.sizes.1;
-        let rated = self.pool.par_iter().map(|(_, state)| match state {
+        let rows = self.pool.par_iter().map(|(_, state)| match state {
             // A start outside X_init cannot fail.
             None => vec![0.0; value.heads()],
             Some((input, law)) => {
@@ -210,7 +211,7 @@ impl Learning {
                 values.chunks(actions).map(mean).collect()
             }
         });
-        let rated: Vec<Vec<f64>> = rated.collect();
+        let rated: Vec<Vec<f64>> = rows.collect();
         let tree = |head: usize, of: fn(f64) -> f64| {
             let pairs = self
                 .pool

@@ -51,6 +51,7 @@ impl Mixture {
             shares.push(rest);
         } else {
             shares.push(ALL);
+            // Equal shares, because a rare kind of failure may be most of the risk.
             shares.extend(vec![(rest - ALL) / modes as f64; modes]);
         }
         // Component 0 draws from the law itself, which needs no boxes.
@@ -124,6 +125,8 @@ impl Mixture {
     /// It is the balance heuristic (Veach and Guibas 1995).
     pub(super) fn weight(&self, ratios: &[f64]) -> f64 {
         let pairs = self.shares.iter().zip(ratios);
+        // The balance heuristic: the weight is by the whole mixture and not by the
+        // component drawn.
         1.0 / pairs.map(|(share, ratio)| share * ratio).sum::<f64>()
     }
 
@@ -133,6 +136,7 @@ impl Mixture {
         let mut sum = 0.0;
         for (component, share) in self.shares.iter().enumerate() {
             sum += share;
+            // Sums are rounded and not shares, so that the errors do not add up.
             let end = libm::round(sum * n as f64) as usize;
             all.resize(end.min(n), component);
         }

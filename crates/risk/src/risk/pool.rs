@@ -294,9 +294,9 @@ fn pareto_k(parts: &[f64]) -> Option<f64> {
     // The size of the tail is that of Pareto-smoothed importance sampling.
     let tail = (0.2 * hits).min(3.0 * libm::sqrt(hits)).max(5.0) as usize;
     let threshold = *parts.get(tail)?;
-    let excesses = parts[..tail].iter().map(|it| it - threshold);
+    let above = parts[..tail].iter().map(|it| it - threshold);
     // Equal weights, as in worlds with few paths, have no tail.
-    let excesses: Vec<f64> = excesses.filter(|it| *it > 0.0).collect();
+    let excesses: Vec<f64> = above.filter(|it| *it > 0.0).collect();
     match excesses.len() {
         0 => Some(0.0),
         // Too few for a fit, so the shape is that of a mean that barely exists.
@@ -317,10 +317,10 @@ pub(super) fn greatest_share(rounds: &[Round]) -> f64 {
 /// Up to the weight `limit`, which earlier runs fixed, the empirical Bernstein bound of
 /// Maurer and Pontil (2009) holds for the last round. Above it, only natural runs count,
 /// of which `beyond` of `natural` failed. Both parts share the error.
-pub(super) fn bound(last: &Round, limit: f64, (beyond, natural): (usize, usize)) -> f64 {
+pub(super) fn bound(last: &Round, limit: f64, beyond: usize, natural: usize) -> f64 {
     let n = last.len() as f64;
-    let inside = last.failures.iter().filter(|it| it.weight <= limit);
-    let sums = inside.fold([0.0; 2], |[sum, squares], it| {
+    let light = last.failures.iter().filter(|it| it.weight <= limit);
+    let sums = light.fold([0.0; 2], |[sum, squares], it| {
         [sum + it.weight, squares + it.weight * it.weight]
     });
     let mean = sums[0] / n;
@@ -466,11 +466,11 @@ mod tests {
     fn the_bound_is_above_the_estimate_and_grows_with_failures_beyond() {
         let rounds = rounds(3, &[2000]);
         let limit = rounds[0].failures[0].weight;
-        let none = bound(&rounds[0], limit, (0, 10_000));
-        let two = bound(&rounds[0], limit, (2, 10_000));
+        let none = bound(&rounds[0], limit, 0, 10_000);
+        let two = bound(&rounds[0], limit, 2, 10_000);
         assert!(none > 0.002 && none < two, "{none} {two}");
         // Weights beyond the limit leave the first part.
-        assert!(bound(&rounds[0], 0.5 * limit, (0, 10_000)) < none);
+        assert!(bound(&rounds[0], 0.5 * limit, 0, 10_000) < none);
     }
 
     #[test]
@@ -594,14 +594,14 @@ mod tests {
         last.failures[1].weight = 2.0;
         // The part up to the limit, and that of no failure in 1000 natural runs.
         let above = 1.0 - libm::pow(0.025, 1e-3);
-        let found = bound(&last, 1.0, (0, 1000));
+        let found = bound(&last, 1.0, 0, 1000);
         assert!(
             (found - (0.012_215_170_965 + above)).abs() < 1e-9,
             "{found}"
         );
         // A weight at the limit counts.
-        assert!(bound(&last, 2.0, (0, 1000)) > found);
-        assert!(bound(&last, 0.5, (0, 1000)) < found);
+        assert!(bound(&last, 2.0, 0, 1000) > found);
+        assert!(bound(&last, 0.5, 0, 1000) < found);
     }
 
     #[test]

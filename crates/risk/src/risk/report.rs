@@ -143,6 +143,18 @@ pub struct RiskReport {
     pub cost: RiskCost,
 }
 
+/// Weighted runs of an ego, which are pooled.
+pub(super) struct WeightedRuns<'a> {
+    pub(super) rounds: &'a [Round],
+    /// Share of the law of starts inside X_init.
+    pub(super) inside: RiskEstimate,
+    /// Faults of all runs on the ego's own plant.
+    pub(super) faults: RunFaults,
+    /// Known counterexamples that are impossible in the traffic.
+    pub(super) impossible: usize,
+    pub(super) likeliest: Vec<RiskRun>,
+}
+
 impl RiskReadings {
     /// Returns the readings of counted natural runs.
     fn counted(natural: &NaturalCounts, faults: FaultsAs) -> RiskReadings {
@@ -162,7 +174,8 @@ impl RiskReadings {
 
     /// Returns the pooled readings of weighted runs. `None` without a failure.
     fn weighted(
-        (rounds, inside): (&[Round], &RiskEstimate),
+        rounds: &[Round],
+        inside: &RiskEstimate,
         natural: &NaturalCounts,
         faults: FaultsAs,
     ) -> Option<RiskReadings> {
@@ -217,6 +230,7 @@ impl EgoRisk {
             .modes
             .iter()
             .filter(|it| known.contains(&it.mode.as_str()));
+        // Shares of kinds add up, because each failure has one kind.
         let share = of_known.map(|it| it.share).sum();
         EgoRisk {
             known_share: (!known.is_empty() && !self.modes.is_empty()).then_some(share),
@@ -256,9 +270,11 @@ impl EgoRisk {
     pub(super) fn counted(ego: &str, natural: &NaturalCounts) -> EgoRisk {
         let hits = natural.failures();
         let mut modes = natural.modes.clone();
+        // Stable, so that kinds of equal counts keep the order in which they appeared.
         modes.sort_by(|_, a, _, b| b.cmp(a));
         let modes = modes.into_iter().map(|(mode, count)| ModeRisk {
             mode,
+            // Without a failure there is no kind either, so the 1 divides nothing.
             share: count as f64 / hits.max(1) as f64,
             risk: natural.rate(count, FaultsAs::Held),
         });
@@ -269,46 +285,45 @@ impl EgoRisk {
             ..EgoRisk::without_readings(ego, natural, natural.faults.clone())
         };
         let readings = |faults| RiskReadings::counted(natural, faults);
+        // Without a fault both readings would be the same table twice.
         let most = (natural.faults.invalid > 0).then(|| readings(FaultsAs::Failing));
         risk.read(readings(FaultsAs::Held), most);
         risk
     }
 
     /// Pools weighted runs.
-    ///
-    /// `inside` is the share of the law of starts inside X_init. `faults` are those of all
-    /// runs on the ego's own plant.
     pub(super) fn weighted(
         ego: &str,
-        (rounds, inside): (&[Round], &RiskEstimate),
-        (mut checks, impossible): (Checks, usize),
-        (natural, faults): (&NaturalCounts, RunFaults),
-        likeliest: Vec<RiskRun>,
+        runs: WeightedRuns<'_>,
+        natural: &NaturalCounts,
+        mut checks: Checks,
     ) -> EgoRisk {
+        let WeightedRuns { rounds, inside, .. } = runs;
         // The bound is of all draws, but risks refer to starts inside.
         checks.bound = (checks.bound / inside.probability).min(1.0);
         let mut risk = EgoRisk {
-            impossible,
-            likeliest,
-            unchecked: pooled(rounds, |_| true).map(|it| it.over(inside)),
-            ..EgoRisk::without_readings(ego, natural, faults)
+            impossible: runs.impossible,
+            likeliest: runs.likeliest,
+            unchecked: pooled(rounds, |_| true).map(|it| it.over(&inside)),
+            ..EgoRisk::without_readings(ego, natural, runs.faults)
         };
         // A refused estimate has no number that could be quoted.
         if checks.refusals.is_empty() {
-            risk.pool(rounds, inside, natural);
+            risk.pool(rounds, &inside, natural);
         }
         risk.checks = Some(checks);
         risk
     }
 
     fn pool(&mut self, rounds: &[Round], inside: &RiskEstimate, natural: &NaturalCounts) {
-        let least = RiskReadings::weighted((rounds, inside), natural, FaultsAs::Held);
+        let least = RiskReadings::weighted(rounds, inside, natural, FaultsAs::Held);
         let Some(least) = least else { return };
+        // Shares below are divided by it.
         let Some(all) = least.fails else { return };
         let has_faults = rounds.iter().any(|round| !round.faults.is_empty());
         let most = if has_faults || natural.faults.invalid > 0 {
             let failing: Vec<Round> = rounds.iter().map(Round::with_failing_faults).collect();
-            RiskReadings::weighted((&failing, inside), natural, FaultsAs::Failing)
+            RiskReadings::weighted(&failing, inside, natural, FaultsAs::Failing)
         } else {
             None
         };
@@ -343,6 +358,7 @@ pub fn unchecked_estimate(risk: &EgoRisk) -> Option<RiskEstimate> {
 impl RiskReport {
     /// Returns whether every ego has a result.
     pub fn is_result(&self) -> bool {
+        // One refused ego makes the ratio of both worthless.
         let is_result = |ego: &EgoRisk| ego.refusals().is_empty() && ego.unrepeatable.is_none();
         self.egos.iter().all(is_result)
     }
@@ -351,6 +367,7 @@ impl RiskReport {
     ///
     /// `None` without a ratio.
     pub fn greatest_ratio(&self) -> Option<f64> {
+        // With faults the upper end is that of the worse reading.
         let most = self.ratio_between.map(|[_, most]| most);
         most.or(self.ratio).map(|it| it.interval[1])
     }
@@ -430,6 +447,7 @@ impl RiskReport {
 
     fn faults(f: &mut Formatter<'_>, ego: &EgoRisk) -> fmt::Result {
         let RunFaults { runs, invalid, .. } = &ego.faults;
+        // Most programs never fail, and their report says nothing of faults.
         if *invalid == 0 {
             return Ok(());
         }
@@ -449,6 +467,7 @@ impl RiskReport {
         let k = checks
             .pareto_k
             .map_or("none".to_owned(), |k| format!("{k:.2}"));
+        // A heavy tail can expect more than the whole risk above its greatest weight.
         let unseen = checks.unseen_share.unwrap_or(0.0).min(1.0);
         let [covered, probes] = checks.probes;
         writeln!(
@@ -653,6 +672,7 @@ fn pairs(
 fn claim(ego: &EgoRisk) -> String {
     let bound = ego.checks.as_ref().map(|checks| number(checks.bound));
     let Some([least, most]) = ego.least_and_most() else {
+        // Without any check, nothing is excluded.
         let bound = bound.unwrap_or_else(|| number(1.0));
         return format!("at most {bound} of runs (95 % bound). No estimate is a result");
     };
@@ -788,16 +808,15 @@ mod tests {
 
     fn weighted(rounds: &[Round], natural: &NaturalCounts) -> EgoRisk {
         let mixture = Mixture::natural(0);
-        let checks = Checks::of(rounds, (natural, 1.0), &mixture, &[]);
-        let faults = RunFaults::default();
-        let of_natural = (natural, faults);
-        EgoRisk::weighted(
-            "ego",
-            (rounds, &INSIDE),
-            (checks, 3),
-            of_natural,
-            Vec::new(),
-        )
+        let checks = Checks::of(rounds, natural, 1.0, &mixture, &[]);
+        let runs = WeightedRuns {
+            rounds,
+            inside: INSIDE,
+            faults: RunFaults::default(),
+            impossible: 3,
+            likeliest: Vec::new(),
+        };
+        EgoRisk::weighted("ego", runs, natural, checks)
     }
 
     #[test]

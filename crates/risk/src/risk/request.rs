@@ -175,14 +175,15 @@ impl<'a> RiskRequest<'a> {
         };
         // The quickest plant, unless another one is named.
         let plant = learn_on.unwrap_or(PlantKind::Kinematic);
-        let learned = self.egos.iter().map(|ego| {
+        let worlds = self.egos.iter().map(|ego| {
             watch.phase(&format!("learning {}", ego.name()));
             let (world, quiet) = (ego.scenario(), watch.quiet());
             let found = SurrogateWorld::learned(world, self.policy, runs, seed, plant, &quiet);
             // Sensors of a surrogate are exact, so starts may have no axes of sensors.
             found.filter(|it| it.scenario.axes() == world.axes())
         });
-        let learned = learned.collect();
+        // Learned before the question, because a stop in between leaves worlds out.
+        let learned = worlds.collect();
         (!watch.stopped()).then_some(learned)
     }
 }

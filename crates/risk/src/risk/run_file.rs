@@ -87,7 +87,7 @@ pub(super) fn bytes(piece: &PieceId, runs: &[RiskRun], path: &Path) -> Result<Ve
     .map_err(|error| damaged(path, error))?;
     let mut file = TensorFile::new(meta);
     // Runs differ in length, so their joined tensors are cut by these sizes.
-    let sizes = runs.iter().flat_map(|run| {
+    let lengths = runs.iter().flat_map(|run| {
         let lengths = [
             run.shares.len(),
             run.actions.len(),
@@ -98,7 +98,7 @@ pub(super) fn bytes(piece: &PieceId, runs: &[RiskRun], path: &Path) -> Result<Ve
         ];
         lengths.map(|it| it as u64)
     });
-    let sizes: Vec<u64> = sizes.collect();
+    let sizes: Vec<u64> = lengths.collect();
     file.put("sizes", &[runs.len(), 6], sizes);
     let noise: Vec<u64> = runs.iter().map(|run| run.noise).collect();
     file.put("noise", &[noise.len()], noise);
@@ -128,6 +128,7 @@ pub(super) fn read(expected: &PieceId, path: &Path) -> Result<Option<Vec<RiskRun
         return Ok(None);
     }
     let bytes = file_bytes(path).map_err(|error| damaged(path, error))?;
+    // Checked before anything is parsed, so that no damaged length is ever used.
     let sealed = bytes
         .split_at_checked(bytes.len().saturating_sub(SEAL))
         .filter(|(content, seal)| sha256(content).as_bytes() == *seal);
@@ -136,6 +137,7 @@ pub(super) fn read(expected: &PieceId, path: &Path) -> Result<Option<Vec<RiskRun
     let meta: PieceMeta =
         serde_json::from_str(file.meta()).map_err(|error| damaged(path, error))?;
     let differences = meta.piece.differences(expected);
+    // Another request may have left its runs under the same name.
     if !differences.is_empty() {
         return Err(RunError::OtherPiece {
             path: path.into(),

@@ -44,7 +44,7 @@ enum Shape {
 
 impl Shape {
     fn of(file: &StartLawFile) -> Result<Shape, String> {
-        let ends = |mean: f64, sd: f64, (lo, hi): (f64, f64)| {
+        let ends = |mean: f64, sd: f64, lo: f64, hi: f64| {
             let ends = [lo, hi].map(|end| normal_cdf((end - mean) / sd));
             // Far in a tail, both ends round to one probability, and nothing could be drawn.
             let fits = lo < hi && sd > 0.0 && ends[0] < ends[1];
@@ -58,6 +58,7 @@ impl Shape {
             StartLawFile::Uniform { .. } => return Err("`within` is empty".to_owned()),
             StartLawFile::Histogram { edges, weights, .. } => {
                 let sum: f64 = weights.iter().sum();
+                // Equal edges would be a bin without a width, whose density is infinite.
                 let rises = edges.windows(2).all(|pair| pair[0] < pair[1]);
                 let fits = edges.len() == weights.len() + 1 && rises;
                 if !fits || weights.iter().any(|it| *it < 0.0) || sum <= 0.0 {
@@ -72,7 +73,7 @@ impl Shape {
             }
             StartLawFile::Normal {
                 mean, sd, within, ..
-            } => Shape::Normal(*mean, *sd, ends(*mean, *sd, *within)?),
+            } => Shape::Normal(*mean, *sd, ends(*mean, *sd, within.0, within.1)?),
             StartLawFile::LogNormal {
                 median,
                 sigma,
@@ -83,8 +84,8 @@ impl Shape {
                     return Err("a lognormal law has values above 0 only".to_owned());
                 }
                 let mean = libm::log(*median);
-                let within = (libm::log(*lo), libm::log(*hi));
-                Shape::LogNormal(mean, *sigma, ends(mean, *sigma, within)?)
+                let ends = ends(mean, *sigma, libm::log(*lo), libm::log(*hi))?;
+                Shape::LogNormal(mean, *sigma, ends)
             }
         })
     }
@@ -144,7 +145,8 @@ impl StartLaw {
     /// Binds the laws of a file. Axes without a law are uniform, as in the world.
     pub(super) fn bind(
         world: &Scenario,
-        (top, file): (&ValuePath, &Ordered<StartLawFile>),
+        top: &ValuePath,
+        file: &Ordered<StartLawFile>,
         problems: &mut Problems<'_>,
     ) -> StartLaw {
         let (axes, place) = (world.axes(), top.to("starts"));

@@ -60,17 +60,20 @@ impl StartTree {
         }
         let mut cells = vec![whole];
         while cells.len() < LEAVES {
-            let best = cells.iter().enumerate().filter_map(|(at, cell)| {
+            let gains = cells.iter().enumerate().filter_map(|(at, cell)| {
                 let (gain, pair) = cell.best_halves(starts)?;
                 Some((gain, at, pair))
             });
-            let best = best.reduce(|best, it| if best.0 < it.0 { it } else { best });
+            // Strictly more, so that the first of equal boxes is halved.
+            let best = gains.reduce(|best, it| if best.0 < it.0 { it } else { best });
             let Some((gain, at, [low, high])) = best else {
                 break;
             };
             if gain <= 0.0 {
                 break;
             }
+            // The order of the boxes decides what a uniform number draws, so it must be
+            // reproducible.
             cells[at] = low;
             cells.push(high);
         }

@@ -121,8 +121,8 @@ impl Laws {
     }
 
     fn declared(file: DeclaredTrafficFile, top: ValuePath) -> Result<Laws, TrafficError> {
-        let model = file.model.as_deref();
-        let model = model.map(|model| traffic_model(Some(model))).transpose()?;
+        let named = file.model.as_deref();
+        let model = named.map(|name| traffic_model(Some(name))).transpose()?;
         Ok(Laws {
             file: Some(file),
             top,
@@ -142,7 +142,7 @@ impl Laws {
                 world: world.name().to_owned(),
             });
         };
-        let bound = bind((world, driving.world()), self, text);
+        let bound = bind(world, driving.world(), self, text);
         Ok(bound.map_err(|problems| placed(name, text, problems))?)
     }
 
@@ -165,14 +165,16 @@ fn placed(file: &str, text: &str, problems: Vec<Problem>) -> LoadError {
 }
 
 fn bind(
-    (world, driving): (&Scenario, &DriveWorld),
+    world: &Scenario,
+    driving: &DriveWorld,
     laws: Laws,
     text: &str,
 ) -> Result<RiskTraffic, Vec<Problem>> {
     let mut problems = Problems::new(text);
+    // A model alone declares no law of starts, so all axes are uniform.
     let none = Ordered::default();
     let declared = laws.file.as_ref().map_or(&none, |file| &file.starts);
-    let starts = StartLaw::bind(world, (&laws.top, declared), &mut problems);
+    let starts = StartLaw::bind(world, &laws.top, declared, &mut problems);
     let uniform = world
         .axes()
         .into_iter()

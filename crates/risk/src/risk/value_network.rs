@@ -71,6 +71,7 @@ impl ValueNetwork {
         for sweep in 0..SWEEPS {
             let targets = data.targets(self, &data.sweep_runs(&mut dice));
             let done = sweep as f64 / SWEEPS as f64;
+            // It falls to a tenth, because the targets move less and less.
             let rate = (RATE * libm::pow(10.0, -done)) as f32;
             for _ in 0..batches {
                 let rows = data.draw(BATCH, &targets, &mut dice);
@@ -91,8 +92,8 @@ impl ActionValues for ValueNetwork {
             let mean = |own: &[f32]| {
                 let pairs = own.iter().zip(law).enumerate();
                 // Impossible actions are skipped, because exponentials take most of the time.
-                let pairs = pairs.filter(|(action, (_, p))| *action != without && **p > 0.0);
-                pairs
+                let possible = pairs.filter(|(action, (_, p))| *action != without && **p > 0.0);
+                possible
                     .map(|(_, (it, p))| f64::from(*p) * value_of(*it))
                     .sum()
             };
@@ -151,6 +152,8 @@ impl FitStep {
                 let column = at * stride + head * value.actions + taken;
                 let log = MIDDLE + STEP * f64::from(out[column]);
                 let target = targets[row * value.heads + head];
+                // The gradient of ln V + target / V, which weighs relative errors alike at
+                // any size.
                 let pull = (1.0 - target / libm::exp(log)).max(-PULL);
                 delta[column] = (pull / rows.len() as f64) as f32;
             }

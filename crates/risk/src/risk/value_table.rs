@@ -89,14 +89,19 @@ impl TableOfV {
         if data.rows.is_empty() {
             return;
         }
+        // The inputs are chosen anew, because later runs fail in other states.
         self.columns = self.chosen(&data);
         let count: usize = self.columns.iter().map(TableColumn::bins).product();
         self.cells = vec![LEAST; count * self.heads * self.actions];
-        let input = |(run, decision): (usize, usize)| data.runs[run].0.input(decision);
-        let taken = |(run, decision): (usize, usize)| data.runs[run].0.actions[decision];
+        let decisions = data.rows.iter().map(|(run, at)| (data.runs[*run].0, *at));
         let rows = TableCells {
-            cells: data.rows.iter().map(|row| self.cell(input(*row))).collect(),
-            taken: data.rows.iter().map(|row| taken(*row) as usize).collect(),
+            cells: decisions
+                .clone()
+                .map(|(run, at)| self.cell(run.input(at)))
+                .collect(),
+            taken: decisions
+                .map(|(run, at)| run.actions[at] as usize)
+                .collect(),
         };
         let all: Vec<usize> = (0..data.runs.len()).collect();
         // Each sweep moves the values of failures back by further decisions.
@@ -166,6 +171,8 @@ impl TableOfV {
         rated.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut cells = 1;
         let fits = |(_, column): &(f64, TableColumn)| {
+            // An input that would exceed the cells is passed over, and a smaller one may
+            // still fit.
             let more = cells * column.bins();
             let fits = column.bins() > 1 && more <= CELLS;
             cells = if fits { more } else { cells };
@@ -227,6 +234,7 @@ fn separation(column: &TableColumn, sample: &[(&[f32], bool)]) -> f64 {
         shares[column.bin(row[column.input])][side] += 1.0;
         counts[side] += 1.0;
     }
+    // Without a failing run nothing is separated, and nothing may be divided by 0.
     let [others, failing] = counts.map(|count| f64::max(count, 1.0));
     let distances = shares.iter().map(|[a, b]| (a / others - b / failing).abs());
     0.5 * distances.sum::<f64>()

@@ -252,6 +252,7 @@ impl TensorFile {
         }
         // A single entry, so the random order of a `HashMap` cannot reach the bytes.
         let meta = HashMap::from([("meta".to_string(), self.meta.clone())]);
+        // Tensors are in the order of their names, which the map keeps.
         safetensors::serialize(views, Some(meta)).map_err(format)
     }
 
@@ -269,6 +270,7 @@ impl TensorFile {
         let mut bundle = TensorFile::new(meta.cloned().unwrap_or_default());
         for (name, view) in file.iter() {
             let data = decode(name, &view)?;
+            // One NaN would spread to all weights at the next update.
             refuse_infinite(name, &data)?;
             let tensor = Tensor {
                 shape: view.shape().to_vec(),

@@ -380,6 +380,7 @@ impl Learner for Dqn {
 
     fn extend(&mut self, decisions: u64) {
         self.tally.requested += decisions;
+        // Step sizes fall again from here, or an extension would learn next to nothing.
         self.since = self.tally.decisions;
     }
 

@@ -173,8 +173,7 @@ impl Product<'_> {
             let (right, _) = S::as_simd_f32s(&right[columns.clone()]);
             let right: [S::f32s; C] = std::array::from_fn(|c| right[c]);
             for (r, sums) in sums.iter_mut().enumerate() {
-                let left = self.left[(row + r) * self.row + p * self.column];
-                let left = simd.splat_f32s(left);
+                let left = simd.splat_f32s(self.left[(row + r) * self.row + p * self.column]);
                 for (sum, right) in sums.iter_mut().zip(right) {
                     // Two instructions, never a fused one: all CPUs round alike.
                     *sum = simd.add_f32s(*sum, simd.mul_f32s(left, right));

@@ -32,6 +32,7 @@ impl TrainingCounters {
 
     /// Returns the number of episodes begun, which is the index of the next start.
     pub(super) fn begun(&self) -> u64 {
+        // Aborted episodes count, so that the start that made a fault is not played again.
         self.episodes + self.aborted
     }
 
@@ -123,6 +124,7 @@ pub trait Learner: Send {
             let choice = first.next().map_or(Choice::Own, |&it| Choice::Given(it));
             let action = self.act(&obs, choice);
             let step = env.step(action, &mut obs);
+            // The common reward is the episode's return, whatever the parts are paid.
             total += step.reward;
             if let Some(rewards) = self.part_rewards() {
                 env.part_rewards(step, rewards);
@@ -231,6 +233,7 @@ pub(super) fn within(
     low: f64,
     high: f64,
 ) -> Result<(), ConfigError> {
+    // NaN fails both comparisons.
     if low <= value && value <= high {
         return Ok(());
     }

@@ -315,7 +315,8 @@ impl LearnerConfig {
 /// is of another learner or has other shapes.
 pub fn fine_tuner(
     spaces: &Spaces,
-    (decisions, seed): (u64, u64),
+    decisions: u64,
+    seed: u64,
     policy: &TensorFile,
 ) -> Option<Box<dyn Learner>> {
     let settings = DqnSettings::fine_tuning(decisions);

@@ -101,22 +101,22 @@ impl LearnerKind for PerAdoSettings {
         let parts = self.parts_of(spaces);
         let ados = parts.len();
         let bundles = policy::bundles(policy, &parts)?;
-        let parts = parts
+        let learners = parts
             .into_iter()
             .zip(bundles)
             .enumerate()
             .map(|(i, (part, bundle))| {
-                let kind = self.learner_of(&part, ados);
-                let kind = kind.kind();
+                let settings = self.learner_of(&part, ados);
+                let kind = settings.kind();
                 super::learner::expect_kind(&bundle, kind.bundles()[0])?;
                 let learner = kind.build_from(&own_spaces(&part), seed_of(seed, i), &bundle)?;
                 Ok(AdoLearner::new(part, learner))
-            });
-        let parts = parts.collect::<Result<Vec<AdoLearner>, BundleError>>()?;
+            })
+            .collect::<Result<Vec<AdoLearner>, BundleError>>()?;
         Ok(Box::new(PerAdo::of(
             self,
             spaces,
-            parts,
+            learners,
             LearnerRng::new(seed),
         )))
     }
@@ -125,15 +125,18 @@ impl LearnerKind for PerAdoSettings {
         let parts = self.parts_of(spaces);
         let ados = parts.len();
         let bundles = policy::bundles(checkpoint, &parts)?;
-        let parts = parts.into_iter().zip(bundles).map(|(part, bundle)| {
-            let kind = self.learner_of(&part, ados);
-            let kind = kind.kind();
-            super::learner::expect_kind(&bundle, kind.bundles()[1])?;
-            let learner = kind.restore(&own_spaces(&part), &bundle)?;
-            Ok(AdoLearner::new(part, learner))
-        });
-        let parts = parts.collect::<Result<Vec<AdoLearner>, BundleError>>()?;
-        let mut learner = PerAdo::of(self, spaces, parts, LearnerRng::restore(checkpoint)?);
+        let learners = parts
+            .into_iter()
+            .zip(bundles)
+            .map(|(part, bundle)| {
+                let settings = self.learner_of(&part, ados);
+                let kind = settings.kind();
+                super::learner::expect_kind(&bundle, kind.bundles()[1])?;
+                let learner = kind.restore(&own_spaces(&part), &bundle)?;
+                Ok(AdoLearner::new(part, learner))
+            })
+            .collect::<Result<Vec<AdoLearner>, BundleError>>()?;
+        let mut learner = PerAdo::of(self, spaces, learners, LearnerRng::restore(checkpoint)?);
         learner.starts.restore(checkpoint)?;
         learner.guides.restore(checkpoint, spaces.actions)?;
         learner.tally.restore(checkpoint)?;
@@ -240,7 +243,9 @@ impl PerAdo {
         match self.training {
             PerAdoTraining::Independent => true,
             PerAdoTraining::Alternating { rounds } => {
+                // Every ado has a turn in each round, and the decisions are shared evenly.
                 let turns = u64::from(rounds) * self.parts.len() as u64;
+                // More turns than decisions would divide by 0 below.
                 let turn = (self.tally.requested / turns).max(1);
                 self.tally.decisions / turn % self.parts.len() as u64 == part as u64
             }
@@ -256,6 +261,7 @@ impl PerAdo {
             let step = env.step(action, &mut obs);
             total += step.reward;
             if let Some(end) = step.end {
+                // A truncated play shows no success, even if it was paid on the way.
                 return end == End::Terminated && total > 0.0;
             }
         }
@@ -268,7 +274,7 @@ impl PerAdo {
             .parts
             .iter()
             .map(|part| (part.spaces.clone(), of(&*part.learner)));
-        policy::save(bundle, (self.observation, self.actions), parts.collect());
+        policy::save(bundle, self.observation, self.actions, parts.collect());
     }
 }
 
@@ -307,6 +313,7 @@ impl Learner for PerAdo {
                 Choice::Own if !part.learns => Choice::Greedy,
                 Choice::Own | Choice::Greedy => choice,
             };
+            // The digits of a joint action count the first ado fastest.
             given /= actions;
             let action = match own {
                 // A part that does not learn keeps no record of the episode.
@@ -375,11 +382,12 @@ impl Learner for PerAdo {
             };
             for shown in &succeed {
                 own.actions.clone_from(&shown.actions);
-                let actions = shown.actions.iter();
-                let actions = actions.map(|joint| joint / unit % part.spaces.actions);
+                let joint = shown.actions.iter();
+                // Joint actions count the first ado fastest.
+                let own_actions = joint.map(|joint| joint / unit % part.spaces.actions);
                 let own_share = Demonstration {
                     index: shown.index,
-                    actions: actions.collect(),
+                    actions: own_actions.collect(),
                 };
                 part.learner.demonstrate(&mut own, &[own_share]);
             }

@@ -20,6 +20,7 @@ pub(super) struct EpisodeStart {
 impl EpisodeStart {
     /// Creates a start that is not retried if it fails.
     pub(super) fn once(index: u64) -> EpisodeStart {
+        // More tries than any pool allows, so a failure does not put it there.
         let tries = u32::MAX;
         EpisodeStart { index, tries }
     }
@@ -103,6 +104,7 @@ impl StartPool {
     pub(super) fn restore(&mut self, bundle: &TensorFile) -> Result<(), BundleError> {
         let indices = bundle.rows::<u64>("starts/failed", &[])?;
         let tries = bundle.get::<u32>("starts/tries", &[indices.len()])?;
+        // A damaged count would otherwise allocate without a limit.
         check("number of failed starts", indices.len(), self.capacity + 1)?;
         let pairs = indices.iter().zip(tries);
         self.pool = pairs

@@ -204,8 +204,8 @@ impl Findings {
         for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
             let pairs = found.iter().zip(expected);
             // Bits and not values: NaN equals itself, and 0 differs from −0.
-            let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
-            if let Some(at) = pairs.clone().position(differs) {
+            let mut bits = pairs.map(|(a, b)| [a.to_bits(), b.to_bits()]);
+            if let Some(at) = bits.position(|[a, b]| a != b) {
                 let what = format!("is {:?}, and was {:?} before", found[at], expected[at]);
                 return self.add(promise, Some((episode, first + i)), Some(at), what);
             }

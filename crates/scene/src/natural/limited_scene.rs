@@ -73,15 +73,15 @@ impl LimitedScene {
         let ado = self.ados.iter().find(|ado| ado.agent == agent);
         let allows = |action: usize| match (ado, actions.motion(action)) {
             _ if action == neutral => true,
-            (Some(ado), Some(motion)) => self.allows(ado, motion),
+            (Some(ado), Some(wish)) => self.allows(ado, wish),
             // Nothing is known about people on foot.
             _ => true,
         };
         (0..actions.len()).map(allows).collect()
     }
 
-    /// Returns whether an acceleration and a speed to the left are allowed.
-    pub fn allows(&self, ado: &LimitedVehicle, (accel_mps2, left_mps): (f64, f64)) -> bool {
+    /// Returns whether an ado may accelerate and move sideways like this.
+    pub fn allows(&self, ado: &LimitedVehicle, wish: Command) -> bool {
         let spec = self.world.spec();
         let limit = NaturalLimit::new(&self.limit.model, self.limit.per_1000_km);
         // A deviation is added to what the plan does, and drivers are rated by the sum.
@@ -89,24 +89,26 @@ impl LimitedScene {
             Some(_) => self.bodies[ado.agent].state.accel_mps2 - ado.added_mps2,
             None => 0.0,
         };
-        let accel_mps2 = plan_mps2 + accel_mps2;
+        let all = Command {
+            accel_mps2: plan_mps2 + wish.accel_mps2,
+            ..wish
+        };
         let decision_s = spec.clock.decision_s;
-        let brakes = ado.meter.allows(&limit, accel_mps2, decision_s);
+        let brakes = ado.meter.allows(&limit, all.accel_mps2, decision_s);
         brakes
             && self
-                .cut_in(ado.agent, (accel_mps2, left_mps), decision_s)
+                .cut_in(ado.agent, all, decision_s)
                 .is_none_or(|state| limit.allows_cut_in(&state))
     }
 
     /// Returns the worst state of the ego if an agent crosses into its lane.
     ///
     /// `None` if it crosses no line in front of the ego during the decision.
-    pub fn cut_in(
-        &self,
-        agent: usize,
-        (accel_mps2, left_mps): (f64, f64),
-        decision_s: f64,
-    ) -> Option<CutInState> {
+    pub fn cut_in(&self, agent: usize, driven: Command, decision_s: f64) -> Option<CutInState> {
+        let Command {
+            accel_mps2,
+            lateral_mps: left_mps,
+        } = driven;
         let spec = self.world.spec();
         let ego = spec.egos().next()?;
         if left_mps == 0.0 || !spec.agents[agent].is_with_road() {

@@ -73,12 +73,14 @@ impl SuccessRarity {
             ado,
             behaviour,
         });
+        // The first of equally rare ados, so that the answer does not depend on the sort.
         rated.min_by(|a, b| a.rate().total_cmp(&b.rate()))
     }
 
     /// Returns the rate of the rarest event, infinite without an event.
     fn rate(&self) -> f64 {
         let rarest = self.rarity.rarest();
+        // An ado that neither brakes hard nor cuts in is never the rarest.
         rarest.map_or(f64::INFINITY, |event| event.per_1000_km.rate)
     }
 
@@ -90,6 +92,7 @@ impl SuccessRarity {
     ///
     /// Outside the data it has no rate and no surprise.
     pub fn naturalness(&self, model: &TrafficModel) -> Naturalness {
+        // A rate outside the data would be an extrapolation.
         let rarest = self.rarity.rarest().filter(|_| !self.is_outside());
         let surprise = if self.is_outside() {
             None

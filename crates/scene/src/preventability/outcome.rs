@@ -294,6 +294,7 @@ impl Preventability {
     pub fn human_model_avoids(&self) -> Option<bool> {
         let applies = self.label != Label::NotApplicable;
         let mut humans = HUMAN_MODELS.into_iter();
+        // A model that was never asked has not failed.
         applies.then(|| humans.any(|driver| self.is_avoided_by(driver)))
     }
 
@@ -313,9 +314,12 @@ impl Preventability {
         let held = |outcome: &Option<DriverOutcome>| outcome.as_ref().is_some_and(|it| it.avoided);
         let [avoids, hits] = self.drivers();
         self.label = match (avoids.is_empty(), hits.is_empty()) {
+            // No driver was asked, so the label stays the one of the reason why.
             (true, true) => return,
             (false, true) => Label::AvoidedByAll,
             (false, false) => Label::AvoidedBySome,
+            // From the mildest demand to the hardest, so that the first that holds is the
+            // label.
             _ if held(&self.perfect) => Label::OnlyByPerfect,
             _ if held(&self.foresight) => Label::OnlyByForesight,
             _ => Label::UnavoidableByBraking,

@@ -108,6 +108,7 @@ impl Replayer {
     pub fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
         let spec = world.spec();
         let ego = world.ego();
+        // The drivers model cars. A bicycle as the ego has none.
         let vehicle = spec.agents[ego].body.vehicle()?;
         let agents = spec.agents.iter().enumerate();
         let vehicles = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
@@ -138,6 +139,7 @@ impl Replayer {
         let comes = |i: usize| (0..recorded).any(|at| body(at, i).speed_mps < -STANDING_MPS);
         let vehicles = self.vehicles.iter().copied();
         let traffic: Vec<usize> = vehicles.filter(|&i| !comes(i)).collect();
+        // The ego comes first, as the lane record expects.
         let agents = [&[self.world.ego()], &*traffic].concat();
         let samples_of = |at: usize| agents.iter().map(move |&i| body(at, i));
         let seen_at = |at: usize| {
@@ -174,6 +176,7 @@ impl Replayer {
             return None;
         }
         let case = self.case(motion);
+        // No road user was ahead, so no driver would react.
         case.handover?;
         let mut drivers = drivers.to_vec();
         // The most capable drivers first, so that few replays are needed.
@@ -359,6 +362,7 @@ impl Replayer {
             notes.push(&self.scene);
             if let StepOutcome::Contact(touch) = flow {
                 notes.contact = Some(touch.clone());
+                // The gap at the contact is the least of all.
                 self.look(&case.traffic, &mut least_m);
                 contact = self.contact_of(touch);
                 break;
@@ -393,6 +397,7 @@ impl Replayer {
         for &i in traffic {
             let other = self.scene.lane_body(i);
             let encounter = between(&ego, &other);
+            // Only vehicles ahead in the ego's way have a gap that it keeps.
             if encounter.clearance_m() < 0.0 && ego.x_m < other.x_m {
                 let gap_m = encounter.gap_m();
                 *least_m = Some(least_m.map_or(gap_m, |least| least.min(gap_m)));
@@ -416,6 +421,8 @@ impl Replayer {
         let then = case.whole.at(sample)[self.world.ego()];
         let is_exact = self.world.spec().plant == PlantKind::Kinematic;
         match then.command {
+            // The kinematic plant repeats a command to the bit, and the rigid one from
+            // another state does not.
             Some(command @ BodyCommand::Drive { .. }) if is_exact => command,
             _ if sample < case.recorded => {
                 let gained_mps = then.state.speed_mps - ego.speed_mps;
@@ -486,6 +493,7 @@ impl Replayer {
         let judged = judged.map(|rows| rows.judge(&self.rulebook));
         DriverOutcome {
             avoided: contact.is_none(),
+            // Below 0 for a contact, so that one number orders all outcomes.
             margin: now_mps.map(|closing_mps| -closing_mps).or(least_m),
             saved_mps: recorded_mps - now_mps.unwrap_or(0.0),
             contact,
@@ -511,6 +519,7 @@ impl RecordedEpisode {
     fn nominal_mps(&self, nominal: NominalSpeed, sample: usize, ego: usize) -> f64 {
         let sample = match nominal {
             NominalSpeed::Initial => 0,
+            // After the record the ego keeps its last speed.
             NominalSpeed::Recorded => sample.min(self.recorded - 1),
         };
         self.whole.at(sample)[ego].state.speed_mps

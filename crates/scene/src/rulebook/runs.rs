@@ -49,14 +49,14 @@ impl RunsMonitor {
     }
 
     /// Reads one sample of a run and returns the greatest possible value.
-    fn push(&mut self, (run, sample): (usize, usize), row: &[f64]) -> f64 {
+    fn push(&mut self, run: usize, sample: usize, row: &[f64]) -> f64 {
         match self {
             RunsMonitor::General(monitors) => monitors[run].push_checked(row).hi,
             RunsMonitor::Running {
                 monitor, numbers, ..
             } => {
-                let numbers = part_of(numbers, monitor.numbers(), run);
-                monitor.push(numbers, sample, row).hi
+                let own = part_of(numbers, monitor.numbers(), run);
+                monitor.push(own, sample, row).hi
             }
         }
     }
@@ -98,7 +98,7 @@ impl RunsMonitor {
     }
 
     /// Returns the robustness of a run that ends with sample `sample`.
-    fn ended(&self, (run, sample): (usize, usize)) -> f64 {
+    fn ended(&self, run: usize, sample: usize) -> f64 {
         match self {
             RunsMonitor::Running {
                 monitor, numbers, ..
@@ -186,7 +186,7 @@ impl RunsJudge {
         let decided = (0..new.count).find_map(|i| {
             new.columns.read_row(i, &mut row);
             let stop = new.stop.filter(|_| i + 1 == new.count);
-            let verdict = self.push_row(rulebook, (new.run, new.first + i), &row, stop);
+            let verdict = self.push_row(rulebook, new.run, new.first + i, &row, stop);
             verdict.map(|verdict| (verdict, i))
         });
         self.row = row;
@@ -227,27 +227,28 @@ impl RunsJudge {
     fn push_row(
         &mut self,
         rulebook: &Rulebook,
-        at: (usize, usize),
+        run: usize,
+        sample: usize,
         row: &[f64],
         stop: Option<Stop>,
     ) -> Option<Verdict> {
         let mut broken = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
             // An upper bound of 0 is enough, since "kept" is strict.
-            if rule.push(at, row) <= 0.0 {
+            if rule.push(run, sample, row) <= 0.0 {
                 broken = rulebook.more_important(broken, i);
             }
         }
         // Strict, unlike the rules.
-        self.spec_lost[at.0] |= self.spec.push(at, row) < 0.0;
+        self.spec_lost[run] |= self.spec.push(run, sample, row) < 0.0;
         let (spec, rules) = (&self.spec, &self.rules);
-        let ended = |which: Option<usize>| which.map_or(spec, |i| &rules[i]).ended(at);
-        rulebook.until_violation(broken, self.spec_lost[at.0], ended, stop)
+        let ended = |which: Option<usize>| which.map_or(spec, |i| &rules[i]).ended(run, sample);
+        rulebook.until_violation(broken, self.spec_lost[run], ended, stop)
     }
 
     /// Returns the robustness of ψ_ego in a run whose newest sample is `sample`.
     pub fn robustness(&self, run: usize, sample: usize) -> f64 {
-        self.spec.ended((run, sample))
+        self.spec.ended(run, sample)
     }
 
     /// Returns the memory of all runs, `None` if general monitors hide theirs.

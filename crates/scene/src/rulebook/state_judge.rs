@@ -66,7 +66,8 @@ impl StateJudge {
         &self,
         rulebook: &Rulebook,
         state: &mut [f64],
-        (sample, row): (usize, &[f64]),
+        sample: usize,
+        row: &[f64],
         stop: Option<Stop>,
     ) -> Option<Verdict> {
         let last = match (rulebook.judge, stop) {

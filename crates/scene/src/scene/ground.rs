@@ -51,10 +51,10 @@ pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<Gr
 
 /// Returns a line beside `line`, moved by `by_m` towards `across`.
 pub fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
+    let pairs = line.iter().zip(across);
     // The lower bound avoids 0/0 where the two lines touch.
-    let moved =
-        |(a, b): (&GroundPoint, &GroundPoint)| between(*a, *b, by_m / distance(*a, *b).max(1e-9));
-    line.iter().zip(across).map(moved).collect()
+    let moved = pairs.map(|(a, b)| between(*a, *b, by_m / distance(*a, *b).max(1e-9)));
+    moved.collect()
 }
 
 /// Returns points every `every_m` along a line.

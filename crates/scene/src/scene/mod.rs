@@ -119,6 +119,7 @@ impl ContactEvent {
     /// not compared.
     pub fn is_as_recorded(&self, recorded: &ContactEvent) -> bool {
         let said = ContactEvent {
+            // Files from before impacts were recorded have none, and stay comparable.
             impact: recorded.impact.and(self.impact),
             ..self.clone()
         };
@@ -215,6 +216,7 @@ impl AfterContact {
             let text = format!("{} is pushed {}", push.agent, lane(push.to));
             events.push((push.time_s, text, None));
         }
+        // Stable, so that a collision precedes the pushes of its instant.
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
         events
     }

@@ -249,7 +249,8 @@ fn listed(
         };
         (signal, held)
     });
-    let derived = derived.iter();
-    let derived = derived.map(|derived| (derived.signal.clone(), Availability::Derived));
-    published.chain(derived).collect()
+    let others = derived
+        .iter()
+        .map(|derived| (derived.signal.clone(), Availability::Derived));
+    published.chain(others).collect()
 }

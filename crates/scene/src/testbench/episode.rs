@@ -45,11 +45,28 @@ pub struct Episode {
 }
 
 impl Episode {
+    /// Returns its start with the seed of its noise.
+    pub fn noisy_start(&self) -> NoisyStart<'_> {
+        NoisyStart {
+            start: &self.start,
+            noise: self.noise,
+        }
+    }
+
     /// Returns whether an ado violated a rule between a success and the contact.
     pub fn is_foul_before_contact(&self) -> bool {
         let rules = self.rules_until_contact.as_ref();
         rules.is_some_and(|rules| !rules.is_kept())
     }
+}
+
+/// Start of an episode, with the seed of all its noise.
+#[derive(Clone, Copy, Debug)]
+pub struct NoisyStart<'a> {
+    /// The start.
+    pub start: &'a Start,
+    /// Seed of all noise in the episode.
+    pub noise: u64,
 }
 
 /// Option to continue a decided episode, to record contact and closing speed.

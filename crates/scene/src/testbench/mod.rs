@@ -23,7 +23,7 @@ pub use actors::HOLD_DECISIONS;
 pub use actors::{
     Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy, Sampling,
 };
-pub use episode::{Aftermath, Episode, play};
+pub use episode::{Aftermath, Episode, NoisyStart, play};
 pub use faults::{Complaint, FaultCount, FaultLog};
 pub use faults::{add_fault, count_faults};
 pub use film::{Film, FilmAfterContact, film, film_beyond, joined};

@@ -114,10 +114,12 @@ impl Body {
     /// # Errors
     /// The first field out of range.
     pub fn validate(&self) -> Result<(), InvalidBody> {
+        // From a ball on the road to a road train. The bounds catch lengths in other units.
         within("length_m", self.length_m, 0.1, 30.0)?;
         within("width_m", self.width_m, 0.1, 5.0)?;
         within("height_m", self.height_m, 0.1, 6.0)?;
         within("mass_kg", self.mass_kg, 1.0, 100_000.0)?;
+        // A centre of mass on the ground would transfer no load.
         within("com_height_m", self.com_height_m, 0.01, self.height_m)?;
         let half_length_m = 0.5 * self.length_m;
         within(
@@ -128,6 +130,7 @@ impl Body {
         )?;
         within("restitution", self.restitution, 0.0, 1.0)?;
         within("body_friction", self.body_friction, 0.0, 2.0)?;
+        // The whole has to be sound before its parts are measured against it.
         self.shape.validate(&self.dimensions())?;
         self.kind.answers().validate(&self.dimensions())
     }
@@ -168,6 +171,7 @@ impl Body {
     pub(super) fn yaw_inertia_kg_m2(&self) -> f64 {
         let stated = self.vehicle().and_then(|vehicle| vehicle.yaw_inertia_kg_m2);
         let (l, w) = (self.length_m, self.width_m);
+        // An even box of the footprint.
         stated.unwrap_or_else(|| self.mass_kg / 12.0 * (l * l + w * w))
     }
 

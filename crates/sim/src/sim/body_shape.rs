@@ -95,6 +95,7 @@ impl BodyShape {
                 0.5 * least_m,
             ),
             BodyShape::Capsule => {
+                // A capsule stands upright, so its footprint is a circle.
                 within("width_m", size.width_m, size.length_m, size.length_m)?;
                 within("height_m", size.height_m, size.length_m, 6.0)
             }
@@ -120,6 +121,7 @@ fn validate_parts(parts: &[BodyPart], size: &BodyDimensions) -> Result<(), Inval
         ("shape.parts, rightmost", left.0, -0.5 * size.width_m),
         ("shape.parts, topmost", up.1, size.height_m),
     ];
+    // Each bumper is named alone, so that the message tells which end is wrong.
     for (field, value, want) in ends {
         if (value - want).abs() > SLACK_M {
             // Gaps count from the bumpers, so a smaller shape would falsify them.
@@ -206,6 +208,7 @@ fn area_m2(outline_m: &[(f64, f64)]) -> f64 {
     };
     let mut most = 0.0_f64;
     for (index, b) in rest.iter().enumerate() {
+        // Any triangle with an area suffices. The outline need not be ordered.
         for c in &rest[index + 1..] {
             let cross = (b.0 - first.0) * (c.1 - first.1) - (b.1 - first.1) * (c.0 - first.0);
             most = most.max(0.5 * cross.abs());

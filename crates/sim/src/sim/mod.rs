@@ -81,6 +81,7 @@ fn finite(command: BodyCommand) -> Option<BodyCommand> {
         BodyCommand::Walk { x_mps, y_mps } => [x_mps, y_mps, 0.0],
         BodyCommand::Glide { to } | BodyCommand::Carry { to } => [to.x_m, to.y_m, to.heading_rad],
     };
+    // One NaN would reach every body through the contacts.
     numbers.iter().all(|it| it.is_finite()).then_some(command)
 }
 

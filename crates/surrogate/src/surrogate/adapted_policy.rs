@@ -21,7 +21,7 @@ use crate::rl::{BundleError, Policy, TensorFile, load_policy, load_policy_for};
 use crate::ron_file::file_bytes;
 use crate::run_dir::{AdversaryId, RunDir, RunError, make_dir, write_file};
 use crate::scene::Start;
-use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::testbench::{Aftermath, NoisyStart, Replay, Testbench, play};
 use crate::world::{DriveScenario, Scenario};
 
 /// Row of planned runs, with the strategies that the ado followed.
@@ -260,7 +260,10 @@ impl LearnedEgo {
             if watch.stopped() {
                 break;
             }
-            let from = (start, *noise);
+            let from = NoisyStart {
+                start,
+                noise: *noise,
+            };
             let (episode, followed) = match acts {
                 Acts::Planned => {
                     let run = planner.run(bench, from, Aftermath::Play, &earlier);

@@ -146,7 +146,8 @@ struct Cases {
 
 impl Cases {
     fn of(brake: &EmergencyBrake, situations: &[Situation], worths: &[f64]) -> Cases {
-        let case = |(situation, &worth): (&Situation, &f64)| {
+        let pairs = situations.iter().zip(worths);
+        let all = pairs.map(|(situation, &worth)| {
             let ahead = situation.nearest(brake.counts)?;
             let can = !brake.only_closing || ahead.closing_mps() > 0.0;
             can.then(|| BrakeSample {
@@ -154,8 +155,8 @@ impl Cases {
                 clearance_m: ahead.clearance_m,
                 worth,
             })
-        };
-        let cases: Vec<Option<BrakeSample>> = situations.iter().zip(worths).map(case).collect();
+        });
+        let cases: Vec<Option<BrakeSample>> = all.collect();
         let neighbours = cases.windows(2).zip(situations.windows(2));
         let edges = neighbours.filter_map(|(cases, situations)| {
             let (Some(one), Some(other)) = (&cases[0], &cases[1]) else {
@@ -172,6 +173,7 @@ impl Cases {
         Cases {
             of: *brake,
             edges: edges.collect(),
+            // Of all samples, so that criteria with fewer cases are not flattered.
             total: worths.iter().map(|worth| worth.max(0.0)).sum(),
             all: cases
                 .into_iter()
@@ -187,6 +189,7 @@ impl Cases {
         let mut wrong = 0;
         let thinned = self.all.iter().filter_map(|case| {
             // Braked samples are rare, so all of them stay.
+            // Each remaining sample stands for those that were left out.
             let more = if case.worth < 0.0 { every as f64 } else { 1.0 };
             wrong += usize::from(case.worth < 0.0);
             (case.worth > 0.0 || wrong.is_multiple_of(every)).then_some(BrakeSample {

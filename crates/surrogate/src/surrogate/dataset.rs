@@ -12,7 +12,7 @@ use super::model_fit::LabelledRun;
 use super::plan::Planner;
 use super::strategy::{Earlier, Strategy};
 use super::surrogate_fit::FitSamples;
-use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
+use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::rl::Policy;
 use crate::scene::Start;
@@ -20,7 +20,8 @@ use crate::seed;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
 use crate::testbench::{
-    Actor, Aftermath, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Replay, Testbench, play,
+    Actor, Aftermath, Constant, HOLD_DECISIONS, HeldRandom, NoisyStart, PolicyActor, Replay,
+    Testbench, play,
 };
 use crate::world::{DriveScenario, Scenario};
 
@@ -40,7 +41,10 @@ pub(super) struct RecordedRun {
 
 impl RecordedRun {
     pub(super) fn from(&self) -> NoisyStart<'_> {
-        (&self.start, self.noise)
+        NoisyStart {
+            start: &self.start,
+            noise: self.noise,
+        }
     }
 }
 
@@ -50,6 +54,7 @@ impl RecordedRun {
 pub(super) fn starts(nominal: &Scenario, count: u64, seed: u64) -> Vec<(Start, u64)> {
     let mut bench = nominal.bench();
     let neutral = bench.spaces().neutral;
+    // A program would have to run for each start, which costs more than a wasted plan.
     let knows = nominal.program().is_none();
     // Four candidates per start bound the search if most starts are trivial.
     let keys = (0..4 * count).map(|index| StartKey {
@@ -103,7 +108,10 @@ pub(super) fn mixed(
         let mut dice = seed::generator("surrogate", &[noise]);
         let mut one = || dice.random_range(0..actions);
         let (first, second) = (one(), one());
+        // All draws are made for every kind of run, so that the kinds share one stream.
         let switched = dice.random_range(1..decisions.max(2));
+        // Half of the runs vary the inputs most, and a quarter shows how well the policy
+        // does.
         match turn.index % 4 {
             0 | 1 => RecordingActor::Held,
             2 => RecordingActor::Policy(policy),
@@ -177,7 +185,8 @@ pub(super) fn planned<'a>(
     let one =
         |(planner, bench): &mut (Planner<'a>, Testbench), from: &(Start, u64), turn: &WorkItem| {
             let (start, noise) = (&from.0, from.1);
-            let run = planner.run(bench, (start, noise), Aftermath::Skip, &Earlier::default());
+            let from = NoisyStart { start, noise };
+            let run = planner.run(bench, from, Aftermath::Skip, &Earlier::default());
             watch.faults.note(turn.index as u64, bench.fault());
             bench.fault().is_none().then(|| RecordedRun {
                 start: start.clone(),
@@ -206,6 +215,8 @@ pub(super) fn labelled(world: DriveScenario<'_>, runs: &[RecordedRun]) -> Vec<La
             .map(|(percept, pair)| {
                 let next_mps2 = (pair[1].speed_mps - pair[0].speed_mps) / sample_s;
                 let lateral_mps = (pair[1].lateral_m - pair[0].lateral_m) / sample_s;
+                // The change is learned, because most of the time an ego keeps its
+                // acceleration.
                 [next_mps2 - percept.own.accel_mps2, lateral_mps]
             })
             .collect();
@@ -220,6 +231,7 @@ pub(super) fn samples(runs: &[LabelledRun], nearest: &Arc<[FittedModel]>) -> Fit
     let (mut model_inputs, mut row) = (ModelInputs::default(), Vec::new());
     for run in runs {
         let percepts = &run.inputs.percepts;
+        // Models have a memory, which begins anew with every run.
         if let Some(first) = percepts.first() {
             model_inputs.begin(nearest, &run.inputs.briefing, first);
         }
@@ -249,6 +261,7 @@ pub(super) fn judged_on(world: DriveScenario<'_>, runs: &[RecordedRun]) -> Plant
     let columns = places(world);
     let (mut there, mut here) = (ModelBench::on(world, own), ModelBench::quick(world));
     let agrees = |run: &RecordedRun| {
+        // Both replay the recorded motion of the ego, so only the others can differ.
         for model in [&mut there, &mut here] {
             model.begin(run.from(), &run.so_far, None, VARIATIONS[0]);
         }

@@ -68,6 +68,8 @@ impl PathOccupancy {
         let count = |since_s: f64, is: bool| if is { since_s + sample_s } else { 0.0 };
         let is_in = seen.is_ahead_of(own);
         let towards_mps = -seen.lateral_mps * seen.lateral_m.signum();
+        // A vehicle is coming if it reaches the ego's way soon at its present lateral
+        // speed.
         let is_coming = side_m(own, seen) < SOON_S * towards_mps.max(0.0);
         self.in_s = count(self.in_s, is_in);
         self.coming_s = count(self.coming_s, is_in || is_coming);
@@ -103,6 +105,7 @@ impl Danger {
     fn grow(&mut self, brake_mps2: f64, closing_per_s: f64, sample_s: f64) {
         self.ago_s += sample_s;
         self.brake_mps2 = self.brake_mps2.max(brake_mps2);
+        // A new maximum restarts its age. Equal ones keep it.
         if self.closing_per_s < closing_per_s {
             (self.closing_per_s, self.ago_s) = (closing_per_s, 0.0);
         }
@@ -169,6 +172,8 @@ impl Features {
         let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
         let (worst, way) = (&self.worst[i], &self.ways[i]);
         let [is_in, is_coming, in_s, coming_s] = PathOccupancy::state([way.in_s, way.coming_s]);
+        // An inverse distance resolves near gaps, in which an ego acts, better than far
+        // ones.
         let nearness = ahead * 10.0 / (near_m + 5.0);
         let state = [
             gap_m,
@@ -281,6 +286,7 @@ fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
     } else {
         seen.headway_m + own.length_m
     };
+    // Egos ignore what is farther, and its distance would dominate the scale.
     (gap_m.clamp(-FAR_M, FAR_M), own.speed_mps - seen.speed_mps)
 }
 

@@ -58,7 +58,7 @@ pub(super) fn fine_tuned(
     let ModelBench {
         bench, driver_slot, ..
     } = ModelBench::quick(world);
-    let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
+    let mut learner = fine_tuner(bench.spaces(), DECISIONS, seed, policy?)?;
     let mut inside = Inside {
         gym: Gym::new(bench, Purpose::Train, seed),
         driver_slot,

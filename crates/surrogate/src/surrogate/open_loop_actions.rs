@@ -8,6 +8,7 @@ use super::model::Surrogate;
 use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
 use crate::rulebook::Verdict;
 use crate::scene::Start;
+use crate::testbench::NoisyStart;
 use crate::world::DriveScenario;
 
 /// Times of the switch to the second action, as shares of the horizon.
@@ -57,7 +58,10 @@ pub(super) fn best_fixed(
     let mut score = |actions: &[usize]| {
         let mut score = ActionScore::default();
         for (start, noise) in starts {
-            let from = (start, *noise);
+            let from = NoisyStart {
+                start,
+                noise: *noise,
+            };
             model.begin(from, &RunPrefix::default(), Some(surrogate), VARIATIONS[0]);
             model.play_actions(actions);
             match model.bench.verdict() {

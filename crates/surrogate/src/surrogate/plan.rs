@@ -6,12 +6,12 @@ use super::ego_motion::{MotionReader, MotionSample};
 use super::model::Surrogate;
 use super::planning_budget::PlanningBudget;
 use super::strategy::{Earlier, Policies, RobustScore, Strategy, play_strategy};
-use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
+use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
 use crate::experiment::Watch;
 use crate::rulebook::Verdict;
 use crate::search::{Tree, WalkControl};
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Testbench};
+use crate::testbench::{Aftermath, NoisyStart, Testbench};
 use crate::world::DriveScenario;
 
 /// Largest number of action switches in a plan.
@@ -56,6 +56,8 @@ impl ScoredStrategy {
     }
 
     fn is_better_than(&self, other: &ScoredStrategy) -> bool {
+        // A short lead is worth more than a score, because it predicts the ego as it was
+        // fitted.
         self.lead < other.lead || (self.lead == other.lead && other.score < self.score)
     }
 }
@@ -151,6 +153,7 @@ impl<'a> Planner<'a> {
                     };
                 }
             }
+            // Few switches first: they are few sequences, and robust ones.
             for switches in 0..=SWITCHES {
                 if best.score >= ENOUGH || self.watch.stopped() {
                     break;
@@ -170,6 +173,7 @@ impl<'a> Planner<'a> {
                 return best;
             }
         }
+        // Worse than every find, and the ado still has something to play.
         ScoredStrategy {
             strategy: Strategy::AsTrained,
             lead: LEADS.len(),
@@ -183,6 +187,7 @@ impl<'a> Planner<'a> {
     /// variations is taken. Without any, another variation of the surrogate leads.
     fn choose_again(&mut self, from: NoisyStart<'_>, so_far: &RunPrefix) -> ScoredStrategy {
         let samples = self.judge.bench.clock().samples_per_decision();
+        // A plan from the start needs no known beginning, so it is tried first.
         let mut best = self.choose(from, so_far, 1);
         for beginning in self.earlier.beginnings(samples) {
             if best.score == VARIATIONS.len() || self.watch.stopped() {
@@ -256,7 +261,13 @@ impl<'a> Planner<'a> {
         };
         let root = &mut tree.bench;
         let actions = root.spaces().actions;
-        let mut walk = Tree::new(root, (from, 0), Aftermath::Skip, &mut accept, &quiet);
+        let mut walk = Tree::new(
+            root,
+            ((from.start, from.noise), 0),
+            Aftermath::Skip,
+            &mut accept,
+            &quiet,
+        );
         walk.after = so_far.actions.clone();
         walk.stride = stride;
         for action in 0..actions {
@@ -369,7 +380,7 @@ impl<'a> Planner<'a> {
         aftermath: Aftermath,
         earlier: &Earlier,
     ) -> PartialRun {
-        real.begin(from.0, from.1, aftermath);
+        real.begin(from.start, from.noise, aftermath);
         let mut so_far = RunPrefix::default();
         // The motion holds the sample at the start before any decision.
         self.reader.follow(real, &mut so_far.motion);
@@ -403,6 +414,7 @@ impl<'a> Planner<'a> {
             real.decide(action);
             so_far.actions.push(action);
             self.reader.follow(real, &mut so_far.motion);
+            // After the verdict a new plan could change nothing.
             if real.is_decided() || self.watch.stopped() {
                 continue;
             }

@@ -11,8 +11,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::model::Surrogate;
-use super::surrogate_sim::{ModelBench, NoisyStart, RunPrefix, VARIATIONS};
+use super::surrogate_sim::{ModelBench, RunPrefix, VARIATIONS};
 use crate::rl::Policy;
+use crate::testbench::NoisyStart;
 
 /// Behaviour of the ado from a start on.
 #[derive(Clone, Debug, PartialEq, Eq)]

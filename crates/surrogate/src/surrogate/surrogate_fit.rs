@@ -62,6 +62,7 @@ impl FitSamples {
             let squares = column(i).map(|value| (value - means[i]).powi(2));
             (squares.sum::<f64>() / count).sqrt() as f32
         };
+        // Inputs that never vary would divide by 0, and noise on them would be blown up.
         let inverse = (0..self.width).map(|i| 1.0 / sd(i).max(LEAST_SD)).collect();
         (means.into_iter().map(|mean| mean as f32).collect(), inverse)
     }
@@ -69,6 +70,7 @@ impl FitSamples {
     /// Returns the value of an output of 1, or 0 for an output that is always 0.
     fn units(&self, nearest: &[FittedModel]) -> [f64; 2] {
         let across_mps = self.rms(|_, answer| answer[2]);
+        // Below it the ego only corrects its lane, and its answer would be noise.
         let steers = across_mps > LEAST_LATERAL_MPS;
         let left = |row: &[f32], answer: &[f64; 3]| answer[1] - expected_mps2(nearest, row);
         // The floor keeps the targets finite if a controller explains everything.
@@ -82,6 +84,7 @@ impl FitSamples {
             .answers
             .iter()
             .flat_map(|[now, change, _]| [*now, now + change]);
+        // From 0, so that a surrogate may always hold its speed.
         answers.fold([0.0; 2], |[least, most], mps2| {
             [mps2.min(least), mps2.max(most)]
         })
@@ -188,19 +191,21 @@ impl<'a> MemberFit<'a> {
         let rows = 0..samples.answers.len();
         let scaled = rows.flat_map(|sample| surrogate.scaled(samples.row(sample)));
         let [accel, lateral] = surrogate.unit;
-        let target = |(sample, answer): (usize, &[f64; 3])| {
+        let answers = samples.answers.iter().enumerate();
+        let targets = answers.map(|(sample, answer)| {
             let left_mps2 = answer[1] - expected_mps2(&surrogate.nearest, samples.row(sample));
             let across = match lateral {
+                // An ego that never moved sideways has no unit to divide by.
                 0.0 => 0.0,
                 unit => answer[2] / unit,
             };
             [(left_mps2 / accel) as f32, across as f32]
-        };
+        });
         let mut member_fit = MemberFit {
             samples,
             limits: vec![f32::INFINITY; samples.answers.len()],
             scaled: scaled.collect(),
-            targets: samples.answers.iter().enumerate().map(target).collect(),
+            targets: targets.collect(),
             critical: samples.critical(samples.rms(|_, answer| answer[1])),
             dice: LearnerRng::new(seed),
         };

@@ -9,13 +9,9 @@ use super::model::Surrogate;
 use super::model_driver::{ModelDriverConfig, ModelDriverSlot};
 use super::model_fit::EgoInputs;
 use crate::rl::Policy;
-use crate::scene::Start;
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Testbench};
+use crate::testbench::{Aftermath, NoisyStart, Testbench};
 use crate::world::DriveScenario;
-
-/// Start with the seed of its noise.
-pub(super) type NoisyStart<'a> = (&'a Start, u64);
 
 /// Known actions of the ado and motion of the ego, up to now.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -123,7 +119,7 @@ impl ModelBench {
         variation: SurrogateVariation,
     ) {
         self.set_ego(so_far, surrogate, variation);
-        self.bench.begin(from.0, from.1, Aftermath::Skip);
+        self.bench.begin(from.start, from.noise, Aftermath::Skip);
         for &action in &so_far.actions {
             // The model can reach its verdict earlier than the recorded run did.
             if self.bench.is_done() {
@@ -192,7 +188,7 @@ impl ModelBench {
             inputs: Some(Arc::clone(&inputs)),
             ..ModelDriverConfig::default()
         });
-        self.bench.begin(from.0, from.1, Aftermath::Skip);
+        self.bench.begin(from.start, from.noise, Aftermath::Skip);
         self.play_actions(&run.actions);
         std::mem::take(&mut *inputs.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -201,6 +197,7 @@ impl ModelBench {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Start;
     use crate::seed::{Purpose, StartKey};
     use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
     use crate::world::Scenario;
@@ -208,6 +205,10 @@ mod tests {
     /// Returns a model on the world's own plant.
     fn own(world: DriveScenario<'_>) -> ModelBench {
         ModelBench::on(world, world.spec().plant)
+    }
+
+    fn noisy(start: &Start, noise: u64) -> NoisyStart<'_> {
+        NoisyStart { start, noise }
     }
 
     /// Returns a run of the real ego of `world` under random actions.
@@ -242,7 +243,7 @@ mod tests {
             for mut model in [own(world), ModelBench::quick(world)] {
                 for index in 0..4 {
                     let (start, noise, run) = run_of(world, index);
-                    model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                    model.begin(noisy(&start, noise), &run, None, VARIATIONS[0]);
                     let both = run.motion.iter().zip(model.motion());
                     for (sample, (there, here)) in both.enumerate() {
                         let off_m = there.distance_m(&here);
@@ -277,7 +278,7 @@ mod tests {
             real.begin(&start, noise, Aftermath::Skip);
             run.actions.iter().for_each(|&action| real.decide(action));
             let off_m = |model: &mut ModelBench| {
-                model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                model.begin(noisy(&start, noise), &run, None, VARIATIONS[0]);
                 let pairs = place(&real).into_iter().zip(place(&model.bench));
                 let apart = pairs.map(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1));
                 apart.fold(0.0, f64::max)
@@ -300,7 +301,7 @@ mod tests {
         let world = scenario.drive().expect("driven");
         let (start, noise, run) = run_of(world, 1);
         let mut model = own(world);
-        let inputs = model.percepts((&start, noise), &run);
+        let inputs = model.percepts(noisy(&start, noise), &run);
         assert!(run.motion.len().abs_diff(inputs.percepts.len() + 1) <= 1);
         assert!(inputs.briefing.sample_s > 0.0);
         for (percept, moment) in inputs.percepts.iter().zip(&run.motion) {

@@ -169,7 +169,8 @@ impl<'a> ArchiveSearch<'a> {
     pub(super) fn fill(
         &mut self,
         archive: &mut FailureArchive,
-        (round, simulations): (u64, u64),
+        round: u64,
+        simulations: u64,
         note: &mut dyn FnMut(u64, &FailureArchive),
         watch: &Watch<'_>,
     ) -> bool {
@@ -248,12 +249,12 @@ impl<'a> ArchiveSearch<'a> {
             let pairs = from.0.iter().zip(&start.0).zip(&self.per_width);
             pairs.map(|((a, b), per)| ((a - b) * per).powi(2)).sum()
         };
-        let ranked = self
+        let distances = self
             .starts
             .iter()
             .map(|(index, start)| (distance(start), *index));
         // A start would always be its own nearest neighbour.
-        let mut ranked: Vec<(f64, u64)> = ranked.filter(|(_, other)| *other != index).collect();
+        let mut ranked: Vec<(f64, u64)> = distances.filter(|(_, other)| *other != index).collect();
         // The index breaks ties, so that equal distances have one order.
         let order = |a: &(f64, u64), b: &(f64, u64)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         let near = NEAR.min(ranked.len());
@@ -408,7 +409,7 @@ mod tests {
         let mut archive = FailureArchive::default();
         let mut noted = Vec::new();
         let mut note = |spent, archive: &FailureArchive| noted.push((spent, archive.len()));
-        assert!(search.fill(&mut archive, (1, simulations), &mut note, &watch));
+        assert!(search.fill(&mut archive, 1, simulations, &mut note, &watch));
         assert!(noted.is_sorted() && noted.len() > 2, "{noted:?}");
         (archive, search.cost)
     }

@@ -38,7 +38,8 @@ impl PopulationDir {
         path: &Path,
         scenario: &Scenario,
         seed: u64,
-        (origin, requested): (PopulationOrigin, usize),
+        origin: PopulationOrigin,
+        requested: usize,
     ) -> Result<PopulationDir, RunError> {
         if is_taken(path) {
             return Err(RunError::Exists { path: path.into() });
@@ -214,7 +215,8 @@ impl PopulationDir {
     /// The disk refuses. The old archive is then still valid.
     pub fn save_archive(
         &mut self,
-        (name, bytes): (&str, &[u8]),
+        name: &str,
+        bytes: &[u8],
         describe: impl FnOnce(String, String) -> ArchiveSummary,
     ) -> Result<(), RunError> {
         write_file(&self.path.join(name), bytes)?;
@@ -283,7 +285,7 @@ mod tests {
 
     fn create(path: &Path) -> PopulationDir {
         let origin = PopulationOrigin::Distinct { simulations: 10 };
-        PopulationDir::create(path, &world(), 7, (origin, 2)).expect("created")
+        PopulationDir::create(path, &world(), 7, origin, 2).expect("created")
     }
 
     fn archive(file: String, sha256: String) -> ArchiveSummary {
@@ -330,10 +332,10 @@ mod tests {
         population.add_member().expect("finished");
         population.append_coverage("{}\n").expect("written");
         population
-            .save_archive(("archive-1.json", b"one"), archive)
+            .save_archive("archive-1.json", b"one", archive)
             .expect("written");
         population
-            .save_archive(("archive-2.json", b"two"), archive)
+            .save_archive("archive-2.json", b"two", archive)
             .expect("written");
         population.finish().expect("written");
         drop(population);
@@ -364,7 +366,7 @@ mod tests {
         let mut population = create(&path);
         population.append_coverage("{}\n").expect("written");
         population
-            .save_archive(("archive-1.json", b"one"), archive)
+            .save_archive("archive-1.json", b"one", archive)
             .expect("written");
         // A process that is killed here has written a line that no manifest counts.
         population.append_coverage("torn").expect("written");

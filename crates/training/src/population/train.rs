@@ -100,6 +100,7 @@ pub fn train_distinct(
             let mut session = training.session(number, &first)?;
             training.member(number, &mut session, watch)?
         };
+        // After each member, so that an interruption reports the archive it has.
         training
             .outcome
             .archive
@@ -126,7 +127,7 @@ fn begun(
         simulations: simulations(&scenario),
     };
     let seed = request.training.seed.unwrap_or(0);
-    let dir = PopulationDir::create(path, &scenario, seed, (origin, request.members))?;
+    let dir = PopulationDir::create(path, &scenario, seed, origin, request.members)?;
     let session = TrainSession::begin(world, &dir.member_path(0), &request.training)?;
     Ok((dir, session))
 }
@@ -244,6 +245,7 @@ impl DistinctTraining {
             };
             return Ok(TrainSession::resume(first.world(), &path, &request)?);
         }
+        // The archive has one failure per cell, the last member many of the cells it found.
         let archived = self.archive.iter().map(|known| Demonstration {
             index: known.index,
             actions: known.actions.clone(),
@@ -276,6 +278,7 @@ impl DistinctTraining {
             .as_ref()
             .map_or(0, |archive| archive.simulations);
         let mut decisions = 0;
+        // The curve is over the decisions of all members so far.
         for run in self.dir.members(members)? {
             decisions += run.manifest().decisions_done;
         }
@@ -300,9 +303,10 @@ impl DistinctTraining {
         };
         let found = spread(&failures(session.run())?, ABSORBED);
         let absorbed = search.absorb(&mut archive, &found, watch);
+        // A point before the search shows what the training alone covered.
         note(search.cost.simulations, &archive);
-        let round = (members as u64, simulations);
-        if !absorbed || !search.fill(&mut archive, round, &mut note, watch) {
+        let round = members as u64;
+        if !absorbed || !search.fill(&mut archive, round, simulations, &mut note, watch) {
             return Ok(false);
         }
         note(search.cost.simulations, &archive);
@@ -318,10 +322,11 @@ impl DistinctTraining {
             path: self.dir.path().join(&name),
             why: error.to_string(),
         })?;
+        // Lines precede the manifest that counts them, so a kill loses no counted line.
         self.dir.append_coverage(lines)?;
         let (cells, failures) = (self.archive.len(), self.archive.failures());
         self.dir
-            .save_archive((&name, text.as_bytes()), |file, sha256| ArchiveSummary {
+            .save_archive(&name, text.as_bytes(), |file, sha256| ArchiveSummary {
                 cells,
                 failures,
                 simulations,
@@ -347,6 +352,7 @@ fn failures(run: &RunDir) -> Result<Vec<Demonstration>, RunError> {
 /// Returns at most `most` items, evenly spread and including the last.
 fn spread(all: &[Demonstration], most: usize) -> Vec<Demonstration> {
     let count = all.len().min(most);
+    // The last failure is always among them, which is that of the best ado.
     let positions = (1..=count).map(|n| n * all.len() / count - 1);
     positions.map(|at| all[at].clone()).collect()
 }

@@ -2,9 +2,9 @@
 //! report.
 
 use super::demonstrations::{Budget, Seeded};
-use super::rollout::{drawn_successes, successes};
+use super::rollout::TrainingStarts;
 use super::search_worker::SearchEffort;
-use super::training_search::TrainingSearch;
+use super::training_search::{SearchProgress, TrainingSearch};
 use crate::experiment::Watch;
 use crate::rl::Policy;
 use crate::run_dir::Calibration;
@@ -63,9 +63,12 @@ impl<'a> Calibrator<'a> {
             WITHOUT_COPIES
         };
         let indices: Vec<u64> = (0..starts).collect();
-        let progress = (0, indices.len());
+        let progress = SearchProgress {
+            done: 0,
+            total: indices.len(),
+        };
         let effort = SearchEffort::Walk { switches: 1 };
-        let found = training_search.search(&indices, (effort, each.max(20)), progress, watch);
+        let found = training_search.search(&indices, effort, each.max(20), progress, watch);
         if watch.stopped() {
             return None;
         }
@@ -121,8 +124,12 @@ impl<'a> Calibrator<'a> {
     /// Plays an ado on the calibration starts. `None`: stopped.
     pub(super) fn of(&mut self, policy: &dyn Policy, watch: &Watch<'_>) -> Option<Calibration> {
         let indices: Vec<u64> = (0..self.solved.len() as u64).collect();
-        let of = (self.scenario, Purpose::Calibration, self.seed);
-        let played = successes(of, &indices, policy, watch)?;
+        let starts = TrainingStarts {
+            scenario: self.scenario,
+            purpose: Purpose::Calibration,
+            seed: self.seed,
+        };
+        let played = starts.successes(&indices, policy, watch)?;
         let mut calibration = self.search;
         let mut missed = Vec::new();
         // Of the last evaluation only, so that interruptions do not change the cost.
@@ -140,8 +147,7 @@ impl<'a> Calibrator<'a> {
                 missed.push(index as u64);
             }
         }
-        let ado = (policy, Sampling::SECOND_LOOK);
-        let drawn = drawn_successes(of, &missed, ado, watch)?;
+        let drawn = starts.drawn_successes(&missed, policy, Sampling::SECOND_LOOK, watch)?;
         let mut draws = 0;
         for (success, episodes, cost) in drawn {
             draws += episodes;

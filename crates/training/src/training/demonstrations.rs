@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::near_starts::StartCandidates;
-use super::rollout::successes;
+use super::rollout::TrainingStarts;
 use super::search_worker::{Scouted, SearchEffort};
-use super::training_search::TrainingSearch;
+use super::training_search::{SearchProgress, TrainingSearch};
 use crate::experiment::Watch;
-use crate::rl::{Demonstration, Policy, Seeding};
+use crate::rl::{Demonstration, Learner, Seeding};
 use crate::run_dir::Sought;
 use crate::seed::Purpose;
 use crate::testbench::{FIRST_KNOWN, KnownEpisode};
@@ -60,7 +60,8 @@ pub(super) struct Seeded {
 pub(super) fn seed_training(
     scenario: &Scenario,
     seed: u64,
-    (seeding, bank): (&Seeding, &Arc<[KnownEpisode]>),
+    seeding: &Seeding,
+    bank: &Arc<[KnownEpisode]>,
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
     let training_search = TrainingSearch::new(scenario, Purpose::Train, seed).knowing(bank);
@@ -76,8 +77,8 @@ pub(super) fn seed_training(
         return None;
     }
     seeded.note(&known, played);
-    let budget = (most, bank.is_empty());
-    let mut unsolved = seeded.search_one_switch(&training_search, &indices, budget, watch)?;
+    let mut unsolved =
+        seeded.search_one_switch(&training_search, &indices, most, bank.is_empty(), watch)?;
     // Starts that were not reached have no success with one switch either.
     let reached = seeded.sought.starts as usize;
     let again = unsolved.len();
@@ -100,11 +101,14 @@ pub(super) fn seed_training(
 
 /// Plays an ado on more training starts and searches those on which it fails.
 ///
-/// The search stays within the remaining budget. `None`: stopped.
+/// The search stays within the budget of the training, of which `spent` simulations are
+/// gone. `None`: stopped.
 pub(super) fn seed_failures(
-    (scenario, seed): (&Scenario, u64),
-    (policy, decisions): (&dyn Policy, u64),
-    (seeding, spent): (&Seeding, u64),
+    scenario: &Scenario,
+    seed: u64,
+    learner: &dyn Learner,
+    seeding: &Seeding,
+    spent: u64,
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
     let training_search = TrainingSearch::new(scenario, Purpose::Train, seed);
@@ -114,9 +118,14 @@ pub(super) fn seed_failures(
         return Some(seeded);
     }
     // Other starts at every look, the same whenever it is repeated.
-    let first = FIRST_PLAYED + decisions * PLAYED;
+    let first = FIRST_PLAYED + learner.decisions() * PLAYED;
     let indices: Vec<u64> = (first..first + PLAYED).collect();
-    let played = successes((scenario, Purpose::Train, seed), &indices, policy, watch)?;
+    let starts = TrainingStarts {
+        scenario,
+        purpose: Purpose::Train,
+        seed,
+    };
+    let played = starts.successes(&indices, &*learner.policy(), watch)?;
     let mut failed = Vec::new();
     for (&index, played) in indices.iter().zip(played) {
         seeded.sought.simulations += 1;
@@ -178,7 +187,8 @@ impl Seeded {
         &mut self,
         training_search: &TrainingSearch<'_>,
         indices: &[u64],
-        (most, is_bank_empty): (u64, bool),
+        most: u64,
+        is_bank_empty: bool,
         watch: &Watch<'_>,
     ) -> Option<Vec<u64>> {
         let mut unsolved = Vec::new();
@@ -197,9 +207,12 @@ impl Seeded {
             let each = (UNEVEN * (most - spent) / (indices.len() - tried) as u64)
                 .min((most - spent) / CHUNK as u64)
                 .max(1);
-            let progress = (tried, indices.len());
+            let progress = SearchProgress {
+                done: tried,
+                total: indices.len(),
+            };
             let effort = SearchEffort::Walk { switches: 1 };
-            let found = training_search.search(chunk, (effort, each), progress, watch);
+            let found = training_search.search(chunk, effort, each, progress, watch);
             if watch.stopped() {
                 return None;
             }
@@ -233,7 +246,10 @@ impl Seeded {
             if share == 0 {
                 break;
             }
-            let progress = (done, indices.len());
+            let progress = SearchProgress {
+                done,
+                total: indices.len(),
+            };
             let known = self.demonstrations.clone();
             let mut rest = chunk.to_vec();
             if known.len() >= FEW {
@@ -242,12 +258,12 @@ impl Seeded {
                     switches: budget.switches,
                 };
                 let most = MUTATIONS.min(share);
-                let found = training_search.search(&rest, (effort, most), progress, watch);
+                let found = training_search.search(&rest, effort, most, progress, watch);
                 rest = self.note(&rest, found);
             }
             if known.len() < MANY && !rest.is_empty() {
                 let effort = SearchEffort::Walk { switches: 2 };
-                let found = training_search.search(&rest, (effort, share), progress, watch);
+                let found = training_search.search(&rest, effort, share, progress, watch);
                 self.note(&rest, found);
             }
             if watch.stopped() {
@@ -293,8 +309,11 @@ impl Seeded {
                 known: &known,
                 switches: usize::MAX,
             };
-            let progress = (total as usize - near.len(), total as usize);
-            let found = training_search.search(&chunk, (effort, most), progress, watch);
+            let progress = SearchProgress {
+                done: total as usize - near.len(),
+                total: total as usize,
+            };
+            let found = training_search.search(&chunk, effort, most, progress, watch);
             if watch.stopped() {
                 return None;
             }

@@ -17,69 +17,79 @@ pub(super) struct GreedyEpisode {
     pub cpu_s: f64,
 }
 
-/// Plays the starts of a stream with these indices greedily. `None` if stopped.
-pub(super) fn successes(
-    (scenario, purpose, seed): (&Scenario, Purpose, u64),
-    indices: &[u64],
-    policy: &dyn Policy,
-    watch: &Watch<'_>,
-) -> Option<Vec<GreedyEpisode>> {
-    let all = EpisodeLoop::counted(watch, indices.len());
-    let gym = || {
-        let mut gym = TrainingGym::new(scenario, purpose, seed);
+/// Stream of the starts of a training.
+#[derive(Clone, Copy)]
+pub(super) struct TrainingStarts<'a> {
+    pub scenario: &'a Scenario,
+    pub purpose: Purpose,
+    pub seed: u64,
+}
+
+impl<'a> TrainingStarts<'a> {
+    fn gym(&self, watch: &Watch<'_>) -> TrainingGym<'a> {
+        let mut gym = TrainingGym::new(self.scenario, self.purpose, self.seed);
         // An ego that does not run would look like one that never fails.
         gym.inner().tell_faults(watch.faults.clone());
         gym
-    };
-    let played = all.run(indices, gym, |gym, &index, turn| {
-        let before = gym.inner().spent().physics_steps;
-        let success = succeeds(gym, index, &mut |obs| policy.act(obs));
-        Some(GreedyEpisode {
-            success,
-            physics_steps: gym.inner().spent().physics_steps - before,
-            cpu_s: turn.cpu_s(),
-        })
-    });
-    let played = played.into_iter().map(Option::unwrap_or_default);
-    (!watch.stopped()).then(|| played.collect())
-}
+    }
 
-/// Plays some starts with drawn actions, each until the first success.
-///
-/// Returns whether some draw succeeds, the episodes and the cost of each start. `None` if
-/// stopped.
-pub(super) fn drawn_successes(
-    (scenario, purpose, seed): (&Scenario, Purpose, u64),
-    indices: &[u64],
-    (policy, sampling): (&dyn Policy, Sampling),
-    watch: &Watch<'_>,
-) -> Option<Vec<(bool, u64, GreedyEpisode)>> {
-    let all = EpisodeLoop::counted(watch, indices.len());
-    let gym = || {
-        let mut gym = TrainingGym::new(scenario, purpose, seed);
-        gym.inner().tell_faults(watch.faults.clone());
-        gym
-    };
-    let played = all.run(indices, gym, |gym, &index, turn| {
-        let before = gym.inner().spent().physics_steps;
-        let (mut success, mut draws) = (None, 0);
-        while success.is_none() && draws < u64::from(sampling.draws) && !watch.stopped() {
-            // Equal draws on any number of threads.
-            let mut dice = seed::generator("drawn calibration", &[index, draws]);
-            let mut units = || dice.random::<f64>();
-            let mut act = |obs: &[f32]| policy.sample(obs, sampling.temperature, &mut units);
-            success = succeeds(gym, index, &mut act);
-            draws += 1;
-        }
-        let episode = GreedyEpisode {
-            physics_steps: gym.inner().spent().physics_steps - before,
-            cpu_s: turn.cpu_s(),
-            success: None,
-        };
-        Some((success.is_some(), draws, episode))
-    });
-    let played = played.into_iter().map(Option::unwrap_or_default);
-    (!watch.stopped()).then(|| played.collect())
+    /// Plays the starts with these indices greedily. `None` if stopped.
+    pub(super) fn successes(
+        &self,
+        indices: &[u64],
+        policy: &dyn Policy,
+        watch: &Watch<'_>,
+    ) -> Option<Vec<GreedyEpisode>> {
+        let all = EpisodeLoop::counted(watch, indices.len());
+        let gym = || self.gym(watch);
+        let played = all.run(indices, gym, |gym, &index, turn| {
+            let before = gym.inner().spent().physics_steps;
+            let success = succeeds(gym, index, &mut |obs| policy.act(obs));
+            Some(GreedyEpisode {
+                success,
+                physics_steps: gym.inner().spent().physics_steps - before,
+                cpu_s: turn.cpu_s(),
+            })
+        });
+        // Episodes are missing only after a stop, which gives no result.
+        let episodes = played.into_iter().map(Option::unwrap_or_default);
+        (!watch.stopped()).then(|| episodes.collect())
+    }
+
+    /// Plays some starts with drawn actions, each until the first success.
+    ///
+    /// Returns whether some draw succeeds, the episodes and the cost of each start. `None`
+    /// if stopped.
+    pub(super) fn drawn_successes(
+        &self,
+        indices: &[u64],
+        policy: &dyn Policy,
+        sampling: Sampling,
+        watch: &Watch<'_>,
+    ) -> Option<Vec<(bool, u64, GreedyEpisode)>> {
+        let all = EpisodeLoop::counted(watch, indices.len());
+        let gym = || self.gym(watch);
+        let played = all.run(indices, gym, |gym, &index, turn| {
+            let before = gym.inner().spent().physics_steps;
+            let (mut success, mut draws) = (None, 0);
+            while success.is_none() && draws < u64::from(sampling.draws) && !watch.stopped() {
+                // Equal draws on any number of threads.
+                let mut dice = seed::generator("drawn calibration", &[index, draws]);
+                let mut units = || dice.random::<f64>();
+                let mut act = |obs: &[f32]| policy.sample(obs, sampling.temperature, &mut units);
+                success = succeeds(gym, index, &mut act);
+                draws += 1;
+            }
+            let episode = GreedyEpisode {
+                physics_steps: gym.inner().spent().physics_steps - before,
+                cpu_s: turn.cpu_s(),
+                success: None,
+            };
+            Some((success.is_some(), draws, episode))
+        });
+        let episodes = played.into_iter().map(Option::unwrap_or_default);
+        (!watch.stopped()).then(|| episodes.collect())
+    }
 }
 
 /// Returns the actions of a success of an ado.

@@ -8,7 +8,7 @@ use crate::rulebook::Verdict;
 use crate::scene::Start;
 use crate::search::{Tree, WalkControl, mutate};
 use crate::seed;
-use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::testbench::{Aftermath, NoisyStart, Replay, Testbench, play};
 use rand::RngExt;
 
 /// Pre-screened successes per start that are tried on the requested plant.
@@ -82,9 +82,13 @@ impl<'a> SearchWorker<'a> {
         let key = self.stream.key(index);
         self.stream
             .place_member(key, &mut self.first, self.target.as_mut());
-        let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
-        let from = (&start, noise);
-        self.first.begin(&start, noise, Aftermath::Skip);
+        let start = self.first.draw(key);
+        let from = NoisyStart {
+            start: &start,
+            noise: self.first.noise_of(key),
+        };
+        // Whether an ego can be copied is only known once it runs.
+        self.first.begin(&start, from.noise, Aftermath::Skip);
         let forks = self.first.fork().is_some();
         let scouted = match effort {
             SearchEffort::Walk { switches } if forks => {
@@ -92,7 +96,7 @@ impl<'a> SearchWorker<'a> {
             }
             SearchEffort::Walk { switches } => self.sample(from, index, switches, simulations),
             SearchEffort::Mutate { known, switches } => {
-                self.mutate(from, index, (known, switches), simulations)
+                self.mutate(from, index, known, switches, simulations)
             }
         };
         // A stopped search has not shown that there is no success, but a success counts.
@@ -107,6 +111,8 @@ impl<'a> SearchWorker<'a> {
         let (mut sum, mut term) = (0u64, actions);
         for k in 0..=switches as u64 {
             sum = sum.saturating_add(term);
+            // Terms follow from each other: one switch more has a later place and another
+            // action.
             let switched = decisions.saturating_sub(1 + k) * actions.saturating_sub(1);
             term = term.saturating_mul(switched) / (k + 1);
         }
@@ -123,7 +129,7 @@ impl<'a> SearchWorker<'a> {
     /// and so on, so that omissions are spread evenly.
     fn walk(
         &mut self,
-        from: (&Start, u64),
+        from: NoisyStart<'_>,
         index: u64,
         switches: usize,
         simulations: u64,
@@ -147,15 +153,16 @@ impl<'a> SearchWorker<'a> {
             if confirmed {
                 scouted.actions = Some(actions.to_vec());
             }
+            // Where the plants disagree, most successes of the quick one would fail again.
             if confirmed || confirmations >= MAX_CONFIRMATIONS {
                 WalkControl::Stop
             } else {
                 WalkControl::Continue
             }
         };
-        let from = (from, index as usize);
+        let root = ((from.start, from.noise), index as usize);
         let first = &mut self.first;
-        let mut tree = Tree::new(first, from, Aftermath::Skip, &mut accept, self.watch);
+        let mut tree = Tree::new(first, root, Aftermath::Skip, &mut accept, self.watch);
         tree.most = simulations;
         let mut next = WalkControl::Continue;
         for stride in strides {
@@ -168,6 +175,7 @@ impl<'a> SearchWorker<'a> {
                 }
             }
         }
+        // Read first, because the tree borrows the counts that are added to.
         let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
         // A walk that a budget or a success ends is stopped.
         scouted.walked = (next == WalkControl::Continue).then_some(switches);
@@ -181,7 +189,7 @@ impl<'a> SearchWorker<'a> {
     /// Every sequence is then played from the start, which costs several times as much.
     fn sample(
         &mut self,
-        from: (&Start, u64),
+        from: NoisyStart<'_>,
         index: u64,
         switches: usize,
         simulations: u64,
@@ -189,7 +197,7 @@ impl<'a> SearchWorker<'a> {
         let mut scouted = Scouted::default();
         let actions = self.first.spaces().actions;
         let decisions = self.first.clock().decisions();
-        let mut dice = seed::generator("training_search", &[from.1, index]);
+        let mut dice = seed::generator("training_search", &[from.noise, index]);
         // A fifth of the simulations, because none of these begins at a copied prefix.
         while scouted.simulations < simulations.div_ceil(5) && !self.watch.stopped() {
             let mut times: Vec<usize> = (0..dice.random_range(0..=switches))
@@ -198,6 +206,8 @@ impl<'a> SearchWorker<'a> {
             times.sort_unstable();
             let mut sequence = Vec::new();
             for until in times.into_iter().chain([decisions]) {
+                // An empty part draws as well, so that the stream does not depend on the
+                // times.
                 sequence.resize(until, dice.random_range(0..actions));
             }
             if !confirms(&mut self.first, from, &sequence, &mut scouted) {
@@ -217,16 +227,17 @@ impl<'a> SearchWorker<'a> {
     /// where a walk through all sequences would need thousands of simulations.
     fn mutate(
         &mut self,
-        from: (&Start, u64),
+        from: NoisyStart<'_>,
         index: u64,
-        (known, switches): (&[Demonstration], usize),
+        known: &[Demonstration],
+        switches: usize,
         simulations: u64,
     ) -> Scouted {
         let mut scouted = Scouted::default();
         let actions = self.first.spaces().actions;
         let decisions = self.first.clock().decisions();
-        let mut dice = seed::generator("training_search, mutating", &[from.1, index]);
-        let mut nearest = self.nearest(from.0, known).into_iter();
+        let mut dice = seed::generator("training_search, mutating", &[from.noise, index]);
+        let mut nearest = self.nearest(from.start, known).into_iter();
         let mut elites: Vec<(f64, Vec<usize>)> = Vec::new();
         while scouted.simulations < simulations && !self.watch.stopped() {
             let sequence = match nearest.next() {
@@ -237,6 +248,7 @@ impl<'a> SearchWorker<'a> {
                     // Successes end with the failure, but a change may have to come later.
                     one.resize(decisions, one.last().copied().unwrap_or(0));
                     mutate(&mut one, actions, &mut dice);
+                    // Half of the candidates have one change, a quarter two, and so on.
                     while dice.random::<bool>() {
                         mutate(&mut one, actions, &mut dice);
                     }
@@ -269,6 +281,7 @@ impl<'a> SearchWorker<'a> {
         let spreads = Spreads::of(&starts);
         let distance = |other: &Start| spreads.distance(start, other);
         let mut ranked: Vec<(f64, usize)> = starts.iter().map(distance).zip(0..).collect();
+        // The number breaks ties, so that equal distances have one order.
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let near = ranked.into_iter().take(HINTS);
         near.map(|(_, at)| known[at].actions.clone()).collect()
@@ -276,16 +289,17 @@ impl<'a> SearchWorker<'a> {
 
     /// Plays a sequence on the searching bench, with the last action held, and returns
     /// its reward.
-    fn reward(&mut self, from: (&Start, u64), actions: &[usize], scouted: &mut Scouted) -> f64 {
+    fn reward(&mut self, from: NoisyStart<'_>, actions: &[usize], scouted: &mut Scouted) -> f64 {
         let verdict = verdict_of(&mut self.first, from, actions, scouted);
         let reward = self.first.rulebook().reward_of(&verdict);
+        // A fault has no reward, and is no parent of a change.
         reward.unwrap_or(f64::NEG_INFINITY)
     }
 
     /// Returns whether a sequence succeeds on the target bench too, if there is one.
     fn is_confirmed(
         &mut self,
-        from: (&Start, u64),
+        from: NoisyStart<'_>,
         actions: &[usize],
         scouted: &mut Scouted,
     ) -> bool {
@@ -297,7 +311,7 @@ impl<'a> SearchWorker<'a> {
 /// Plays a sequence and returns whether it succeeds.
 pub(super) fn confirms(
     bench: &mut Testbench,
-    from: (&Start, u64),
+    from: NoisyStart<'_>,
     actions: &[usize],
     scouted: &mut Scouted,
 ) -> bool {
@@ -307,12 +321,12 @@ pub(super) fn confirms(
 /// Plays a sequence, with the last action held, and counts its cost.
 fn verdict_of(
     bench: &mut Testbench,
-    (start, noise): (&Start, u64),
+    from: NoisyStart<'_>,
     actions: &[usize],
     scouted: &mut Scouted,
 ) -> Verdict {
     let mut replay = Replay::holding(actions);
-    let episode = play(bench, start, noise, &mut replay, Aftermath::Skip);
+    let episode = play(bench, from.start, from.noise, &mut replay, Aftermath::Skip);
     scouted.simulations += 1;
     scouted.physics_steps += episode.physics_steps;
     episode.verdict

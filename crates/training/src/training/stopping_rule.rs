@@ -148,9 +148,11 @@ impl<'a> StoppingRule<'a> {
         let mut sought = self.sought.unwrap_or_default();
         self.watch.phase("searching starts on which the ado fails");
         let seeded = seed_failures(
-            (self.scenario, self.seed),
-            (&*learner.policy(), learner.decisions()),
-            (seeding, sought.simulations),
+            self.scenario,
+            self.seed,
+            learner,
+            seeding,
+            sought.simulations,
             self.watch,
         )?;
         // A separate gym, because shown successes are not results of the training.

@@ -79,12 +79,13 @@ pub fn train(
     if run.manifest().is_finished() {
         return Ok(finished(run));
     }
+    // A second process in the same directory would write over the first.
     run.hold()?;
     run.refuse(run.differences_in_learning(scenario)?)?;
     // Behind the search, if there is one, and the learning.
     let searches = usize::from(scenario.learner.seeding().is_some());
     let judging = watch.later(searches + 1);
-    let mut training = TrainLoop::begin(scenario, run, (watch, &judging))?;
+    let mut training = TrainLoop::begin(scenario, run, watch, &judging)?;
     training.learn()?;
     training.end()
 }
@@ -111,7 +112,8 @@ impl<'a> TrainLoop<'a> {
     fn begin(
         scenario: &'a Scenario,
         run: &'a mut RunDir,
-        (watch, judging): (&'a Watch<'a>, &'a Watch<'a>),
+        watch: &'a Watch<'a>,
+        judging: &'a Watch<'a>,
     ) -> Result<TrainLoop<'a>, TrainError> {
         let seed = run.manifest().seed;
         let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
@@ -325,7 +327,7 @@ fn demonstrations(
         return Ok(Some(Seeded::known(known)));
     }
     let (seed, bank) = (run.manifest().seed, run.bank()?);
-    Ok(seed_training(scenario, seed, (seeding, &bank), watch))
+    Ok(seed_training(scenario, seed, seeding, &bank, watch))
 }
 
 /// Processor time of the learning thread, without its share of searches and calibrations.

@@ -10,8 +10,15 @@ use super::search_worker::{Scouted, SearchEffort, SearchWorker, confirms};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::scene::Start;
 use crate::seed::Purpose;
-use crate::testbench::{Aftermath, KnownEpisode};
+use crate::testbench::{Aftermath, KnownEpisode, NoisyStart};
 use crate::world::Scenario;
+
+/// Starts that are searched already, of all those that will be, as the progress shows them.
+#[derive(Clone, Copy)]
+pub(super) struct SearchProgress {
+    pub done: usize,
+    pub total: usize,
+}
 
 /// Search of the starts of a stream.
 pub(super) struct TrainingSearch<'a>(SearchStream<'a>);
@@ -43,7 +50,10 @@ impl<'a> TrainingSearch<'a> {
             let key = self.0.key(index);
             self.0
                 .place_member(key, &mut worker.first, worker.target.as_mut());
-            let from = (&known.start, known.noise);
+            let from = NoisyStart {
+                start: &known.start,
+                noise: known.noise,
+            };
             let bench = worker.target.as_mut().unwrap_or(&mut worker.first);
             if confirms(bench, from, &known.actions, &mut scouted) {
                 scouted.actions = Some(known.actions.clone());
@@ -72,16 +82,16 @@ impl<'a> TrainingSearch<'a> {
     /// Searches the starts with these indices in parallel, each within a number of
     /// simulations.
     ///
-    /// Starts that were not tried are left out. `None`: stopped by `watch`. The progress
-    /// continues from `done` of `total` starts.
+    /// Starts that were not tried are left out. `None`: stopped by `watch`.
     pub(super) fn search(
         &self,
         indices: &[u64],
-        (effort, simulations): (SearchEffort<'_>, u64),
-        (done, total): (usize, usize),
+        effort: SearchEffort<'_>,
+        simulations: u64,
+        progress: SearchProgress,
         watch: &Watch<'_>,
     ) -> Vec<Option<Scouted>> {
-        let all = EpisodeLoop::counted_from(watch, done, total);
+        let all = EpisodeLoop::counted_from(watch, progress.done, progress.total);
         let watch = watch.quiet();
         let worker = || SearchWorker::new(&self.0, &watch);
         all.run(indices, worker, |worker, &index, turn| {
@@ -98,6 +108,10 @@ mod tests {
     use crate::rl::Demonstration;
     use crate::sim::PlantKind;
 
+    fn first_of(total: usize) -> SearchProgress {
+        SearchProgress { done: 0, total }
+    }
+
     /// Two switches of `acc`'s three actions in thirty decisions: 5,133 sequences
     /// by the count, far fewer where rules end them.
     #[test]
@@ -113,8 +127,9 @@ mod tests {
             let found: Vec<Scouted> = training_search
                 .search(
                     &indices,
-                    (SearchEffort::Walk { switches: 2 }, simulations),
-                    (0, indices.len()),
+                    SearchEffort::Walk { switches: 2 },
+                    simulations,
+                    first_of(indices.len()),
                     &watch,
                 )
                 .into_iter()
@@ -144,8 +159,8 @@ mod tests {
         let training_search = TrainingSearch::new(&world, Purpose::Calibration, 3);
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..40).collect();
-        let walk = (SearchEffort::Walk { switches: 2 }, 3000);
-        let walked = training_search.search(&indices, walk, (0, 40), &watch);
+        let walk = SearchEffort::Walk { switches: 2 };
+        let walked = training_search.search(&indices, walk, 3000, first_of(40), &watch);
         let mut known = Vec::new();
         let mut solved = 0;
         for (&index, found) in indices.iter().zip(walked) {
@@ -159,9 +174,9 @@ mod tests {
         let others: Vec<u64> = (20..40).collect();
         let count = |known: &[Demonstration]| {
             let switches = 2;
-            let effort = (SearchEffort::Mutate { known, switches }, 100);
+            let effort = SearchEffort::Mutate { known, switches };
             let found: Vec<Scouted> = training_search
-                .search(&others, effort, (0, 20), &watch)
+                .search(&others, effort, 100, first_of(20), &watch)
                 .into_iter()
                 .flatten()
                 .collect();

@@ -49,6 +49,7 @@ const LETTER_PX: f64 = 5.7;
 fn legend_room(story: &ViewedEpisode<'_>) -> f64 {
     let longest = story.rules.iter().map(|rule| rule.name.chars().count());
     let legend_px = 40.0 + LETTER_PX * longest.max().unwrap_or(0) as f64;
+    // A legend wider than half of the plot would squeeze the curves.
     (1.0 / (1.0 - (legend_px / PLOT_WIDE_PX).min(0.5))).max(1.45)
 }
 
@@ -168,6 +169,7 @@ impl<'a> BlueprintBuilder<'a> {
             .with_root_container(datatypes::Uuid {
                 bytes: root.id.to_be_bytes(),
             })
+            // The viewer would otherwise add views of its own for every new entity.
             .with_auto_layout(false)
             .with_auto_views(false);
         self.journal.layout("viewport".into(), &viewport)?;

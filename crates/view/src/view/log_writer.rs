@@ -53,6 +53,7 @@ impl StreamPlace {
     /// Decision that was taken last at a sample. An aftermath has none of its own.
     fn decision(&self, sample: i64) -> Option<i64> {
         let (from, to) = self.decisions?;
+        // The aftermath has samples beyond the last decision.
         Some((from + sample / self.samples_per_decision.max(1)).min(to))
     }
 
@@ -97,6 +98,7 @@ pub(super) struct LogWriter {
 impl LogWriter {
     /// Returns a journal that opens a new store.
     pub(super) fn new(kind: StoreKind) -> LogWriter {
+        // Two runs with one id would be merged into one recording by the viewer.
         let store = StoreId::random(kind, APPLICATION);
         let source = StoreSource::Other(concat!("brakecheck ", env!("CARGO_PKG_VERSION")).into());
         let opening = LogMsg::SetStoreInfo(SetStoreInfo {
@@ -218,6 +220,7 @@ impl LogWriter {
         node: String,
         part: &dyn AsComponents,
     ) -> Result<(), ViewError> {
+        // Viewers read layouts on this timeline alone.
         let once = TimePoint::default().with(Timeline::new_sequence("blueprint"), 0);
         self.row(node.into(), once, &[part])
     }
@@ -229,6 +232,7 @@ impl LogWriter {
         clock: [TimeColumn; 2],
         columns: Result<impl Iterator<Item = SerializedComponentColumn>, SerializationError>,
     ) -> Result<(), ViewError> {
+        // Read first, because the clock is moved into the chunk.
         let times: Vec<i64> = clock[0].times_raw().to_vec();
         let clock = (match &self.place {
             Some(place) => place.columns(&clock),
@@ -307,5 +311,6 @@ pub(super) fn clock(instants: impl IntoIterator<Item = (usize, f64)>) -> [TimeCo
 
 /// Seconds in the viewer's unit.
 pub(super) fn nanos(time_s: f64) -> i64 {
+    // Rounded, so that products of the sample time give equal instants everywhere.
     (1e9 * time_s).round() as i64
 }

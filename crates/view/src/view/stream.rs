@@ -113,6 +113,7 @@ impl EpisodeStream {
     pub fn episode(&mut self, shown: &ShownEpisode<'_>) -> Result<(), ViewError> {
         let story = ViewedEpisode::new(shown.scenario, shown.episode, shown.caption);
         self.episodes += 1;
+        // rerun's sequences are signed.
         let signed = |count: u64| i64::try_from(count).unwrap_or(i64::MAX);
         self.recording.place(StreamPlace {
             from_ns: self.shown_ns,
@@ -126,9 +127,11 @@ impl EpisodeStream {
         panels::log(&story, &mut self.recording)?;
         let headline = TextLog::new(format!("episode {}: {}", self.episodes, shown.caption));
         self.recording.always("verdict/events", &[&headline])?;
+        // Episodes lie one after another on the viewer's clock, with a pause between.
         self.shown_ns += nanos(story.motion_end_s() + PAUSE_S);
         self.send()?;
         let is_grid = shown.scenario.grid().is_some();
+        // Panels are never taken away again, because earlier episodes still use them.
         let kinds = (self.laid_out.0 || !is_grid, self.laid_out.1 || is_grid);
         if kinds != self.laid_out {
             self.laid_out = kinds;
@@ -222,6 +225,7 @@ impl Sink {
 /// Distinguishes a closed stream from data that the library rejects.
 fn refused(error: EncodeError) -> ViewError {
     match error {
+        // A closed viewer is no error of the training.
         EncodeError::Write(source) if source.kind() == io::ErrorKind::BrokenPipe => {
             ViewError::Closed
         }

@@ -362,7 +362,7 @@ pub(super) fn fits(spec: &GridSpec) -> Result<(), Misfit> {
         }
         for pair in pairs {
             // A start in contact would be decided before the first move.
-            let both = position(*pair);
+            let both = position(pair.0, pair.1);
             let outside = !(spec.arena.holds(both.ego) && spec.arena.holds(both.ado));
             if outside || spec.arena.touching(both) {
                 let what = if outside {

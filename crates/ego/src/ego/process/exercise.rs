@@ -142,6 +142,7 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         all.push(Arc::new(transcript));
         Ok::<Duration, Fault>(played.slowest)
     };
+    // Only the first episode is timed, because later ones differ in length and traffic.
     let clock = Instant::now();
     let slowest = play(&mut talk, 7, SAMPLES, follow)?;
     done.steps_per_s = Some(SAMPLES as f64 / clock.elapsed().as_secs_f64());
@@ -173,6 +174,7 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         format!("{pace}: campaigns will be slow")
     };
     done.find("answers in time", true, note);
+    // Last, because a line that was not asked for would answer the next question.
     let silent = talk.is_silent(SILENCE);
     let note = if silent {
         ""
@@ -243,6 +245,7 @@ fn episode(
         };
         own.accel_mps2 = accel_mps2;
         own.speed_mps = (own.speed_mps + accel_mps2 * SAMPLE_S).max(0.0);
+        // The own speed is updated first, which keeps the integration stable.
         own.s_m += own.speed_mps * SAMPLE_S;
     }
     let transcript = Transcript {
@@ -274,6 +277,7 @@ fn car(name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64) -> Seen {
 
 /// Returns a leader that brakes from 20 m/s to a stop, initially `ahead_m` ahead.
 fn stopping(time_s: f64, own: &Own, ahead_m: f64, braking_mps2: f64) -> Surroundings {
+    // A leader that stands stays where it stopped.
     let braking_s = time_s.min(20.0 / braking_mps2);
     let speed_mps = 20.0 - braking_mps2 * braking_s;
     let s_m = ahead_m + (20.0 + speed_mps) / 2.0 * braking_s;
@@ -293,6 +297,7 @@ fn hard_stop(time_s: f64, own: &Own) -> Surroundings {
 
 /// Returns a leader that comes as near as `least_m` and leaves again, whatever the ego does.
 fn approaching(time_s: f64, own: &Own, least_m: f64) -> Surroundings {
+    // The gap is least after 4 s, and opens again as fast as it closed.
     let away_s = (time_s - 4.0).abs();
     let gap_m = least_m + 6.0 * away_s.min(3.5);
     let closing_mps = if time_s < 4.0 { 6.0 } else { -6.0 };
@@ -333,6 +338,7 @@ fn empty(_: f64, _: &Own) -> Surroundings {
 
 fn crowd(time_s: f64, own: &Own) -> Surroundings {
     let own_s_m = own.s_m;
+    // Ahead, behind, and in both other lanes.
     let others = [(60.0, 0.0), (-20.0, 0.0), (10.0, 3.5), (-5.0, -3.5)]
         .iter()
         .enumerate()
@@ -371,6 +377,7 @@ fn is_repeatable(
     process: &Process,
     all: &[Arc<Transcript>],
 ) -> Result<(), Fault> {
+    // Programs of their own, so that no comparison shares state with the tested one.
     let make = || Box::new(process.apart().controller()) as Box<dyn Controller>;
     let began = Instant::now();
     let mut comparison = TranscriptComparison::default();
@@ -379,6 +386,7 @@ fn is_repeatable(
     let slow = thread::scope(|scope| {
         let slow = scope.spawn(|| all.first()?.replay(&mut *make(), Pace::Slow(PAUSES)).ok());
         for batch in sample.chunks(rayon::current_num_threads().max(2)) {
+            // One difference suffices, and slow programs would take minutes.
             if !comparison.is_equal()
                 || (comparison.compared >= LEAST && began.elapsed() > PATIENCE)
             {
@@ -393,6 +401,7 @@ fn is_repeatable(
     if let Some(fault) = check.failed {
         return Err(fault);
     }
+    // Asked only if the pace is the last possible cause.
     let slowly = || by_pace(all.first()?, slow.as_ref()?, &make, PAUSES);
     let found = check.found.or_else(slowly);
     let cause = found.as_ref().map(|found| found.cause);

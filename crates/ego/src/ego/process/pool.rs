@@ -62,6 +62,7 @@ impl Talk {
             program: concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
         };
         let occasion = || "asked for its hello".to_owned();
+        // A program loads its libraries and weights before it says hello.
         let most = timeout.saturating_mul(HELLO_TIMEOUTS);
         let answer: Result<HelloAnswer, Fault> =
             talk.ask(&EgoMessage::Hello(greeting), most, &occasion);
@@ -95,6 +96,7 @@ impl Talk {
             talk.broken = true;
             return Err(talk.protocol("repeats what it is told instead of answering"));
         }
+        // Checked by the number and not by the fields, which a later version may keep.
         if hello.protocol != PROTOCOL {
             talk.broken = true;
             return Err(talk.protocol(format!(
@@ -186,6 +188,7 @@ impl Talk {
 
     /// Asks the program to end and returns whether it did in time.
     pub(super) fn close(&mut self, grace: Duration) -> bool {
+        // A closed program must not be closed again when it is dropped.
         self.broken = true;
         let farewell = serde_json::to_vec(&EgoMessage::Close(Empty {})).unwrap_or_default();
         self.program.close(&[&farewell[..], b"\n"].concat(), grace)
@@ -206,6 +209,7 @@ impl Talk {
         serde_json::to_writer(&mut self.question, question).map_err(|error| {
             Fault::error(format!("the question cannot be written as JSON: {error}"))
         })?;
+        // The line end flushes a program that reads by lines.
         self.question.push(b'\n');
         let (program, answer) = (&mut self.program, &mut self.answer);
         program.ask(&self.question, timeout, occasion, answer)?;
@@ -321,6 +325,7 @@ impl Pool {
     }
 
     pub(super) fn count_step(&self, waited: Duration) {
+        // Whole nanoseconds, because threads add them in any order.
         let waited_ns = u64::try_from(waited.as_nanos()).unwrap_or(u64::MAX);
         self.0.steps.fetch_add(1, Ordering::Relaxed);
         self.0.waited_ns.fetch_add(waited_ns, Ordering::Relaxed);
@@ -343,6 +348,8 @@ impl Pool {
         if let Some(fault) = &*silent() {
             return Err(fault.clone());
         }
+        // Only a program that never said hello is given up. A later delay may be the
+        // machine's.
         let is_first = self.0.starts.fetch_add(1, Ordering::Relaxed) == 0;
         let mut started = Talk::start(command, timeout);
         if let (Ok(talk), Some(grace)) = (&mut started, self.0.grace) {
@@ -371,6 +378,7 @@ impl Pool {
 
 /// Equality ignores the pool: waiting programs do not identify an ego.
 impl PartialEq for Pool {
+    // Worlds are compared by their data, to which waiting programs do not belong.
     fn eq(&self, _other: &Pool) -> bool {
         true
     }

@@ -75,10 +75,13 @@ impl Transcript {
         let mut commands = Vec::with_capacity(self.steps.len());
         let mut briefings = self.briefings.iter().peekable();
         for (step, (percept, _)) in self.steps.iter().enumerate() {
+            // Roads can be laid during an episode, and each briefing belongs before its
+            // step.
             while let Some((_, briefing)) = briefings.next_if(|(at, _)| *at <= step) {
                 ego.brief(briefing);
             }
             if let Pace::Slow(Pauses { sum, long }) = pace {
+                // A single long silence, for egos that notice one. The others are short.
                 let is_long = step == self.steps.len() / 3;
                 thread::sleep(if is_long { long } else { sum / count });
             }
@@ -114,12 +117,12 @@ pub(super) fn first_difference(one: &[Command], other: &[Command]) -> Option<usi
 
 /// Root mean square difference of commands.
 fn distance(one: &[Command], other: &[Command]) -> f64 {
-    let square = |(a, b): (&Command, &Command)| {
+    let squares = one.iter().zip(other).map(|(a, b)| {
         let (along, across) = (a.accel_mps2 - b.accel_mps2, a.lateral_mps - b.lateral_mps);
         along * along + across * across
-    };
-    let sum: f64 = one.iter().zip(other).map(square).sum();
-    libm::sqrt(sum / one.len().max(1) as f64)
+    });
+    // Runs without a command are equal, and not 0/0 apart.
+    libm::sqrt(squares.sum::<f64>() / one.len().max(1) as f64)
 }
 
 /// Returns the largest distance of two of some runs.
@@ -165,11 +168,13 @@ fn explained(
         (quick, slow.collect::<Option<Vec<_>>>())
     });
     let (mut quick, slow) = (quick?, slow?);
+    // The comparison that found the difference was a quick run as well.
     quick.push(first);
     let (of_quick, of_slow) = (diameter(&quick), diameter(&slow));
     let across = quick
         .iter()
         .flat_map(|one| slow.iter().map(|other| distance(one, other)))
+        // The nearest pair: paces differ only if no quick run is like a slow one.
         .fold(f64::INFINITY, f64::min);
     // Differences between paces exceed those within, or pace changes the spread.
     let is_clock = across > BY_PACE * of_quick.max(of_slow)
@@ -180,6 +185,7 @@ fn explained(
         let mut pairs = slow.iter();
         return pairs.find_map(|other| transcript.unrepeatable(Cause::Clock, [first, other]));
     }
+    // A clock would also differ here, so it is excluded first.
     if of_quick > 0.0 {
         let mut pairs = quick.iter();
         return pairs.find_map(|other| transcript.unrepeatable(Cause::Random, [first, other]));
@@ -244,6 +250,8 @@ impl TranscriptComparison {
                         self.differing.push((Arc::clone(transcript), commands));
                     }
                 }
+                // A program that fails only when it is started anew is no answer either
+                // way.
                 Err(fault) => self.failed = Some(fault),
             }
         }
@@ -282,12 +290,14 @@ impl Transcripts {
         let began = Instant::now();
         let (sample, allowed, is_first, is_paced) = {
             let mut log = self.lock();
+            // What was found once stays true of the ego.
             if let Some(found) = &log.found {
                 return RepeatabilityCheck {
                     found: Some(found.clone()),
                     failed: None,
                 };
             }
+            // Checks may use a share of the time since the ego's first episode.
             let life = log.began.map_or(Duration::ZERO, |began| began.elapsed());
             let allowed = life.mul_f64(SHARE).saturating_sub(log.spent);
             let is_first = log.compared == 0;
@@ -335,6 +345,7 @@ impl Transcripts {
         let mut log = self.lock();
         log.spent += began.elapsed();
         log.compared += compared as u64;
+        // Shortened pauses may hide a clock, so the slow run is made again later.
         log.is_paced |= slow.is_some() && sum == pauses.sum;
         log.put_back(&sample[compared..]);
         log.found.clone_from(&found);

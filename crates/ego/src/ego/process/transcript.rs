@@ -60,6 +60,7 @@ impl Hardness {
     fn note(&mut self, percept: &Percept, command: Command) {
         let own = &percept.own;
         for seen in &percept.others {
+            // Traffic in another lane passes close by without being hard.
             let room_m = (seen.width_m + own.width_m) / 2.0 + BESIDE_M;
             if seen.headway_m > 0.0 && seen.lateral_m.abs() < room_m {
                 self.gap_m = self.gap_m.min(seen.headway_m - seen.length_m);
@@ -101,6 +102,8 @@ impl Transcripts {
 
     fn note(&self, mut transcript: Transcript, hardness: Hardness, before: Hardness) {
         let mut log = self.lock();
+        // Numbered when it ends, because only finished episodes are in the order of the
+        // state.
         transcript.number = log.episodes;
         log.episodes += 1;
         log.sample.add(&Arc::new(transcript), hardness, before);
@@ -282,6 +285,7 @@ impl Controller for Recorder {
         match (&command, &mut self.episode) {
             (Ok(command), Some(episode)) => {
                 self.hardness.note(percept, *command);
+                // Memory grows with the agents seen, and not with the steps alone.
                 self.seen += 1 + percept.others.len();
                 // The beginning of an episode can be compared as well.
                 if self.seen <= MOST_SEEN {

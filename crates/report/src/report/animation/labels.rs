@@ -66,6 +66,7 @@ pub(super) fn labels_over_time(
         .zip(cameras)
         .map(|(i, camera)| LabelFrame::of(content, *i, camera))
         .collect();
+    // One size for the whole film, so that a longer text does not make a label jump.
     let sizes: Vec<[f64; 2]> = everybody
         .clone()
         .map(|who| {
@@ -82,6 +83,7 @@ pub(super) fn labels_over_time(
         let mut jumps = Vec::new();
         for (who, lines) in everybody.clone().zip(frame.lines) {
             let spots = spots(&frame.rooms[who], sizes[who], who == ego, camera);
+            // The side of the sample before is tried first, so that labels rest.
             let side = free_side(&spots, sizes[who], sides[who], &taken);
             jumps.push(side != sides[who]);
             sides[who] = side;
@@ -134,6 +136,7 @@ impl LabelFrame {
 fn lines(content: LabelContent<'_>, who: usize, i: usize, inside: bool) -> Vec<String> {
     let LabelContent { stage, film, moves } = content;
     let name = &stage.agents[who].name;
+    // Players of a grid have no speed.
     if stage.agents[who].body == "cell" {
         return vec![name.clone()];
     }
@@ -158,6 +161,7 @@ fn lines(content: LabelContent<'_>, who: usize, i: usize, inside: bool) -> Vec<S
         a if a > CLEAR_MPS2 => Some(format!("speeds up +{a:.1} m/s²")),
         _ => None,
     };
+    // An ado's choice says more than the acceleration that follows from it.
     std::iter::once(speed).chain(chosen.or(done)).collect()
 }
 

@@ -81,6 +81,7 @@ impl<'a> Picture<'a> {
     /// Time of the large still: the contact, otherwise the violation.
     pub(super) fn still_s(&self) -> f64 {
         let contact = self.example.episode.contact.as_ref();
+        // Without a contact, the moment that decided the episode.
         contact.map_or(self.violated_s, |touch| touch.time_s)
     }
 
@@ -163,6 +164,7 @@ impl<'a> Picture<'a> {
         let [width_px, height_px] = camera.canvas.size_px;
         let track = &self.film.tracks[who];
         let [x, y] = camera.at(self.film.turned(track.x_m[i], track.y_m[i]));
+        // Only to the sides: the road runs through the picture from left to right.
         let turn_deg = match (x < 0.0, width_px < x) {
             (true, _) => 180,
             (_, true) => 0,
@@ -219,6 +221,7 @@ impl<'a> Picture<'a> {
 
     /// Identifier of a part that is drawn once and used several times.
     pub(super) fn part(&self, name: &str) -> String {
+        // Ids must be unique on a page with several films.
         format!("film{}-{name}", self.id)
     }
 
@@ -232,6 +235,7 @@ impl<'a> Picture<'a> {
 pub(super) fn burst(x: f64, y: f64) -> Markup {
     let point = |nth| {
         let turn_rad = f64::from(nth) * std::f64::consts::TAU / 16.0;
+        // A star of eight points.
         let reach_px = if nth % 2 == 0 { 15.0 } else { 6.5 };
         let (sin, cos) = libm::sincos(turn_rad);
         format!("{},{}", n(reach_px * cos, 1), n(reach_px * sin, 1))

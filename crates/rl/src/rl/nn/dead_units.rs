@@ -62,8 +62,8 @@ impl Mlp {
                 self.parameters[at] = (draw * scale) as f32;
                 changed.push(at);
             }
-            let leading_on = next.weights + unit * next.width;
-            let leading_on = leading_on..leading_on + next.outputs;
+            let first = next.weights + unit * next.width;
+            let leading_on = first..first + next.outputs;
             self.parameters[leading_on.clone()].fill(0.0);
             changed.extend(leading_on);
         }

@@ -165,7 +165,8 @@ fn load_part(spaces: &PartSpaces, bundle: &TensorFile) -> Result<Box<dyn Policy>
 /// Writes the bundles of ados, with the spaces of each.
 pub(super) fn save(
     bundle: &mut TensorFile,
-    (observation, actions): (usize, usize),
+    observation: usize,
+    actions: usize,
     parts: Vec<(PartSpaces, TensorFile)>,
 ) {
     bundle.put("joint", &[2], vec![observation as u64, actions as u64]);

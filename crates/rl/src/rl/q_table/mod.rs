@@ -149,6 +149,7 @@ impl QTable {
         QTable {
             config: config.clone(),
             spaces: spaces.clone(),
+            // A kept policy has no visits, so its values move as fast as new ones.
             visits: vec![0; table.values.len()],
             table,
             dice,
@@ -169,14 +170,14 @@ impl QTable {
         let mut next = bootstrap;
         for t in (0..self.trail.len()).rev() {
             let (row, action) = (self.trail[t], self.buffer.actions[t]);
-            self.update((row, action), self.buffer.rewards[t], next);
+            self.update(row, action, self.buffer.rewards[t], next);
             // Read after the update, so that the new value passes on to the step before.
             next = self.best(row);
         }
     }
 
     /// Updates Q(s, a) with the estimated value of the next state.
-    fn update(&mut self, (row, action): (usize, usize), reward: f32, next: f32) {
+    fn update(&mut self, row: usize, action: usize, reward: f32, next: f32) {
         let at = row * self.spaces.actions + action;
         // Saturating, since the count only sets the step size.
         self.visits[at] = self.visits[at].saturating_add(1);
@@ -223,6 +224,7 @@ impl QTable {
             self.held = self.dice.below(self.spaces.actions);
             self.holding = 1 + self.dice.below(self.config.hold);
         }
+        // The decision that draws an action is the first for which it is held.
         let holding = self.holding;
         self.holding = holding.saturating_sub(1);
         match holding {
@@ -266,6 +268,7 @@ impl Learner for QTable {
         let row = self.row(obs);
         let action = match choice {
             Choice::Given(action) => action,
+            // Greedy play is no training, so it leaves no trail.
             Choice::Greedy => return argmax(self.values(row)),
             Choice::Own => self.explored(row),
         };
@@ -278,6 +281,7 @@ impl Learner for QTable {
         self.buffer.rewards.push(step.reward);
         self.tally.decisions += 1;
         if step.end == Some(End::Aborted) {
+            // The trail of a fault is forgotten when the next episode begins.
             self.tally.aborted += 1;
             return;
         }
@@ -288,8 +292,8 @@ impl Learner for QTable {
         if !self.config.backward {
             let after = self.after(step.end, obs);
             let last = self.trail.len() - 1;
-            let at = (self.trail[last], self.buffer.actions[last]);
-            self.update(at, step.reward, after);
+            let (row, action) = (self.trail[last], self.buffer.actions[last]);
+            self.update(row, action, step.reward, after);
         } else if step.end.is_some() {
             let bootstrap = self.after(step.end, obs);
             self.replay_backward(bootstrap);
@@ -324,6 +328,7 @@ impl Learner for QTable {
     fn checkpoint(&self) -> TensorFile {
         let mut bundle = TensorFile::new(CHECKPOINT);
         self.table.save(&mut bundle);
+        // Rows are numbered by their first visit, but equal tables must give equal bytes.
         let visits = self.table.in_order(&self.visits);
         bundle.put(
             "visits",

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::turn_action::TurnAction;
 use super::weather_rates::WeatherRates;
+use crate::ego::Command;
 
 /// Action set of an ado.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -290,12 +291,15 @@ impl Actions {
     /// Returns a vehicle's acceleration and its speed to the left, m/s.
     ///
     /// With a plan both are added to it. `None` for other action sets.
-    pub fn motion(&self, action: usize) -> Option<(f64, f64)> {
+    pub fn motion(&self, action: usize) -> Option<Command> {
         match self.choice(action) {
             Maneuver::Drive {
                 accel_mps2,
                 lateral_mps,
-            } => Some((accel_mps2, lateral_mps)),
+            } => Some(Command {
+                accel_mps2,
+                lateral_mps,
+            }),
             _ => None,
         }
     }

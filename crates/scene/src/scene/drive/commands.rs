@@ -10,8 +10,8 @@ use super::motion::DriveScene;
 use super::names::SignalOwner;
 use super::spec::Drive;
 use super::state::SceneState;
-use super::steering::LaneKeeper;
-use crate::ego::{Actuator, Fault};
+use super::steering::{CourseAhead, LaneKeeper};
+use crate::ego::{Actuator, Command, Fault};
 use crate::sim::{BodyCommand, BodyState, rotation_by};
 
 impl SceneState {
@@ -47,27 +47,29 @@ impl SceneState {
 
     /// Returns the acceleration and the curvature that a vehicle is commanded.
     ///
-    /// `wish` is its wanted acceleration and its speed to the left.
+    /// `actuator` and `keeper` are those of the vehicle, which obey its `wish`.
     #[inline]
     pub fn driven(
         &self,
         agent: usize,
-        (actuator, keeper): (&mut Actuator, &mut LaneKeeper),
-        (accel_mps2, lateral_mps): (f64, f64),
+        actuator: &mut Actuator,
+        keeper: &mut LaneKeeper,
+        wish: Command,
     ) -> (f64, f64) {
         let (state, at) = (&self.states[agent], self.on_road[agent]);
         let sample_s = self.spec.clock.sample_s;
         let own = &self.spec.agents[agent];
-        let course = self.network.course_of(agent);
-        let driven = own.lane_keeping.seen(
-            &own.body,
-            (&state.pose, at),
-            (course, own.direction),
-            state.speed_mps * sample_s,
-        );
+        let ahead = CourseAhead {
+            course: self.network.course_of(agent),
+            direction: own.direction,
+        };
+        let way_m = state.speed_mps * sample_s;
+        let driven = own
+            .lane_keeping
+            .seen(&own.body, &state.pose, at, ahead, way_m);
         (
-            actuator.step(accel_mps2),
-            keeper.curvature(&driven, state.speed_mps, lateral_mps, sample_s),
+            actuator.step(wish.accel_mps2),
+            keeper.curvature(&driven, state.speed_mps, wish.lateral_mps, sample_s),
         )
     }
 }
@@ -81,16 +83,16 @@ impl DriveScene {
         }
         let layout = Arc::clone(&self.layout);
         for (ado, frozen) in layout.frozen.iter().enumerate() {
-            let Some(action) = frozen.act(&self.state, (ado, self.noise)) else {
+            let Some(action) = frozen.act(&self.state, ado, self.noise) else {
                 continue;
             };
             // Its policy is read in any case, so that a turn changes no random draw.
-            let action = if self.turn.is_of(ado) {
+            let effective = if self.turn.is_of(ado) {
                 action
             } else {
                 frozen.neutral
             };
-            match (frozen.who, frozen.actions.choice(action)) {
+            match (frozen.who, frozen.actions.choice(effective)) {
                 (SignalOwner::Light(i), Maneuver::Turn(turn)) => self.state.turn(i, turn),
                 (SignalOwner::Agent(i), choice) => self.chosen[i] = choice,
                 // Invariant: a light's ado has a light's actions.
@@ -156,9 +158,13 @@ impl DriveScene {
                 accel_mps2,
                 lateral_mps,
             } => {
-                let drivetrain = (&mut self.actuators[agent], &mut self.keepers[agent]);
-                let wish = (accel_mps2, lateral_mps);
-                let (accel_mps2, curvature_per_m) = self.state.driven(agent, drivetrain, wish);
+                let wish = Command {
+                    accel_mps2,
+                    lateral_mps,
+                };
+                let (actuator, keeper) = (&mut self.actuators[agent], &mut self.keepers[agent]);
+                let (accel_mps2, curvature_per_m) =
+                    self.state.driven(agent, actuator, keeper, wish);
                 BodyCommand::Drive {
                     accel_mps2,
                     curvature_per_m,

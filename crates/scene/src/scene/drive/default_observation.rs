@@ -76,8 +76,8 @@ impl DriveSpec {
     pub fn unseen<'a>(&self, read: &'a [String]) -> Vec<&'a str> {
         let all = declared(&self.names());
         let observed = self.observe.iter();
-        let observed = observed.flat_map(|observed| self.sources(&all, &observed.name));
-        let seen: Vec<SignalReading> = observed.collect();
+        let sources = observed.flat_map(|observed| self.sources(&all, &observed.name));
+        let seen: Vec<SignalReading> = sources.collect();
         let hidden = |name: &&'a String| {
             let sources = self.sources(&all, name);
             sources
@@ -113,8 +113,8 @@ impl DriveSpec {
         if let Some(declared) = all.iter().find(|declared| declared.signal.name == name) {
             return vec![declared.source];
         }
-        let mut derived = self.derived.iter();
-        let derived = derived.find(|derived| derived.signal.name == name);
+        let mut all_derived = self.derived.iter();
+        let derived = all_derived.find(|derived| derived.signal.name == name);
         let parts = derived
             .map(|derived| derived.expr.signals())
             .into_iter()

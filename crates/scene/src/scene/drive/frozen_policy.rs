@@ -340,7 +340,7 @@ impl Frozen {
     /// Returns its action at a sample, or `None` between decisions.
     ///
     /// An action that is drawn depends on the episode's `noise`, the ado and the sample.
-    pub(super) fn act(&self, scene: &SceneState, (ado, noise): (usize, u64)) -> Option<usize> {
+    pub(super) fn act(&self, scene: &SceneState, ado: usize, noise: u64) -> Option<usize> {
         if !scene.sample.is_multiple_of(self.samples_per_decision) {
             return None;
         }

@@ -6,6 +6,7 @@ use super::actions::Maneuver;
 use super::motion::DriveScene;
 use super::plan_execution::{PlanRun, SampleSpan};
 use super::spec::Drive;
+use crate::ego::Command;
 use crate::sim::BodyCommand;
 
 impl DriveScene {
@@ -41,15 +42,18 @@ impl DriveScene {
             let Some(run) = run else {
                 continue;
             };
-            let commanded = match (&layout.spec.agents[i].drive, self.chosen[i]) {
+            let deviation = match (&layout.spec.agents[i].drive, self.chosen[i]) {
                 (
                     Drive::Ado { .. },
                     Maneuver::Drive {
                         accel_mps2,
                         lateral_mps,
                     },
-                ) => (accel_mps2, lateral_mps),
-                _ => (0.0, 0.0),
+                ) => Command {
+                    accel_mps2,
+                    lateral_mps,
+                },
+                _ => Command::accelerate(0.0),
             };
             let span = SampleSpan {
                 course: layout.network.course_of(i),
@@ -63,7 +67,7 @@ impl DriveScene {
                 let other = agents.position(|agent| agent.name == name);
                 other.map_or(0.0, |other| states[other].speed_mps)
             };
-            let arrival = run.advance(span, commanded, speed_of);
+            let arrival = run.advance(span, deviation, speed_of);
             let command = BodyCommand::Carry { to: arrival.pose };
             self.commanded[i] = Some(command);
             self.arrivals[i] = arrival;

@@ -2,12 +2,10 @@
 
 use std::sync::Arc;
 
-use super::actions::Actions;
 use super::frozen_policy::{Frozen, TrainedError};
 use super::observing::Observation;
 use super::signals::{SignalReading, schema_of};
 use super::spec::{Agent, DriveSpec};
-use super::trained::TrainedAdo;
 use super::turns::{Turn, turns};
 use crate::ego::{Briefing, RoadGeometry};
 use crate::rl::{PartSpaces, Spaces};
@@ -180,33 +178,33 @@ fn whens(
 
 /// Returns the ados' shares of a joint decision, in the order of its digits.
 fn parts(spec: &DriveSpec) -> Vec<PartSpaces> {
-    let sets = spec.action_sets();
-    let part = |(name, set, neutral): (&str, &Actions, usize)| {
+    let parts = spec.action_sets().map(|(name, set, neutral)| {
         let own = spec.own_observe.get(name);
+        // An ado without a list of its own observes all that the world lists.
         let sees = |signal: &String| own.is_none_or(|own| own.contains(signal));
-        let observed = spec.observe.iter().enumerate();
-        let observed = observed.filter(|(_, observed)| sees(&observed.name));
+        let all = spec.observe.iter().enumerate();
+        let observed = all.filter(|(_, observed)| sees(&observed.name));
         PartSpaces {
             name: name.to_owned(),
             actions: set.len(),
             neutral,
             observed: observed.map(|(i, _)| i).collect(),
         }
-    };
-    sets.map(part).collect()
+    });
+    parts.collect()
 }
 
 /// Returns the trained ados of a spec, bound to it.
 fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
-    let bind = |(name, trained): (&str, &TrainedAdo)| {
+    let bound = spec.trained().map(|(name, trained)| {
         trained
             .bind(spec, name)
             .map_err(|source| SceneError::Trained {
                 name: name.to_owned(),
                 source: Box::new(source),
             })
-    };
-    spec.trained().map(bind).collect()
+    });
+    bound.collect()
 }
 
 impl DriveLayout {

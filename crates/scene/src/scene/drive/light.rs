@@ -44,10 +44,10 @@ pub struct Schedule(pub Vec<(f64, Phase)>);
 impl Schedule {
     /// Returns the phase at a time, `first` before the first entry.
     fn at(&self, time_s: f64, first: Phase) -> Phase {
-        let begun = self.0.iter();
+        let entries = self.0.iter();
         // Times of samples are products and may lie just below the written
         // value.
-        let begun = begun.take_while(|(at_s, _)| *at_s <= time_s + 1e-9);
+        let begun = entries.take_while(|(at_s, _)| *at_s <= time_s + 1e-9);
         begun.last().map_or(first, |(_, phase)| *phase)
     }
 }

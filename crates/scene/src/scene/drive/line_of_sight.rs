@@ -12,7 +12,7 @@ use nalgebra::Point2;
 
 use super::spec::DriveSpec;
 use super::state::SceneState;
-use super::surface::crest_hides;
+use super::surface::{AboveRoad, crest_hides};
 use crate::sim::{Body, BodyState, GroundFrame, Pose};
 
 /// Height of the ego's eyes above the road.
@@ -122,12 +122,15 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
 fn hide_behind_crests(scene: &SceneState, ego: usize, seen: &mut [bool]) {
     let spec = &scene.spec;
     let profile = spec.profile_of(spec.agents[ego].road);
-    let eye = (scene.on_road[ego].s_m, EYE_M);
+    let eye = AboveRoad {
+        s_m: scene.on_road[ego].s_m,
+        height_m: EYE_M,
+    };
     for (other, sees) in seen.iter_mut().enumerate() {
-        let roof = (
-            scene.on_road_of(ego, other).s_m,
-            spec.agents[other].body.height_m,
-        );
+        let roof = AboveRoad {
+            s_m: scene.on_road_of(ego, other).s_m,
+            height_m: spec.agents[other].body.height_m,
+        };
         *sees &= other == ego || !crest_hides(&profile, eye, roof);
     }
 }

@@ -69,7 +69,7 @@ pub use spec::PlanSpec;
 pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, StartPlace};
 pub use state::SceneState;
 pub use steering::LaneKeeper;
-pub use steering::LaneKeeping;
+pub use steering::{CourseAhead, LaneKeeping};
 pub use trained::{TrainedAdo, TrainingWorld};
 pub use turn_action::TurnAction;
 pub use turns_ado::TurnsAdo;

@@ -12,7 +12,7 @@ use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
 use super::start_sampling::Drawn;
 use super::state::SceneState;
-use super::steering::LaneKeeper;
+use super::steering::{CourseAhead, LaneKeeper};
 use super::trained::TrainedAdo;
 use super::turns::Turn;
 use super::world::DriveWorld;
@@ -234,9 +234,12 @@ impl DriveLayout {
 
     /// Returns the initial pose of an agent at a place (s, lateral) of its road.
     pub fn start_pose(&self, agent: &Agent, place: (f64, f64)) -> Pose {
-        let course = &self.network.courses()[agent.road];
-        let keeps = agent.lane_keeping;
-        let pose = keeps.begun(&agent.body, (course, agent.direction), place);
+        let ahead = CourseAhead {
+            course: &self.network.courses()[agent.road],
+            direction: agent.direction,
+        };
+        let (s_m, lateral_m) = place;
+        let pose = agent.lane_keeping.begun(&agent.body, ahead, s_m, lateral_m);
         let heading_rad = pose.heading_rad + agent.facing_rad;
         Pose {
             heading_rad: if agent.is_with_road() {
@@ -263,10 +266,10 @@ impl DriveLayout {
             Direction::With => lateral_m,
             Direction::Against => -lateral_m,
         };
-        let keeps = (&agent.body, agent.lane_keeping);
+        let keeps = agent.lane_keeping;
         (
             Actuator::new(lag_s, sample_s),
-            LaneKeeper::new(keeps, kept_m, lateral_lag_s, sample_s),
+            LaneKeeper::new(&agent.body, keeps, kept_m, lateral_lag_s, sample_s),
         )
     }
 }

@@ -118,7 +118,7 @@ impl Swing {
     ///
     /// A body moves sideways no farther than it drives. The rest of the motion is
     /// delayed by what it lags behind.
-    pub(super) fn driven_m(&mut self, way_m: f64, (from_s, to_s): (f64, f64)) -> f64 {
+    pub(super) fn driven_m(&mut self, way_m: f64, from_s: f64, to_s: f64) -> f64 {
         if self.ends_s() <= from_s {
             return 0.0;
         }

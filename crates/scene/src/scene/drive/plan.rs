@@ -290,15 +290,15 @@ pub(super) type Unmet = (String, &'static str);
 impl MeetEgo<f64> {
     /// Solves the law for a start.
     ///
-    /// `ego` is the initial position and speed of the ego's front. `way_m` is
-    /// the distance from the own start to the meeting. The last D are driven at
+    /// `ego_m` and `ego_mps` are the initial position and speed of the ego's front.
+    /// `way_m` is the distance from the own start to the meeting. The last D are driven at
     /// the speed v, and r = way − D before that. From a standstill an even
     /// acceleration takes 2·r/v. If only t < 2·r/v is left, the agent begins at
     /// 2·r/t − v.
     ///
     /// # Errors
     /// The ego never gets there, or the distance is shorter than its steady part.
-    pub fn approach(&self, (ego_m, ego_mps): (f64, f64), way_m: f64) -> Result<Approach, Unmet> {
+    pub fn approach(&self, ego_m: f64, ego_mps: f64, way_m: f64) -> Result<Approach, Unmet> {
         if self.speed_mps <= 0.0 {
             return Err((
                 format!("an agent that meets the ego at {} m/s", self.speed_mps),
@@ -388,7 +388,7 @@ mod tests {
     #[test]
     fn who_has_time_stands_first() {
         let approach = meet(SteadyPart::Metres(12.0))
-            .approach((0.0, 10.0), 14.0)
+            .approach(0.0, 10.0, 14.0)
             .expect("it fits");
         // 12 m take 3 s of the 10, 2 m from a standstill 1 s.
         assert_eq!((approach.from_mps, approach.begins_s), (0.0, 6.0));
@@ -398,7 +398,7 @@ mod tests {
     #[test]
     fn who_has_no_time_begins_moving() {
         let approach = meet(SteadyPart::Seconds(5.0))
-            .approach((0.0, 10.0), 34.0)
+            .approach(0.0, 10.0, 34.0)
             .expect("it fits");
         assert_eq!(approach.begins_s, 0.0);
         assert!(approach.from_mps > 0.0 && approach.from_mps < 4.0);
@@ -408,9 +408,9 @@ mod tests {
     #[test]
     fn meetings_that_never_happen_are_refused() {
         let meet = meet(SteadyPart::Metres(12.0));
-        assert!(meet.approach((0.0, 0.0), 14.0).is_err());
-        assert!(meet.approach((110.0, 10.0), 14.0).is_err());
-        assert!(meet.approach((0.0, 10.0), 11.0).is_err());
-        assert!(meet.approach((80.0, 10.0), 14.0).is_err());
+        assert!(meet.approach(0.0, 0.0, 14.0).is_err());
+        assert!(meet.approach(110.0, 10.0, 14.0).is_err());
+        assert!(meet.approach(0.0, 10.0, 11.0).is_err());
+        assert!(meet.approach(80.0, 10.0, 14.0).is_err());
     }
 }

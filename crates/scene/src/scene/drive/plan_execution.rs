@@ -13,6 +13,7 @@ use nalgebra::Vector2;
 
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionPlan, ScriptStep, Unmet};
+use crate::ego::Command;
 use crate::road::{Course, Road, wrapped};
 use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
@@ -131,12 +132,13 @@ impl PlanRun {
     pub(super) fn begin(
         carried: PlanConstants,
         plan: MotionPlan<f64, ()>,
-        (front_m, lateral_m, speed_mps): (f64, f64, f64),
-        ego: (f64, f64),
+        front: PlannedAt,
+        ego: PlannedAt,
     ) -> Result<PlanRun, Unmet> {
+        let (front_m, lateral_m) = (front.s_m, front.lateral_m);
         let (cos, sin) = carried.direction();
         let (speed_mps, steps) = match plan {
-            MotionPlan::Script(steps) => (speed_mps, steps),
+            MotionPlan::Script(steps) => (front.speed_mps, steps),
             MotionPlan::Meet(meet) => {
                 // Agents that face across the road measure the distance
                 // laterally.
@@ -145,7 +147,7 @@ impl PlanRun {
                 } else {
                     cos.signum() * (meet.here_at_m - front_m)
                 };
-                let approach = meet.approach(ego, way_m)?;
+                let approach = meet.approach(ego.s_m, ego.speed_mps, way_m)?;
                 (approach.from_mps, vec![approach.step()])
             }
         };
@@ -217,12 +219,11 @@ impl PlanRun {
 
     /// Advances by a sample.
     ///
-    /// `commanded` is the deviation of an ado: an acceleration along and a speed to
-    /// the left of its heading.
+    /// `deviation` is what an ado adds, along its heading and to the left of it.
     pub(super) fn advance(
         &mut self,
         stretch: SampleSpan<'_>,
-        commanded: (f64, f64),
+        deviation: Command,
         speed_of: impl Fn(&str) -> f64,
     ) -> Arrival {
         let SampleSpan { from_s, to_s, .. } = stretch;
@@ -241,16 +242,17 @@ impl PlanRun {
         }
         let sample_s = to_s - from_s;
         let speed_mps = self.ramp.speed_mps(to_s);
-        let strayed_m = self.stray_on(commanded, speed_mps, (sample_s, driven));
-        let sideways_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s));
-        // Where the plan demands more, the body lags behind it.
-        let sideways_mps = sideways_mps.clamp(-speed_mps, speed_mps);
-        let ways_m = (driven.way_m, driven.way_m + strayed_m);
-        self.arrive(
-            stretch.course,
-            (speed_mps, sideways_mps),
-            (sample_s, ways_m),
-        )
+        let strayed_m = self.stray_on(deviation, speed_mps, sample_s, driven);
+        let wanted_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s));
+        let end = SampleEnd {
+            sample_s,
+            speed_mps,
+            // Where the plan demands more, the body lags behind it.
+            sideways_mps: wanted_mps.clamp(-speed_mps, speed_mps),
+            planned_m: driven.way_m,
+            driven_m: driven.way_m + strayed_m,
+        };
+        self.arrive(stretch.course, end)
     }
 
     /// Returns the planned state, without deviations.
@@ -291,27 +293,23 @@ impl PlanRun {
                 .swing
                 .map_or(0.0, |it| it.way_m(to_s) - it.way_m(from_s));
             let is_slanted = self.swing.is_some_and(|it| it.is_slanted);
-            return self.move_by(course, (way_m, aside_m), is_slanted);
+            return self.move_by(course, way_m, aside_m, is_slanted);
         };
         let mut driven = Driven::default();
         let at_s = |part: u32| from_s + (to_s - from_s) * f64::from(part) / f64::from(LAG_PARTS);
         for part in 0..LAG_PARTS {
-            let within = (at_s(part), at_s(part + 1));
-            let way_m = self.ramp.way_m(within.0, within.1);
+            let (from_s, to_s) = (at_s(part), at_s(part + 1));
+            let way_m = self.ramp.way_m(from_s, to_s);
+            // A jump takes no time, so the body drives its whole way ahead.
             let is_slanted = swing.is_slanted && !swing.is_jump();
-            let aside_m = swing.driven_m(way_m, within);
-            driven.add(self.move_by(course, (way_m, aside_m), is_slanted));
+            let aside_m = swing.driven_m(way_m, from_s, to_s);
+            driven.add(self.move_by(course, way_m, aside_m, is_slanted));
         }
         self.swing = Some(swing);
         driven
     }
 
-    fn move_by(
-        &mut self,
-        course: &Course,
-        (way_m, aside_m): (f64, f64),
-        is_slanted: bool,
-    ) -> Driven {
+    fn move_by(&mut self, course: &Course, way_m: f64, aside_m: f64, is_slanted: bool) -> Driven {
         let ahead_m = if is_slanted {
             forward_part(way_m, aside_m)
         } else {
@@ -333,13 +331,15 @@ impl PlanRun {
     /// Adds an ado's action to the deviation, and returns its way ahead.
     fn stray_on(
         &mut self,
-        (accel_mps2, left_mps): (f64, f64),
+        deviation: Command,
         planned_mps: f64,
-        (sample_s, driven): (f64, Driven),
+        sample_s: f64,
+        driven: Driven,
     ) -> f64 {
+        let left_mps = deviation.lateral_mps;
         let before_mps = self.stray.ahead_mps;
         // Agents never reverse.
-        let ahead_mps = (before_mps + accel_mps2 * sample_s).max(-planned_mps);
+        let ahead_mps = (before_mps + deviation.accel_mps2 * sample_s).max(-planned_mps);
         // Trapezoidal rule, exact for the even acceleration within a sample.
         // The earlier speed is limited too, since the plan may have slowed down
         // since.
@@ -373,12 +373,14 @@ impl PlanRun {
         ahead_m
     }
 
-    fn arrive(
-        &mut self,
-        course: &Course,
-        (speed_mps, sideways_mps): (f64, f64),
-        (sample_s, (planned_m, driven_m)): (f64, (f64, f64)),
-    ) -> Arrival {
+    fn arrive(&mut self, course: &Course, end: SampleEnd) -> Arrival {
+        let SampleEnd {
+            sample_s,
+            speed_mps,
+            sideways_mps,
+            planned_m,
+            driven_m,
+        } = end;
         let (cos, sin) = self.carried.direction();
         let is_slanted = self.swing.is_some_and(|swing| swing.is_slanted);
         let ahead = |along_mps: f64| {
@@ -437,6 +439,18 @@ impl PlanRun {
     pub(super) fn begun(&mut self, pose: Pose) {
         self.last.pose = pose;
     }
+}
+
+/// Motion at the end of a sample, and the distances driven during it.
+#[derive(Clone, Copy, Debug)]
+struct SampleEnd {
+    sample_s: f64,
+    /// Planned speeds along the path and across the road.
+    speed_mps: f64,
+    sideways_mps: f64,
+    /// Distance of the plan, and the one with the ado's deviation.
+    planned_m: f64,
+    driven_m: f64,
 }
 
 /// Distance that a plan drives, and its parts across and along the road.

@@ -134,6 +134,7 @@ impl EgoDrive {
 impl EgoController {
     /// Returns a controller, whose episodes are sampled if it is foreign.
     pub fn build(&self) -> Box<dyn Controller> {
+        // Stock egos are deterministic, so nothing of them is recorded.
         let Some(log) = self.transcripts() else {
             return self.build_apart();
         };
@@ -152,6 +153,8 @@ impl EgoController {
     pub fn build_apart(&self) -> Box<dyn Controller> {
         match self {
             EgoController::Stock(spec) => match spec.program() {
+                // A process of its own, so that nothing it kept in another reaches this
+                // one.
                 Some(program) => Box::new(program.apart().controller()),
                 None => spec.build(),
             },
@@ -176,6 +179,7 @@ impl EgoController {
         match self {
             EgoController::Stock(spec) => spec.set_fresh(),
             EgoController::Own { fresh, .. } => *fresh = true,
+            // Recorded commands are the same from any beginning.
             EgoController::Recorded(_) => {}
         }
     }
@@ -371,6 +375,7 @@ impl DriveSpec {
 
     /// Returns the roads of the world with the crossings between its agents' paths.
     pub(super) fn network(&self) -> Result<RoadNetwork, CourseError> {
+        // The world's own road has number 0, and placed roads follow.
         let own = std::iter::once(self.road.course());
         let placed = self.roads.values().map(|placed| placed.course());
         let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
@@ -404,6 +409,7 @@ impl DriveSpec {
     /// Road users come first, then lights, each in file order, then the weather, then the road,
     /// then the ado that gives turns.
     pub fn action_sets(&self) -> impl Iterator<Item = (&str, &Actions, usize)> {
+        // This order is that of the digits of a joint action, which kept files contain.
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Ado {
                 actions, neutral, ..
@@ -508,6 +514,7 @@ impl DriveSpec {
             joint = [joint[0] + unit * brake, joint[1] + unit * accelerate];
             unit *= actions.len();
         }
+        // Lights and turns have one action for both, which says nothing about hardness.
         (joint[0] != joint[1]).then_some(joint)
     }
 

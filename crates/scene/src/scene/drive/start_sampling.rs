@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::layout::DriveLayout;
 use super::plan::{MotionPlan, Unmet};
-use super::plan_execution::{PlanConstants, PlanRun};
+use super::plan_execution::{PlanConstants, PlanRun, PlannedAt};
 use super::range::Range;
 use super::spec::{DriveSpec, StartPlace};
 use crate::scene::Start;
@@ -18,6 +18,17 @@ pub struct Drawn {
     pub lateral_m: f64,
     pub speed_mps: f64,
     pub plan: Option<MotionPlan<f64, ()>>,
+}
+
+impl Drawn {
+    /// Returns the place of the front and the speed.
+    fn planned_at(&self) -> PlannedAt {
+        PlannedAt {
+            s_m: self.front_m,
+            lateral_m: self.lateral_m,
+            speed_mps: self.speed_mps,
+        }
+    }
 }
 
 impl DriveSpec {
@@ -60,13 +71,12 @@ impl DriveSpec {
             };
             let lateral_m = value(agent.lateral_m) + self.lane_shift_m(i);
             let speed_mps = value(agent.place.speed_mps());
-            let plan = agent.plan();
-            let plan = plan.map(|plan| plan.map(|_, _, range| value(range)));
+            let declared = agent.plan();
             all.push(Drawn {
                 front_m,
                 lateral_m,
                 speed_mps,
-                plan,
+                plan: declared.map(|plan| plan.map(|_, _, range| value(range))),
             });
         }
         all
@@ -81,14 +91,14 @@ impl DriveSpec {
         let Some(ego) = self.egos().next().map(|ego| &drawn[ego]) else {
             return Ok(());
         };
-        let ego = (ego.front_m, ego.speed_mps);
+        let ego = ego.planned_at();
         for (i, at) in drawn.iter().enumerate() {
             if let Some(plan) = &at.plan {
                 // No monitors: feasibility does not depend on the formulas of
                 // the steps.
                 let carried = self.carried(i, Arc::from([]));
-                let place = (at.front_m, at.lateral_m, at.speed_mps);
-                PlanRun::begin(carried, plan.clone(), place, ego).map_err(|why| (i, why))?;
+                PlanRun::begin(carried, plan.clone(), at.planned_at(), ego)
+                    .map_err(|why| (i, why))?;
             }
         }
         Ok(())
@@ -131,9 +141,7 @@ impl DriveLayout {
             return Ok(None);
         };
         let carried = self.spec.carried(agent, Arc::clone(&self.whens[agent]));
-        let place = (at.front_m, at.lateral_m, at.speed_mps);
-        let ego = (ego.front_m, ego.speed_mps);
-        let mut run = PlanRun::begin(carried, plan, place, ego)?;
+        let mut run = PlanRun::begin(carried, plan, at.planned_at(), ego.planned_at())?;
         let pose = run.pose(self.network.course_of(agent));
         run.begun(pose);
         Ok(Some((run, pose)))

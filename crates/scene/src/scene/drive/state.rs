@@ -147,8 +147,8 @@ impl SceneState {
             let downhill_mps2 = GRAVITY_MPS2 * rise_sin;
             let (sin, cos) = libm::sincos(at.heading_rad);
             let wind = self.spec.wind.as_ref();
-            let wind = wind.map(|wind| wind.accel_mps2(time_s, &agent.body, state));
-            let (along_mps2, left_mps2) = wind.unwrap_or_default();
+            let blown = wind.map(|wind| wind.accel_mps2(time_s, &agent.body, state));
+            let (along_mps2, left_mps2) = blown.unwrap_or_default();
             let grade_mps2 = [-downhill_mps2 * cos, downhill_mps2 * sin];
             let push = Push {
                 along_mps2: along_mps2 + grade_mps2[0],

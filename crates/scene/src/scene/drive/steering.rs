@@ -28,20 +28,26 @@ pub enum LaneKeeping {
     RearAxle,
 }
 
+/// Course of a road, in the direction in which a vehicle drives on it.
+#[derive(Clone, Copy, Debug)]
+pub struct CourseAhead<'a> {
+    /// Course of the road.
+    pub course: &'a Course,
+    /// Driving direction.
+    pub direction: Direction,
+}
+
 impl LaneKeeping {
     /// Returns the initial pose for a front bumper at a place of the road.
     ///
     /// In road direction. The body lies along the tangent at the point that
     /// keeps the lane.
-    pub fn begun(
-        self,
-        body: &Body,
-        (course, direction): (&Course, Direction),
-        (s_m, lateral_m): (f64, f64),
-    ) -> Pose {
-        let lever_m = match (self, direction) {
+    pub fn begun(self, body: &Body, ahead: CourseAhead<'_>, s_m: f64, lateral_m: f64) -> Pose {
+        let course = ahead.course;
+        let lever_m = match (self, ahead.direction) {
             (LaneKeeping::Front, _) => return course.pose(s_m, lateral_m),
             (LaneKeeping::RearAxle, Direction::With) => body.lever_m(),
+            // The pose is in road direction, so the axle is ahead of the front.
             (LaneKeeping::RearAxle, Direction::Against) => -body.lever_m(),
         };
         course.pose(s_m - lever_m, lateral_m).ahead(lever_m)
@@ -57,28 +63,29 @@ impl LaneKeeping {
     pub fn seen(
         self,
         body: &Body,
-        (front, at): (&Pose, OnRoad),
-        (course, direction): (&Course, Direction),
+        front: &Pose,
+        at: OnRoad,
+        ahead: CourseAhead<'_>,
         way_m: f64,
     ) -> OnRoad {
-        let along_m = match direction {
+        let along_m = match ahead.direction {
             Direction::With => way_m,
             Direction::Against => -way_m,
         };
-        let at = match self {
+        let kept = match self {
             LaneKeeping::Front => at,
             LaneKeeping::RearAxle => {
-                let at = course.locate(&front.ahead(-body.lever_m()));
-                let curvature_per_m = course.mean_curvature_per_m(at.s_m, along_m);
+                let axle = ahead.course.locate(&front.ahead(-body.lever_m()));
+                let curvature_per_m = ahead.course.mean_curvature_per_m(axle.s_m, along_m);
                 OnRoad {
                     curvature_per_m,
-                    ..at
+                    ..axle
                 }
             }
         };
-        match direction {
-            Direction::With => at,
-            Direction::Against => at.reversed(),
+        match ahead.direction {
+            Direction::With => kept,
+            Direction::Against => kept.reversed(),
         }
     }
 }
@@ -101,7 +108,8 @@ pub struct LaneKeeper {
 impl LaneKeeper {
     /// Keeps `lateral_m` with a point of a body, with a lag on lateral speeds.
     pub fn new(
-        (body, keeps): (&Body, LaneKeeping),
+        body: &Body,
+        keeps: LaneKeeping,
         lateral_m: f64,
         lag_s: f64,
         sample_s: f64,

@@ -67,16 +67,24 @@ pub(super) fn polyline_m(
     stations_m.into_iter().map(point).collect()
 }
 
+/// Point above the middle of a road.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AboveRoad {
+    pub s_m: f64,
+    /// Height above the road.
+    pub height_m: f64,
+}
+
 /// Returns whether a road hides one point above it from another.
 ///
-/// A point is a station with its height above the road. Banks hide nothing.
-pub(super) fn crest_hides(profile: &RoadProfile, from: (f64, f64), to: (f64, f64)) -> bool {
-    let height_m = |(s_m, above_m): (f64, f64)| profile.height_m(s_m, 0.0) + above_m;
+/// Banks hide nothing.
+pub(super) fn crest_hides(profile: &RoadProfile, from: AboveRoad, to: AboveRoad) -> bool {
+    let height_m = |at: AboveRoad| profile.height_m(at.s_m, 0.0) + at.height_m;
     let (from_m, to_m) = (height_m(from), height_m(to));
     (1..SIGHT_POINTS).any(|i| {
         let share = f64::from(i) / f64::from(SIGHT_POINTS);
         let sight_m = from_m + share * (to_m - from_m);
-        sight_m < profile.height_m(from.0 + share * (to.0 - from.0), 0.0)
+        sight_m < profile.height_m(from.s_m + share * (to.s_m - from.s_m), 0.0)
     })
 }
 
@@ -104,7 +112,15 @@ mod tests {
             ..RoadProfile::default()
         };
         for (away_m, hidden) in [(95.0, false), (101.0, false), (103.0, true), (150.0, true)] {
-            let hides = crest_hides(&profile, (-46.9, 1.1), (-46.9 + away_m, 1.5));
+            let eye = AboveRoad {
+                s_m: -46.9,
+                height_m: 1.1,
+            };
+            let roof = AboveRoad {
+                s_m: -46.9 + away_m,
+                height_m: 1.5,
+            };
+            let hides = crest_hides(&profile, eye, roof);
             assert_eq!(hides, hidden, "{away_m}");
         }
     }

@@ -17,10 +17,10 @@ impl Cell {
         (self.x - other.x).abs() + (self.y - other.y).abs()
     }
 
-    fn moved(self, (dx, dy): (i32, i32), by: i32) -> Cell {
+    fn moved(self, dx: i32, dy: i32) -> Cell {
         Cell {
-            x: self.x + by * dx,
-            y: self.y + by * dy,
+            x: self.x + dx,
+            y: self.y + dy,
         }
     }
 }
@@ -124,7 +124,8 @@ impl Arena {
     /// ado in Manhattan distance. It ignores walls in this choice and breaks
     /// ties in the order up, down, left, right.
     pub fn ego_moves(&self, both: Position) -> Cell {
-        let target = |direction| both.ego.moved(direction, self.ego_step as i32);
+        let step = self.ego_step as i32;
+        let target = |(dx, dy)| both.ego.moved(step * dx, step * dy);
         let mut best = both.ego;
         // Below every distance, so the first direction always replaces the
         // ego's cell.
@@ -153,7 +154,9 @@ impl Arena {
 
     /// Returns the ado's next cell for a move in whole cells. Walls block it.
     pub fn ado_moves(&self, ado: Cell, step: (i32, i32)) -> Cell {
-        let target = ado.moved(step, self.refine as i32);
+        let (dx, dy) = step;
+        let refine = self.refine as i32;
+        let target = ado.moved(refine * dx, refine * dy);
         if self.holds(target) { target } else { ado }
     }
 

@@ -243,7 +243,8 @@ impl Scene for GridScene {
         if let Starts::Pairs(pairs) = &spec.starts
             && !pairs.is_empty()
         {
-            return start_of(position(pairs[rng.random_range(0..pairs.len())]));
+            let (ego, ado) = pairs[rng.random_range(0..pairs.len())];
+            return start_of(position(ego, ado));
         }
         let mut cell = || spec.arena.cell(rng.random_range(0..spec.arena.cells()));
         loop {

@@ -111,14 +111,17 @@ impl GridSpec {
             Starts::AllPairs => Some(self.arena.starts().map(start_of).collect()),
             Starts::Uniform => None,
             Starts::Pairs(pairs) => {
-                Some(pairs.iter().map(|pair| start_of(position(*pair))).collect())
+                let starts = pairs
+                    .iter()
+                    .map(|(ego, ado)| start_of(position(*ego, *ado)));
+                Some(starts.collect())
             }
         }
     }
 }
 
-/// Converts a pair as a world file writes it.
-pub fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
+/// Returns the position of both agents at cells (x, y), as a world file writes them.
+pub fn position(ego: (i32, i32), ado: (i32, i32)) -> Position {
     let cell = |(x, y)| Cell { x, y };
     Position {
         ego: cell(ego),

@@ -182,6 +182,7 @@ impl KinematicLanes {
         let (mut first, mut horizon_s) = (None, dt_s);
         for (b, vehicle_b) in self.vehicles.iter().enumerate() {
             for (a, vehicle_a) in self.vehicles[..b].iter().enumerate() {
+                // Cheaper than the search for a contact, which most pairs never need.
                 if are_far_apart(vehicle_a, vehicle_b, horizon_s) {
                     continue;
                 }

@@ -55,6 +55,7 @@ impl ShapeGap {
             gap_m: f64::INFINITY,
             normal: [1.0, 0.0, 0.0],
         };
+        // Strictly less, so that the first of equally near pairs gives the normal.
         gaps.fold(
             none,
             |best, next| if next.gap_m < best.gap_m { next } else { best },
@@ -83,6 +84,7 @@ impl CollisionShape {
             }
             BodyShape::Capsule => {
                 let radius_m = 0.5 * l;
+                // Half a sphere lies beyond each end of the axis.
                 let (low, high) = (radius_m, h - radius_m);
                 vec![ConvexPart::capsule(
                     (0.0, 0.0, low),
@@ -192,6 +194,7 @@ impl CollisionShape {
         let mut points = Vec::new();
         for (mine, theirs) in self.pairs(other_shape) {
             let gap = mine.gap(theirs, &relative);
+            // Parts that merely come near carry no force.
             if gap.gap_m > nearest.gap_m + TOUCH_M {
                 continue;
             }
@@ -262,14 +265,15 @@ impl ConvexPart {
         }
     }
 
-    fn cuboid([ahead, left, up]: [(f64, f64); 3], radius_m: f64) -> ConvexPart {
-        let half = |(from, to): (f64, f64)| 0.5 * (to - from) - radius_m;
-        let middle = |(from, to): (f64, f64)| 0.5 * (from + to);
+    fn cuboid(axes_m: [(f64, f64); 3], radius_m: f64) -> ConvexPart {
+        // The radius is added around the core, so the core is smaller by it.
+        let half_m = axes_m.map(|(from, to)| 0.5 * (to - from) - radius_m);
+        let middle_m = axes_m.map(|(from, to)| 0.5 * (from + to));
         ConvexPart {
-            core: SharedShape::cuboid(half(ahead), half(left), half(up)),
-            middle: Vector::new(middle(ahead), middle(left), middle(up)),
+            core: SharedShape::cuboid(half_m[0], half_m[1], half_m[2]),
+            middle: Vector::from(middle_m),
             radius_m,
-            up_m: up,
+            up_m: axes_m[2],
         }
     }
 
@@ -289,8 +293,7 @@ impl ConvexPart {
     }
 
     fn capsule(from_m: (f64, f64, f64), to_m: (f64, f64, f64), radius_m: f64) -> ConvexPart {
-        let vector = |(x, y, z): (f64, f64, f64)| Vector::new(x, y, z);
-        let (from, to) = (vector(from_m), vector(to_m));
+        let [from, to] = [from_m, to_m].map(|(x, y, z)| Vector::new(x, y, z));
         let middle = 0.5 * (from + to);
         ConvexPart {
             core: SharedShape::new(Segment::new(from - middle, to - middle)),
@@ -312,7 +315,10 @@ impl ConvexPart {
         let (low_m, high_m) = self.up_m;
         let low_m = low_m.max(clearance_m).min(high_m - 0.01);
         let middle = Vector::new(self.middle.x, self.middle.y, 0.5 * (low_m + high_m));
+        // A rounded box as flat as its radius keeps a core.
         let half_m = (0.5 * (high_m - low_m) - self.radius_m).max(0.005);
+        // The points of a prism lie above or below its middle, so their sign tells which
+        // end moves.
         if let Some(hull) = self.core.as_convex_polyhedron() {
             let raised = hull
                 .points()
@@ -355,6 +361,7 @@ impl ConvexPart {
         if let Ok(ClosestPoints::WithinMargin(mine, theirs)) = points {
             let way = pose * theirs - mine;
             let distance_m = way.length();
+            // Nearer points have no direction, and neither have cores that overlap.
             if distance_m > COINCIDENT_M {
                 return of_cores(distance_m, way / distance_m, mine);
             }
@@ -368,6 +375,7 @@ impl ConvexPart {
     /// Returns the points of contact within [`TOUCH_M`], in the frame of the shape.
     fn manifold(&self, other: &ConvexPart, pose: &Pose) -> Vec<Vector> {
         let pose = self.pose_of(other, pose);
+        // Manifolds are those of the cores, which the radii keep apart.
         let reach_m = self.radius_m + other.radius_m + TOUCH_M;
         let mut manifolds: Vec<ContactManifold<(), ()>> = Vec::new();
         let done = DefaultQueryDispatcher.contact_manifolds(
@@ -398,6 +406,7 @@ fn relative(rect: &Rect, other: &Rect) -> Pose {
         dy * rect.cos - dx * rect.sin,
         0.0,
     );
+    // A unit quaternion has half the angle of its rotation.
     let (sin, cos) = libm::sincos(0.5 * rect.turn_rad_to(other));
     Pose::from_parts(at, Rotation::from_xyzw(0.0, 0.0, sin, cos))
 }
@@ -417,6 +426,7 @@ fn middle(points: &[Vector], rect: &Rect, [nx, ny]: [f64; 2]) -> [f64; 3] {
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
             (low.min(value), high.max(value))
         });
+        // Without a point the bounds are still reversed infinities.
         if low <= high { 0.5 * (low + high) } else { 0.0 }
     };
     let along = middle(&|at| at.x * ahead + at.y * left);

@@ -117,6 +117,7 @@ impl TyreForces {
             ],
             com_ahead_m: body.com_ahead_m,
             com_height_m: body.com_height_m,
+            // A higher arm would tip the car, which cannot roll over here.
             roll_arm_m: body
                 .com_height_m
                 .min(SAFE_ARM * half_track_m / tyres.mu_across),
@@ -144,6 +145,7 @@ impl TyreForces {
         }
         sum.moments_n_m[0] = self.roll_arm_m * sum.across_n;
         sum.moments_n_m[1] = -self.com_height_m * sum.along_n;
+        // A thousandth less is the end of Newton's steps and no limit of the grip.
         sum.is_limited = given_n.abs() < 0.999 * demand.force_n.abs();
         sum
     }
@@ -164,6 +166,7 @@ impl TyreForces {
         let mu_across = friction * self.tyres.mu_across;
         // Tangent of the slip angle at the peak: the curve begins with the stiffness.
         let peak = mu_across * self.curve.slope() / wheel.cornering_per_rad;
+        // A standing wheel has no slip angle, so the speed is bounded from below.
         let across = across_mps / (peak * along_mps.abs().max(0.01));
         let most_along_n = friction * self.tyres.mu_along * load_n;
         WheelSlip {
@@ -197,6 +200,7 @@ impl TyreForces {
         let spare_n: [f64; 4] =
             core::array::from_fn(|index| (reach_n[index] - first_n[index]).max(0.0));
         let all_spare_n: f64 = spare_n.iter().sum();
+        // Without spare grip nothing is missing that a wheel could give.
         let used = (missing_n / all_spare_n.max(1e-9)).clamp(0.0, 1.0);
         core::array::from_fn(|index| {
             (first_n[index] + used * spare_n[index]).copysign(demand.force_n)
@@ -212,6 +216,8 @@ impl TyreForces {
         let [left_n, right_n, rear_left_n, rear_right_n] = demand.loads_n;
         let all_n = (left_n + right_n + rear_left_n + rear_right_n).max(1.0);
         let rear_share = if demand.force_n < 0.0 {
+            // Braking unloads the rear, whose pressure is limited so that it does not lock
+            // first.
             (1.0 - self.front_share).min(2.0 * rear_left_n.min(rear_right_n) / all_n)
         } else {
             (rear_left_n + rear_right_n) / all_n
@@ -227,6 +233,7 @@ impl TyreForces {
         wanted_n: f64,
         dt_s: f64,
     ) -> (f64, f64) {
+        // A lifted wheel carries nothing, and 0/0 would spread.
         let wanted = wanted_n.abs() / slip.most_along_n.max(1e-9);
         let along = if wanted_n == 0.0 {
             0.0
@@ -265,6 +272,7 @@ impl SlipCurve {
 
     /// Returns the share of the friction in use per slip, and its derivative.
     fn share_per_slip(&self, slip: f64) -> (f64, f64) {
+        // The quotient below would lose its digits.
         if slip < 1e-6 {
             return (self.slope(), 0.0);
         }
@@ -284,6 +292,7 @@ impl SlipCurve {
         for _ in 0..NEWTON_STEPS {
             let all = hypot(slip, across);
             let (ratio, bend) = self.share_per_slip(all);
+            // The derivative of the force along the wheel, with the slip across it held.
             let rise = ratio + slip * slip * bend / all.max(1e-6);
             slip = (slip + (wanted - ratio * slip) / rise.max(1e-3)).clamp(0.0, 1.0);
         }

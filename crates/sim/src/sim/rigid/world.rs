@@ -119,6 +119,7 @@ impl RapierWorld {
             shapes.push((surface.shape.clone(), 0.0));
             base_m = surface.heights_m.0 - BASE_M;
         }
+        // A body that leaves a surface falls on this plane instead of for ever.
         shapes.push((SharedShape::halfspace(Vector::Z), base_m));
         let mut leaves = Vec::with_capacity(2);
         for (shape, z_m) in shapes {
@@ -229,6 +230,7 @@ impl RapierWorld {
                 .angvel(vector(0.0, 0.0, rect.yaw_rate_rad_per_s))
                 .additional_mass_properties(mass_properties(body))
                 .ccd_enabled(self.is_solid)
+                // A sleeping body would ignore the forces of its tyres.
                 .can_sleep(false),
         );
         self.add_colliders(handle, body, shape);
@@ -300,6 +302,7 @@ impl RapierWorld {
         let pairs = self.narrow_phase.contact_pairs().filter(|pair| {
             let manifolds = pair.solver_manifolds().iter();
             let mut points = manifolds.flat_map(|manifold| manifold.points.iter());
+            // Pairs without an impulse are near each other and do not touch.
             points.any(|point| point.data.impulse > 0.0)
         });
         pairs
@@ -320,6 +323,7 @@ impl RapierWorld {
     /// Sets the velocity of a body on the ground.
     pub(super) fn move_at(&mut self, id: ChassisId, rect: &Rect) {
         let body = self.body_mut(id);
+        // The suspension owns the vertical motion.
         let up_mps = body.linvel().z;
         let along = vector(rect.vx_mps, rect.vy_mps, 0.0);
         body.set_linvel(Vector::new(along.x, along.y, up_mps), true);
@@ -363,6 +367,7 @@ impl RapierWorld {
 
     /// Pushes a body on the ground.
     pub(super) fn push(&mut self, id: ChassisId, rect: &Rect, normal: Vector, impulse: &Impulse) {
+        // On a plane nothing is multiplied, so its bits do not depend on slopes.
         let tilt = (normal != Vector::Z).then(|| Rotation::from_rotation_arc(Vector::Z, normal));
         let Rect { cos, sin, .. } = *rect;
         let turned = |x: f64, y: f64, z: f64| {
@@ -433,6 +438,7 @@ impl RapierWorld {
     ///
     /// A surface has one place, so all bodies on it have the origin of the world.
     pub(super) fn origin_near(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        // The surface is a collider at the origin of the world.
         if self.has_surface() {
             return (0.0, 0.0);
         }
@@ -480,6 +486,7 @@ impl Clone for RapierWorld {
             soft_bodies: self.soft_bodies.clone(),
             ccd_solver: self.ccd_solver.clone(),
             parameters: self.parameters,
+            // It holds buffers alone, which a step fills anew.
             pipeline: PhysicsPipeline::new(),
             ground: self.ground.clone(),
             surface: self.surface.clone(),
@@ -494,6 +501,7 @@ impl Clone for RapierWorld {
 /// Returns mass, centre of mass and moments of inertia of a uniform box.
 fn mass_properties(body: &Body) -> MassProperties {
     let (l, w, h) = (body.length_m, body.width_m, body.height_m);
+    // Inertia of an even cuboid, except for a stated yaw inertia.
     let twelfth = body.mass_kg / 12.0;
     let inertia = vector(
         twelfth * (w * w + h * h),

@@ -93,7 +93,7 @@ impl EgoResponse<'_> {
         }
         let opponent = self
             .starts
-            .searched((member.clone(), ego), watch)
+            .searched(member.clone(), ego, watch)
             .ok_or(NO_RESULT)?;
         if opponent.searched_share() < REACHABLE {
             return Err(REACHABLE - opponent.searched_share());

@@ -95,7 +95,7 @@ pub fn train_league(
         let origin = PopulationOrigin::League {
             rounds: request.rounds,
         };
-        PopulationDir::create(path, &scenario, seed, (origin, request.rounds + 1))?
+        PopulationDir::create(path, &scenario, seed, origin, request.rounds + 1)?
     };
     let family = scenario.family().ok_or_else(|| no_family(world))?;
     let seed = dir.manifest().seed;
@@ -103,10 +103,11 @@ pub fn train_league(
     // Batches of payoffs are short, and a bar for each would only flicker.
     let quiet = watch.quiet();
     watch.phase("drawing the starts of the payoffs");
-    let both = (&scenario, family);
-    let payoff = PayoffStarts::new(both, stream(1), request.payoff_starts, &quiet);
+    let starts =
+        |number, count| PayoffStarts::new(&scenario, family, stream(number), count, &quiet);
+    let payoff = starts(1, request.payoff_starts);
     // A response is searched on starts of its own, so that payoffs do not flatter it.
-    let response = PayoffStarts::new(both, stream(2), request.response_starts, &quiet);
+    let response = starts(2, request.response_starts);
     let (Some(payoff), Some(response)) = (payoff, response) else {
         return Ok(LeagueRound::all(&dir)?);
     };
@@ -264,7 +265,7 @@ impl League<'_> {
             // Against the nominal ego alone, before there is an ado.
             None => LeagueRound {
                 ego_mixture: vec![1.0],
-                ..LeagueRound::of(0, self.payoff.len(), (self.members(), Vec::new()))
+                ..LeagueRound::of(0, self.payoff.len(), self.members(), Vec::new())
             },
         };
         if number > 0 {
@@ -287,7 +288,7 @@ impl League<'_> {
         let (mixture, ego_response) = (now.value, now.ego_response);
         let mut payoffs = now.payoffs;
         payoffs.push(row);
-        let mut round = LeagueRound::of(number, self.payoff.len(), (now.egos, payoffs));
+        let mut round = LeagueRound::of(number, self.payoff.len(), now.egos, payoffs);
         round.ego_response = ego_response;
         if number > 0 {
             let gain = response - mixture;
@@ -344,14 +345,13 @@ impl League<'_> {
         for (row, recall) in payoffs.iter_mut().zip(column) {
             row.push(recall);
         }
-        let populations = (self.members(), payoffs);
         Ok(Some(LeagueRound {
             ego_response: Some(LeagueResponse {
                 mixture: now.value,
                 response,
                 gain: now.value - response,
             }),
-            ..LeagueRound::of(now.round, self.payoff.len(), populations)
+            ..LeagueRound::of(now.round, self.payoff.len(), self.members(), payoffs)
         }))
     }
 
@@ -421,7 +421,7 @@ impl League<'_> {
         watch: &Watch<'_>,
     ) -> Result<Option<LeagueEgo>, LeagueError> {
         let ego = self.payoff.ego(&member)?;
-        Ok(self.payoff.searched((member, ego), &watch.quiet()))
+        Ok(self.payoff.searched(member, ego, &watch.quiet()))
     }
 
     fn members(&self) -> Vec<EgoSample> {

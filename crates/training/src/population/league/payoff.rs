@@ -45,7 +45,8 @@ pub(super) struct LeagueEgo {
 impl<'a> PayoffStarts<'a> {
     /// Draws `count` starts of a calibration stream. `None`: stopped.
     pub(super) fn new(
-        (scenario, family): (&'a Scenario, &'a Family),
+        scenario: &'a Scenario,
+        family: &'a Family,
         seed: u64,
         count: usize,
         watch: &Watch<'_>,
@@ -59,8 +60,8 @@ impl<'a> PayoffStarts<'a> {
             };
             (bench.draw(key), bench.noise_of(key))
         };
-        let starts = (0..count as u64).map(draw).collect();
-        let starts = TestStarts::tried(scenario, seed, starts, watch)?;
+        let drawn = (0..count as u64).map(draw).collect();
+        let starts = TestStarts::tried(scenario, seed, drawn, watch)?;
         Some(PayoffStarts {
             scenario,
             family,
@@ -124,7 +125,8 @@ impl<'a> PayoffStarts<'a> {
     /// Searches every start against an ego. `None`: stopped.
     pub(super) fn searched(
         &self,
-        (member, ego): (EgoSample, EgoUnderTest),
+        member: EgoSample,
+        ego: EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Option<LeagueEgo> {
         let request = SearchRequest {

@@ -83,7 +83,8 @@ impl LeagueRound {
     pub(super) fn of(
         round: u64,
         starts: usize,
-        (egos, payoffs): (Vec<EgoSample>, Vec<Vec<f64>>),
+        egos: Vec<EgoSample>,
+        payoffs: Vec<Vec<f64>>,
     ) -> LeagueRound {
         // A new row or column may change the share of every member.
         let equilibrium = Equilibrium::of(&payoffs);

@@ -154,7 +154,7 @@ fn a_response_of_the_ego_is_better_and_useless_egos_are_refused() {
     let world = world();
     let family = world.family().expect("a family");
     let watch = frequent(Watch::unwatched());
-    let starts = PayoffStarts::new((&world, family), 9, 40, &watch).expect("not stopped");
+    let starts = PayoffStarts::new(&world, family, 9, 40, &watch).expect("not stopped");
     let nominal = family.nominal(PlantKind::Kinematic);
     let ego = starts.ego(&nominal).expect("fits");
     let drive = starts.drive_alone(&ego, &watch).expect("not stopped");

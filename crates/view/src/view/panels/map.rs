@@ -59,6 +59,7 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
         .with_color(rerun::components::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &dark)?;
     let size = f64::from(arena.size);
+    // The walls lie on the border of the map, and would be cut in half there.
     let range = Range1D([-MARGIN_CELLS, size + MARGIN_CELLS]);
     let bounds = VisualBounds2D::new(Range2D {
         x_range: range,
@@ -100,6 +101,7 @@ fn log_map(arena: &Arena, journal: &mut LogWriter) -> Result<(), ViewError> {
             0 => CELL,
             _ => FINE_LINE,
         };
+        // A row and a column per line.
         colours.extend([colour; 2]);
     }
     let lines = LineStrips2D::new(strips)
@@ -146,6 +148,7 @@ fn log_player(
     let beside = |[x, y]: [f32; 2]| [x + aside, y + aside];
     for (sample, centre) in centres.iter().enumerate() {
         let at = story.instant(sample);
+        // The whole way at every step, because the viewer shows only the newest strip.
         let places: Vec<[f32; 2]> = centres[..=sample].iter().copied().map(beside).collect();
         let trail = LineStrips2D::new([places])
             .with_radii([0.03])
@@ -211,6 +214,7 @@ fn log_outcome(
         Verdict::Invalid => "fault",
     };
     let centre = story.frames[sample].placements[story.ego()].centre_m;
+    // Slightly smaller than a cell, so that the lines of the map stay visible.
     let frame = Boxes2D::from_centers_and_half_sizes([shown(arena, centre)], [[0.48, 0.48]])
         .with_colors([palette::CONTACT])
         .with_radii([0.05])

@@ -91,6 +91,7 @@ fn log_follow(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), 
     let upright = story.poses().map(|frame| {
         let placement = &frame.placements[ego];
         let [x, y, _] = placement.centre_m;
+        // A camera that pitched and rolled with the body would be hard to watch.
         Placement::upright([x, y, story.ground_m(ego, frame)], placement.heading_rad())
     });
     log_transforms(story, FOLLOW.into(), upright, journal)
@@ -119,11 +120,13 @@ fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), 
         let ground = |frame: &Frame| {
             let [x, y, _] = frame.placements[who].centre_m;
             let z = story.ground_m(who, frame);
+            // Each path a little higher, so that paths on the same ground do not flicker.
             lifted([x, y, z], 0.03 + 0.01 * who as f64)
         };
         sparse.map(ground).collect()
     };
     let trails = LineStrips3D::new(agents.clone().map(strip))
+        // Each thinner than the one below it, so that both are seen on the same path.
         .with_radii(agents.clone().map(|who| 0.16 / (1.0 + who as f32)))
         .with_colors(agents.map(|who| palette::dimmed(story.colour(who), 0.8)));
     journal.always("trails", &[&trails])
@@ -156,6 +159,7 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
     let along: [f64; 3] = std::array::from_fn(|i| (to[i] - from[i]) / apart_m * closing);
     let at = touch.point_m;
     let (pin, height_m) = (lifted(at, 0.2), 2.6_f32);
+    // The arrow of the closing speed ends at the contact.
     let back = std::array::from_fn(|i| at[i] - along[i]);
     let arrows = Arrows3D::from_vectors([[0.0, 0.0, pin[2] - height_m], lifted(along, 0.0)])
         .with_origins([[pin[0], pin[1], height_m], lifted(back, 1.2)])

@@ -153,6 +153,7 @@ fn sentence(story: &ViewedEpisode<'_>) -> String {
 fn why(story: &ViewedEpisode<'_>) -> Explanation {
     let rulebook = story.scenario.rulebook();
     let monitor = match story.episode.verdict {
+        // A rule violation is explained by its rule, because ψ_ego was not decided.
         Verdict::Foul { rule, .. } => &rulebook.rules[rule].monitor,
         _ => &rulebook.spec,
     };
@@ -174,5 +175,6 @@ fn runs(story: &ViewedEpisode<'_>) -> Vec<String> {
 
 /// Robustness with its sign.
 fn signed(value: f64) -> String {
+    // A minus sign is as wide as a plus sign, and a hyphen is not.
     format!("{value:+.3}").replace('-', "−")
 }

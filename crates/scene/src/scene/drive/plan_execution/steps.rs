@@ -130,7 +130,13 @@ impl PlanRun {
                         shape => shape.peak() * by_m.abs() / rate_mps,
                     };
                     self.changed_m += by_m;
-                    self.sway((at_s, lasts_s), (*by_m, shape), true)
+                    self.sway(Swing {
+                        begins_s: at_s,
+                        lasts_s,
+                        by_m: *by_m,
+                        shape,
+                        is_slanted: true,
+                    })
                 }
                 MotionLaw::LaneOffset {
                     to_m,
@@ -140,7 +146,13 @@ impl PlanRun {
                     let middle_m = road.lane_middle_m(lane) + self.changed_m;
                     let by_m = middle_m + to_m - self.lateral_m;
                     let lasts_s = PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt();
-                    self.sway((at_s, lasts_s), (by_m, ChangeShape::Cosine), false)
+                    self.sway(Swing {
+                        begins_s: at_s,
+                        lasts_s,
+                        by_m,
+                        shape: ChangeShape::Cosine,
+                        is_slanted: false,
+                    })
                 }
             };
             if !law.is_across() {
@@ -159,7 +171,7 @@ impl PlanRun {
             if let Some(begun) = &mut self.swing
                 && laws.iter().any(MotionLaw::is_across)
             {
-                aside_m = begun.driven_m(way_m, (at_s, now_s));
+                aside_m = begun.driven_m(way_m, at_s, now_s);
             }
             self.lateral_m += sin * missed_m + aside_m;
         }
@@ -169,19 +181,9 @@ impl PlanRun {
         }
     }
 
-    fn sway(
-        &mut self,
-        (begins_s, lasts_s): (f64, f64),
-        (by_m, shape): (f64, ChangeShape),
-        is_slanted: bool,
-    ) -> f64 {
-        self.swing = Some(Swing {
-            begins_s,
-            lasts_s,
-            by_m,
-            shape,
-            is_slanted,
-        });
-        begins_s + lasts_s
+    /// Begins a lateral motion and returns its end.
+    fn sway(&mut self, swing: Swing) -> f64 {
+        self.swing = Some(swing);
+        swing.begins_s + swing.lasts_s
     }
 }

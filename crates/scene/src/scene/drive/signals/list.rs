@@ -373,9 +373,7 @@ fn curvature_bounds(spec: &DriveSpec) -> Interval {
     let listed = pieces.iter().map(|piece| piece.curvature_per_m);
     let all = listed.chain(list.iter().copied());
     // A road that has turned by its limit is laid straight.
-    let (lo, hi) = all.fold((0.0, 0.0), |(lo, hi): (f64, f64), it| {
-        (lo.min(it), hi.max(it))
-    });
+    let (lo, hi) = all.fold((0.0_f64, 0.0_f64), |(lo, hi), it| (lo.min(it), hi.max(it)));
     between(lo, hi)
 }
 
