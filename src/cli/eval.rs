@@ -2,90 +2,16 @@
 
 use serde_json::json;
 
+use super::common::{exit_of, interrupted_early};
 use super::eval_args::EvalArgs;
-use super::run_under_test::{RunUnderTest, Supplement, is_world, rows_of};
-use super::test_args::note_program_costs;
-use super::{
-    Exit, Failure, exit_of, interrupted_early, load_world, placed, points, population, print_json,
-    progress, table, theorems,
-};
-use crate::evaluation::{EvaluationTable, TheoremsChecked, untrained};
+use super::failure::{Exit, Failure};
+use super::run_under_test::{RunUnderTest, Supplement, rows_of};
+use super::{progress, theorems};
+use crate::evaluation::{EvaluationTable, TheoremsChecked};
 use crate::experiment::Watch;
-use crate::search::usual_switches;
 use crate::theorems::admits_theorems;
 
-/// Refuses options that require a trained ado.
-fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failure> {
-    let test = &args.test;
-    let options = [
-        (!test.ado.is_empty(), "--ado"),
-        (test.tries > 1, "--tries"),
-        (test.temperature.is_some(), "--temperature"),
-        (test.runs > 0, "--runs"),
-        // Points are played by the ego itself, so their failures can be kept.
-        (test.keep.dir().is_some() && !has_points, "--keep"),
-        (args.theorems, "--theorems"),
-    ];
-    let given: Vec<&str> = options
-        .iter()
-        .filter(|(is_given, _)| *is_given)
-        .map(|(_, option)| *option)
-        .collect();
-    if given.is_empty() {
-        return Ok(());
-    }
-    Err(Failure::input(
-        format!(
-            "`{}` is a world, without the trained ado that is required by {}",
-            args.run.display(),
-            given.join(", ")
-        ),
-        "leave them out: the baselines play anyway; or train an ado first and evaluate its run: `brakecheck train WORLD`",
-    ))
-}
-
-/// Evaluates a world in which no ado was trained.
-fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
-    let test = &args.test;
-    let mut world = load_world(&args.run, &test.common)?;
-    test.live.check(test.common.json)?;
-    let has_points = world.has_points();
-    world = test.traffic.limited(world)?;
-    refuse_options_of_runs(args, has_points)?;
-    world = placed(world, test.plant)?;
-    if has_points {
-        return points::run(args, &world);
-    }
-    let egos = test.traffic.levels(args.ego.find(&world)?);
-    let live = args.open_live(&world)?;
-    let bar = progress::bar(&args.test.common, "");
-    let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
-    let switches = test.search.unwrap_or_else(|| usual_switches(&egos));
-    let Some(baselines) = untrained(&world, &egos, test.seed, test.starts, switches, &watch)?
-    else {
-        drop(bar);
-        return interrupted_early(&test.common);
-    };
-    note_program_costs(&egos, &watch);
-    drop(bar);
-    if test.common.json {
-        print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
-    } else {
-        test.live.data(&table::rows(&baselines.rows))?;
-        for why in &baselines.in_the_way {
-            test.live.data(&why.to_string())?;
-        }
-    }
-    Ok(exit_of(&baselines.rows, args.fail_on_counterexample))
-}
-
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
-    if let Some(members) = args.members {
-        return population::eval(args, members);
-    }
-    if is_world(&args.run) {
-        return of_world(args);
-    }
     // All checks of the request come before the first simulation.
     let tested = RunUnderTest::open(&args.run, &args.test)?;
     if args.theorems {

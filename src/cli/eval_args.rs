@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Failure;
+use super::failure::Failure;
 use super::live::{Live, Streamed};
 use super::number_args::whole_number;
 use super::test_args::{EgoArgs, TestArgs};

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, print_json, terminal};
+use super::common::print_json;
+use super::failure::{Exit, Failure};
+use super::terminal::{self, Common};
 use crate::crashes::{ExportSettings, Exports, NotExported, Regressions, export_with};
 
 #[derive(Args, Debug)]

@@ -215,3 +215,8 @@ pub(super) fn not_allowed(who: &str, command: &[String]) -> Failure {
     )
     .with_command(&command_line(command))
 }
+
+/// Renders failures without colour, for tests and logs.
+pub fn plain_theme() -> GraphicalTheme {
+    GraphicalTheme::unicode_nocolor()
+}

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::common::{exit_of, interrupted_early, one_of};
+use super::failure::{Exit, Failure};
+use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
-use super::{Exit, Failure, exit_of, interrupted_early, one_of, progress};
 use crate::evaluation::{DecidedGate, GateOn};
 use crate::experiment::EgoUnderTest;
 use crate::world::Scenario;

@@ -5,8 +5,10 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::failure::Failure;
 use super::number_args::whole_number;
-use super::{Common, Failure, progress, terminal};
+use super::progress;
+use super::terminal::{self, Common};
 use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings};
 use crate::experiment::Watch;
 

@@ -3,7 +3,7 @@
 use std::panic::{self, AssertUnwindSafe, PanicHookInfo};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::Exit;
+use super::failure::Exit;
 
 /// Set after the first message. If several threads fail, a single message is printed.
 static SPOKE: AtomicBool = AtomicBool::new(false);

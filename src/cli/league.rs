@@ -4,7 +4,10 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finished, print_json, progress, table_of, terminal};
+use super::common::{finished, print_json, table_of};
+use super::failure::{Exit, Failure};
+use super::progress;
+use super::terminal::{self, Common};
 use crate::experiment::Audience;
 use crate::population::{LeagueRequest, LeagueResponse, LeagueRound, PopulationDir, train_league};
 use crate::world::Scenario;

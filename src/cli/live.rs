@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
-use super::{Failure, terminal};
+use super::failure::Failure;
+use super::terminal;
 use crate::experiment::Audience;
 #[cfg(feature = "rerun")]
 use crate::view::{EpisodeStream, LiveEnd, LiveView, ViewError};
@@ -66,7 +67,7 @@ impl RerunArgs {
     }
 
     /// Refuses a stream without a place, before any work or file.
-    pub(super) fn check(&self, json: bool) -> Result<(), Failure> {
+    pub(super) fn admit(&self, json: bool) -> Result<(), Failure> {
         let Some(place) = self.rerun.as_deref() else {
             return Ok(());
         };

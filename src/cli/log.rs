@@ -12,7 +12,10 @@ use brakecheck_traffic::{
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::{Common, Exit, Failure, log_reading, print_json, table_of, terminal};
+use super::common::{print_json, table_of};
+use super::failure::{Exit, Failure};
+use super::log_reading;
+use super::terminal::{self, Common};
 use crate::openx::import::driven_lanes;
 use crate::ron_file::{file_text, open_file};
 use crate::run_dir::write_file;

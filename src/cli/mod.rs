@@ -2,8 +2,10 @@
 //!
 //! stdout has data. stderr has messages and progress bars. [`Exit`] lists the exit codes.
 
+mod baselines;
 mod campaign;
 mod check;
+mod common;
 mod crashes;
 mod eval;
 mod eval_args;
@@ -46,24 +48,14 @@ mod train;
 mod view;
 
 use std::ffi::OsString;
-use std::path::Path;
 use std::process::ExitCode;
-use std::str::FromStr;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Parser, Subcommand};
-use miette::GraphicalTheme;
-use serde_json::json;
-use strum::{EnumMessage, VariantArray};
 
-pub use failure::{ErrorReport, Exit, Failure};
+use eval_args::EvalArgs;
+pub use failure::{ErrorReport, Exit, Failure, plain_theme};
+use run_under_test::is_world;
 use terminal::{CommandLine, Common};
-
-use crate::experiment::{NeutralRule, on_plant};
-use crate::report::TextTable;
-use crate::run_dir::{Row, RunDir, RunError};
-use crate::sim::PlantKind;
-use crate::world::Scenario;
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
@@ -87,7 +79,7 @@ enum Verb {
     Train(train::TrainArgs),
     /// Measure a trained ado and baselines on test starts and egos.
     #[command(after_help = examples::EVAL)]
-    Eval(eval_args::EvalArgs),
+    Eval(EvalArgs),
     /// Compare an ego with an earlier one, start by start, under a trained ado.
     #[command(after_help = examples::GATE)]
     Gate(gate::GateArgs),
@@ -212,7 +204,7 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
         Verb::New(args) => new::run(&args),
         Verb::Check(args) => check::run(&args),
         Verb::Train(args) => train::run(&args),
-        Verb::Eval(args) => eval::run(&args),
+        Verb::Eval(args) => evaluate(&args),
         Verb::Gate(args) => gate::run(&args),
         Verb::Sweep(args) => sweep::run(&args),
         Verb::Search(args) => search::run(&args),
@@ -234,151 +226,13 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
     }
 }
 
-/// Opens a run, with the consent that was typed.
-fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
-    let mut run = RunDir::open(path)?;
-    run.allow_programs(common.allow_programs);
-    if common.fresh {
-        run.begin_egos_anew();
+/// Plays what `eval` was given: members of a population, a world, or a run.
+fn evaluate(args: &EvalArgs) -> Result<Exit, Failure> {
+    match args.members {
+        Some(members) => population::eval(args, members),
+        None if is_world(&args.run) => baselines::run(args),
+        None => eval::run(args),
     }
-    Ok(run)
-}
-
-/// Reads a world, with the consent that was typed.
-fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
-    let world = Scenario::find(path)?.allow_programs(common.allow_programs);
-    Ok(if common.fresh {
-        world.with_fresh_egos()
-    } else {
-        world
-    })
-}
-
-/// Returns a world on the plant to test on, if one is requested.
-fn placed(world: Scenario, plant: Option<PlantKind>) -> Result<Scenario, Failure> {
-    match plant {
-        Some(plant) => Ok(on_plant(&world, plant)?),
-        None => Ok(world),
-    }
-}
-
-/// Notes odd content of a world, with its place in the file.
-fn note_warnings(path: &Path, world: &Scenario) {
-    let file = path.display().to_string();
-    let notes = failure::warnings(&file, &world.text, &world.warnings);
-    if !notes.is_empty() {
-        let shown = Failure::of(Exit::Done, notes);
-        let text = shown.render(terminal::theme(), terminal::width());
-        terminal::note_rendered(text.trim_end());
-    }
-    if let Some(broken) = NeutralRule::of(world) {
-        terminal::note(&format!("warning: {broken}\n  help: {}", broken.help()));
-    }
-}
-
-/// Refuses a program after `--` in a verb that takes it from a file only.
-fn refuse_program(verb: &str, program: &[String]) -> Result<(), Failure> {
-    if program.is_empty() {
-        return Ok(());
-    }
-    let command: Vec<String> = program.iter().map(|word| format!("{word:?}")).collect();
-    let change = format!(
-        "Change(controller: Process(command: [{}]))",
-        command.join(", ")
-    );
-    let refused = Failure::input(
-        format!("`{verb}` takes no program after `--`"),
-        "use `--ego FILE.ron --allow-programs`, with this line in FILE.ron:",
-    );
-    Err(refused.with_command(&change))
-}
-
-/// Values of an argument: the words of a list of the library, explained by its
-/// documentation.
-fn one_of<T>() -> impl TypedValueParser<Value = T>
-where
-    T: VariantArray + FromStr + EnumMessage + Clone + Send + Sync,
-    &'static str: for<'a> From<&'a T>,
-{
-    let values = T::VARIANTS.iter().map(|value| {
-        let about = value.get_documentation().unwrap_or_default();
-        PossibleValue::new(<&'static str>::from(value)).help(about.trim_end_matches('.'))
-    });
-    // Invariant: the words are those that are read.
-    PossibleValuesParser::new(values).try_map(|word| word.parse().map_err(|_| word))
-}
-
-/// A plain table with a header.
-fn table_of<const N: usize>(
-    header: [&str; N],
-    lines: impl IntoIterator<Item = [String; N]>,
-) -> String {
-    TextTable::new(header, lines).to_terminal()
-}
-
-/// JSON has no infinities: they are the words "inf" and "-inf".
-fn finite_or_word(value: f64) -> serde_json::Value {
-    if value.is_finite() {
-        value.into()
-    } else {
-        if value > 0.0 { "inf" } else { "-inf" }.into()
-    }
-}
-
-/// Ends a verb that computed nothing, by an interruption or because of the ego.
-fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
-    if terminal::stopped() {
-        terminal::note("interrupted before anything was evaluated");
-        return Ok(Exit::Interrupted);
-    }
-    if common.json {
-        let faults = common
-            .faults()
-            .complaint()
-            .map(|complaint| complaint.faults);
-        // A script that reads JSON gets an object even without a row.
-        print_json(&json!({ "rows": [], "faults": faults }))?;
-    }
-    Ok(Exit::Fault)
-}
-
-/// Returns the exit code of a verb that printed rows.
-fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
-    // A point from which its own ego fails by itself is a failure, although it is left
-    // out.
-    let alone = |row: &Row| {
-        row.fails_alone
-            .is_some_and(|it| it.left_out && it.starts > 0)
-    };
-    let found = rows.iter().any(|row| row.successes > 0 || alone(row));
-    if terminal::stopped() {
-        terminal::note("interrupted: the rows cover the starts that were finished");
-        return Exit::Interrupted;
-    }
-    if found && fail_on_counterexample {
-        Exit::Counterexample
-    } else {
-        Exit::Done
-    }
-}
-
-/// Returns the exit code of a verb that may have been interrupted.
-fn finished(otherwise: Exit) -> Exit {
-    if terminal::stopped() {
-        Exit::Interrupted
-    } else {
-        otherwise
-    }
-}
-
-/// Prints one JSON object on stdout.
-fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
-    terminal::json(&value.to_string())
-}
-
-/// Renders failures without colour, for tests and logs.
-pub fn plain_theme() -> GraphicalTheme {
-    GraphicalTheme::unicode_nocolor()
 }
 
 #[cfg(test)]

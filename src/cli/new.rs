@@ -5,9 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use super::common::print_json;
 use super::failure::Note;
+use super::failure::{Exit, Failure};
 use super::new_from_log::{self, FromLogArgs};
-use super::{Common, Exit, Failure, new_world, print_json, terminal};
+use super::new_world;
+use super::terminal::{self, Common};
 use crate::openx::import::{
     DroppedElements, EgoEvent, Import, ImportError, Imported, ImportedWorld,
 };

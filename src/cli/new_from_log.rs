@@ -9,8 +9,11 @@ use brakecheck_traffic::{
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::common::print_json;
+use super::failure::{Exit, Failure};
 use super::new_world;
-use super::{Exit, Failure, log, log_reading, print_json, terminal};
+use super::terminal;
+use super::{log, log_reading};
 use crate::run_dir::{make_dir, write_file};
 use crate::world::Scenario;
 

@@ -1,6 +1,6 @@
 //! Worlds that `brakecheck new` writes: the small one, and the problems of others.
 
-use super::Failure;
+use super::failure::Failure;
 use super::failure::Note;
 use crate::ron_file::ScenarioError;
 use crate::world::Scenario;

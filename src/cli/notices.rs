@@ -2,7 +2,8 @@
 
 use clap::Args;
 
-use super::{Common, Exit, Failure, terminal};
+use super::failure::{Exit, Failure};
+use super::terminal::{self, Common};
 
 /// The output of `cargo run --release --example notices`.
 const NOTICES: &str = include_str!("../../THIRD_PARTY.txt");

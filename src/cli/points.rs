@@ -4,10 +4,13 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::common::{interrupted_early, print_json, table_of};
 use super::eval_args::EvalArgs;
+use super::failure::{Exit, Failure};
 use super::live::Live;
+use super::terminal;
 use super::test_args::note_program_costs;
-use super::{Exit, Failure, interrupted_early, print_json, progress, table, table_of, terminal};
+use super::{progress, table};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::TextTable;

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::common::{exit_of, finished, interrupted_early, open_run, placed, print_json};
 use super::eval_args::EvalArgs;
+use super::failure::{Exit, Failure};
 use super::run_under_test::refuse_world;
+use super::terminal::{self, Common};
 use super::test_args::note_program_costs;
-use super::{
-    Common, Exit, Failure, exit_of, finished, interrupted_early, open_run, placed, print_json,
-    progress, table, terminal,
-};
+use super::{progress, table};
 use crate::experiment::{Audience, EgoUnderTest};
 use crate::population::{
     DistinctOutcome, DistinctRequest, PopulationDir, PopulationResults, PopulationTest,
@@ -86,7 +86,7 @@ pub(super) fn eval(args: &EvalArgs, most: usize) -> Result<Exit, Failure> {
     let test = &args.test;
     refuse_world(&args.run, "eval --members")?;
     refuse_options(args)?;
-    test.live.check(test.common.json)?;
+    test.live.admit(test.common.json)?;
     let members = members(args, most)?;
     let ego = ego(args, &members)?;
     let live = args.open_live(ego.scenario())?;

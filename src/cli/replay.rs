@@ -6,8 +6,11 @@ use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::common::{finite_or_word, print_json, table_of};
+use super::failure::{Exit, Failure};
+use super::progress;
+use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
-use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, terminal};
 use crate::crashes::{Regressions, ReplayCounts, ReplayOutcome, Replayed};
 use crate::report::{ReplayCase, ReplayResult, replayed_junit};
 use crate::rulebook::RulesUntilContact;

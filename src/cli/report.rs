@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use super::common::{finished, interrupted_early, load_world, open_run, print_json};
+use super::failure::{Exit, Failure};
 use super::number_args::{STARTS, count, start_count};
+use super::progress;
 use super::run_under_test::is_world;
-use super::{
-    Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, progress,
-    terminal,
-};
+use super::terminal::{self, Common};
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
 use crate::experiment::{EgoUnderTest, consent_to};

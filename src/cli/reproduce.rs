@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::Failure;
+use super::failure::Failure;
 use crate::visible::command_line;
 
 /// Whatever an earlier version took.

@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::number_args::{count, positive};
-use super::test_args::EgoArgs;
-use super::{
-    Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, placed,
-    print_json, progress, terminal,
+use super::common::{
+    finished, interrupted_early, load_world, one_of, open_run, placed, print_json,
 };
+use super::failure::{Exit, Failure};
+use super::number_args::{count, positive};
+use super::progress;
+use super::terminal::{self, Common};
+use super::test_args::EgoArgs;
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::risk::{
     KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic, ValueKind,

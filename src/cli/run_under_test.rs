@@ -54,7 +54,7 @@ pub(super) struct RunUnderTest<'a> {
 impl<'a> RunUnderTest<'a> {
     /// Opens a run, and refuses requests without a possible result.
     pub(super) fn open(path: &Path, test: &'a TestArgs) -> Result<RunUnderTest<'a>, Failure> {
-        test.live.check(test.common.json)?;
+        test.live.admit(test.common.json)?;
         let run = open_run(path, &test.common)?;
         // A run without a trained ado is refused before anything is played.
         run.policy_bundle()?;

@@ -7,15 +7,15 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
+use super::common::{exit_of, interrupted_early, load_world, one_of, open_run, placed, print_json};
+use super::failure::{Exit, Failure};
 use super::keep::KeepArgs;
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
+use super::terminal::Common;
 use super::test_args::{EgoArgs, note_program_costs};
 use super::traffic_args::TrafficArgs;
-use super::{
-    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, placed,
-    print_json, progress, table,
-};
+use super::{progress, table};
 use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{Row, RunDir, Stored};
@@ -74,7 +74,7 @@ fn method_of_the_list() -> impl TypedValueParser<Value = MethodInfo> {
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     // An option without effect is refused before any file is read.
     args.method.refuse_others(&given(args))?;
-    args.live.check(args.common.json)?;
+    args.live.admit(args.common.json)?;
     let is_run = args.world.is_dir();
     let run = is_run
         .then(|| open_run(&args.world, &args.common))

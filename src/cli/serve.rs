@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Common, Exit, Failure, open_run, terminal};
+use super::common::open_run;
+use super::failure::{Exit, Failure};
+use super::terminal::{self, Common};
 use crate::serving::{ServeError, ServedAdo};
 
 /// Page that describes the protocol.

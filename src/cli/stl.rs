@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finite_or_word, print_json, terminal};
+use super::common::{finite_or_word, print_json};
+use super::failure::{Exit, Failure};
+use super::terminal::{self, Common};
 use crate::ron_file::{Problem, ScenarioError, file_text};
 use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
 use crate::stl::{

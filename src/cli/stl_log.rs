@@ -8,8 +8,11 @@ use brakecheck_traffic::{
 };
 use serde_json::{Value, json};
 
+use super::common::table_of;
+use super::failure::{Exit, Failure};
 use super::stl::{StlArgs, constants, placed};
-use super::{Exit, Failure, log, log_reading, table_of, terminal};
+use super::terminal;
+use super::{log, log_reading};
 use crate::report::recorded_rules_junit;
 use crate::run_dir::{make_dir, write_file};
 

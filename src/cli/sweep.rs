@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::common::{exit_of, interrupted_early, table_of};
+use super::failure::{Exit, Failure};
+use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::TestArgs;
-use super::{Exit, Failure, exit_of, interrupted_early, progress, table_of};
 use crate::evaluation::{Sweep, SweepPoint, Swept};
 use crate::report::sweep_curve;
 use crate::run_dir::write_file;

@@ -16,7 +16,8 @@ use std::sync::{Arc, OnceLock};
 use clap::{Args, CommandFactory, FromArgMatches};
 use miette::GraphicalTheme;
 
-use super::{Exit, Failure, last_resort};
+use super::failure::{Exit, Failure};
+use super::last_resort;
 use crate::ego::stop_waiting;
 use crate::testbench::FaultLog;
 use crate::visible::{visible, visible_json};

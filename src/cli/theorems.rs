@@ -1,6 +1,6 @@
 //! Output of `eval --theorems`.
 
-use super::table_of;
+use super::common::table_of;
 use crate::evaluation::TheoremsChecked;
 use crate::theorems::{
     CarryOver, Forecast, GridTheorems, Nearby, ReplayedOnGrid, Theorem1, Theorem2, Theorem3,

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::{Failure, terminal};
+use super::failure::Failure;
+use super::terminal;
 use crate::experiment::{EgoUnderTest, in_named_traffic};
 use crate::world::Scenario;
 

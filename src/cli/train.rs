@@ -5,13 +5,16 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::common::{
+    finished, interrupted_early, load_world, note_warnings, one_of, open_run, print_json,
+    refuse_program,
+};
+use super::failure::{Exit, Failure};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
+use super::terminal::{self, Common};
 use super::traffic_args::TrafficArgs;
-use super::{
-    Common, Exit, Failure, finished, interrupted_early, league, load_world, note_warnings, one_of,
-    open_run, population, print_json, progress, refuse_program, table, terminal,
-};
+use super::{league, population, progress, table};
 use crate::population::{DistinctRequest, LeagueRequest};
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Row, RunDir, TrainingEnd};
@@ -88,7 +91,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     args.traffic.one_rate("train")?;
     let world = args.traffic.limited(world)?;
     // A refused stream must leave no run directory, and a refused training no stream.
-    args.live.check(args.common.json)?;
+    args.live.admit(args.common.json)?;
     // Before the first decision, because an odd world wastes the whole training.
     note_warnings(&args.world, &world);
     match (args.distinct, args.league) {

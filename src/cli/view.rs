@@ -7,10 +7,12 @@ use clap::builder::PossibleValuesParser;
 use serde_json::json;
 use strum::VariantArray;
 
+use super::common::{open_run, print_json, refuse_program};
+use super::failure::{Exit, Failure};
 #[cfg(feature = "rerun")]
 use super::live::Streamed;
 use super::live::{self, RerunArgs};
-use super::{Common, Exit, Failure, open_run, print_json, refuse_program, terminal};
+use super::terminal::{self, Common};
 use crate::crashes::{Regressions, Replayed, ViewKind, newest_of_training, picture};
 use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
@@ -80,7 +82,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     if !is_picture && !cfg!(feature = "rerun") {
         return Err(live::without_viewer());
     }
-    args.live.check(args.json)?;
+    args.live.admit(args.json)?;
     let (replayed, ego) = replayed(args)?;
     let Some(first) = replayed.first() else {
         return Err(Failure::input(

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, note_warnings, print_json, terminal};
+use super::common::{note_warnings, print_json};
+use super::failure::{Exit, Failure};
+use super::terminal::{self, Common};
 use crate::experiment::NeutralRule;
 use crate::risk::{RiskTraffic, RiskTrafficError};
 use crate::ron_file::LoadError;

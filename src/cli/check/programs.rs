@@ -3,7 +3,9 @@
 use serde::Serialize;
 use serde_json::json;
 
-use super::super::{Exit, Failure, print_json, table_of, terminal};
+use super::super::common::{print_json, table_of};
+use super::super::failure::{Exit, Failure};
+use super::super::terminal;
 use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, exercise};
 use crate::visible::command_line;
 use crate::world::Scenario;

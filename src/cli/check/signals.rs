@@ -2,7 +2,7 @@
 
 use indexmap::IndexMap;
 
-use super::super::table_of;
+use super::super::common::table_of;
 use crate::world::Scenario;
 
 /// With more agents than this, signals that differ by agents only are one line.

@@ -1,0 +1,76 @@
+//! `brakecheck eval WORLD`: baselines and a search, in a world without a trained ado.
+
+use serde_json::json;
+
+use super::common::{exit_of, interrupted_early, load_world, placed, print_json};
+use super::eval_args::EvalArgs;
+use super::failure::{Exit, Failure};
+use super::test_args::note_program_costs;
+use super::{points, progress, table};
+use crate::evaluation::untrained;
+use crate::search::usual_switches;
+
+/// Refuses options that require a trained ado.
+fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failure> {
+    let test = &args.test;
+    let options = [
+        (!test.ado.is_empty(), "--ado"),
+        (test.tries > 1, "--tries"),
+        (test.temperature.is_some(), "--temperature"),
+        (test.runs > 0, "--runs"),
+        // Points are played by the ego itself, so their failures can be kept.
+        (test.keep.dir().is_some() && !has_points, "--keep"),
+        (args.theorems, "--theorems"),
+    ];
+    let given: Vec<&str> = options
+        .iter()
+        .filter(|(is_given, _)| *is_given)
+        .map(|(_, option)| *option)
+        .collect();
+    if given.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::input(
+        format!(
+            "`{}` is a world, without the trained ado that is required by {}",
+            args.run.display(),
+            given.join(", ")
+        ),
+        "leave them out: the baselines play anyway; or train an ado first and evaluate its run: `brakecheck train WORLD`",
+    ))
+}
+
+/// Plays the points of a world, or baselines and a search where it has none.
+pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
+    let test = &args.test;
+    let mut world = load_world(&args.run, &test.common)?;
+    test.live.admit(test.common.json)?;
+    let has_points = world.has_points();
+    world = test.traffic.limited(world)?;
+    refuse_options_of_runs(args, has_points)?;
+    world = placed(world, test.plant)?;
+    if has_points {
+        return points::run(args, &world);
+    }
+    let egos = test.traffic.levels(args.ego.find(&world)?);
+    let live = args.open_live(&world)?;
+    let bar = progress::bar(&args.test.common, "");
+    let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
+    let switches = test.search.unwrap_or_else(|| usual_switches(&egos));
+    let Some(baselines) = untrained(&world, &egos, test.seed, test.starts, switches, &watch)?
+    else {
+        drop(bar);
+        return interrupted_early(&test.common);
+    };
+    note_program_costs(&egos, &watch);
+    drop(bar);
+    if test.common.json {
+        print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
+    } else {
+        test.live.data(&table::rows(&baselines.rows))?;
+        for why in &baselines.in_the_way {
+            test.live.data(&why.to_string())?;
+        }
+    }
+    Ok(exit_of(&baselines.rows, args.fail_on_counterexample))
+}

@@ -1,0 +1,158 @@
+//! What several verbs share: worlds and runs with consent, refusals, exit codes, JSON.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use serde_json::json;
+use strum::{EnumMessage, VariantArray};
+
+use super::failure::{self, Exit, Failure};
+use super::terminal::{self, Common};
+use crate::experiment::{NeutralRule, on_plant};
+use crate::report::TextTable;
+use crate::run_dir::{Row, RunDir, RunError};
+use crate::sim::PlantKind;
+use crate::world::Scenario;
+
+/// Opens a run, with the consent that was typed.
+pub(super) fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
+    let mut run = RunDir::open(path)?;
+    run.allow_programs(common.allow_programs);
+    if common.fresh {
+        run.begin_egos_anew();
+    }
+    Ok(run)
+}
+
+/// Reads a world, with the consent that was typed.
+pub(super) fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
+    let world = Scenario::find(path)?.allow_programs(common.allow_programs);
+    Ok(if common.fresh {
+        world.with_fresh_egos()
+    } else {
+        world
+    })
+}
+
+/// Returns a world on the plant to test on, if one is requested.
+pub(super) fn placed(world: Scenario, plant: Option<PlantKind>) -> Result<Scenario, Failure> {
+    match plant {
+        Some(plant) => Ok(on_plant(&world, plant)?),
+        None => Ok(world),
+    }
+}
+
+/// Notes odd content of a world, with its place in the file.
+pub(super) fn note_warnings(path: &Path, world: &Scenario) {
+    let file = path.display().to_string();
+    let notes = failure::warnings(&file, &world.text, &world.warnings);
+    if !notes.is_empty() {
+        let shown = Failure::of(Exit::Done, notes);
+        let text = shown.render(terminal::theme(), terminal::width());
+        terminal::note_rendered(text.trim_end());
+    }
+    if let Some(broken) = NeutralRule::of(world) {
+        terminal::note(&format!("warning: {broken}\n  help: {}", broken.help()));
+    }
+}
+
+/// Refuses a program after `--` in a verb that takes it from a file only.
+pub(super) fn refuse_program(verb: &str, program: &[String]) -> Result<(), Failure> {
+    if program.is_empty() {
+        return Ok(());
+    }
+    let command: Vec<String> = program.iter().map(|word| format!("{word:?}")).collect();
+    let change = format!(
+        "Change(controller: Process(command: [{}]))",
+        command.join(", ")
+    );
+    let refused = Failure::input(
+        format!("`{verb}` takes no program after `--`"),
+        "use `--ego FILE.ron --allow-programs`, with this line in FILE.ron:",
+    );
+    Err(refused.with_command(&change))
+}
+
+/// Values of an argument: the words of a list of the library, explained by its
+/// documentation.
+pub(super) fn one_of<T>() -> impl TypedValueParser<Value = T>
+where
+    T: VariantArray + FromStr + EnumMessage + Clone + Send + Sync,
+    &'static str: for<'a> From<&'a T>,
+{
+    let values = T::VARIANTS.iter().map(|value| {
+        let about = value.get_documentation().unwrap_or_default();
+        PossibleValue::new(<&'static str>::from(value)).help(about.trim_end_matches('.'))
+    });
+    // Invariant: the words are those that are read.
+    PossibleValuesParser::new(values).try_map(|word| word.parse().map_err(|_| word))
+}
+
+/// A plain table with a header.
+pub(super) fn table_of<const N: usize>(
+    header: [&str; N],
+    lines: impl IntoIterator<Item = [String; N]>,
+) -> String {
+    TextTable::new(header, lines).to_terminal()
+}
+
+/// JSON has no infinities: they are the words "inf" and "-inf".
+pub(super) fn finite_or_word(value: f64) -> serde_json::Value {
+    if value.is_finite() {
+        value.into()
+    } else {
+        if value > 0.0 { "inf" } else { "-inf" }.into()
+    }
+}
+
+/// Ends a verb that computed nothing, by an interruption or because of the ego.
+pub(super) fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
+    if terminal::stopped() {
+        terminal::note("interrupted before anything was evaluated");
+        return Ok(Exit::Interrupted);
+    }
+    if common.json {
+        let faults = common
+            .faults()
+            .complaint()
+            .map(|complaint| complaint.faults);
+        // A script that reads JSON gets an object even without a row.
+        print_json(&json!({ "rows": [], "faults": faults }))?;
+    }
+    Ok(Exit::Fault)
+}
+
+/// Returns the exit code of a verb that printed rows.
+pub(super) fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
+    // A point from which its own ego fails by itself is a failure, although it is left
+    // out.
+    let alone = |row: &Row| {
+        row.fails_alone
+            .is_some_and(|it| it.left_out && it.starts > 0)
+    };
+    let found = rows.iter().any(|row| row.successes > 0 || alone(row));
+    if terminal::stopped() {
+        terminal::note("interrupted: the rows cover the starts that were finished");
+        return Exit::Interrupted;
+    }
+    if found && fail_on_counterexample {
+        Exit::Counterexample
+    } else {
+        Exit::Done
+    }
+}
+
+/// Returns the exit code of a verb that may have been interrupted.
+pub(super) fn finished(otherwise: Exit) -> Exit {
+    if terminal::stopped() {
+        Exit::Interrupted
+    } else {
+        otherwise
+    }
+}
+
+/// Prints one JSON object on stdout.
+pub(super) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
+    terminal::json(&value.to_string())
+}
