@@ -56,8 +56,7 @@ impl ScoredStrategy {
     }
 
     fn is_better_than(&self, other: &ScoredStrategy) -> bool {
-        // A short lead is worth more than a score, because it predicts the ego as it was
-        // fitted.
+        // The rank counts first: a plan for the ego as it was fitted is the likeliest to work.
         self.lead < other.lead || (self.lead == other.lead && other.score < self.score)
     }
 }
