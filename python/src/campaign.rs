@@ -192,7 +192,7 @@ pub(crate) fn eval_run<'py>(
     let nominal = placed(&run.scenario().map_err(failed)?, options.plant.as_deref())?;
     let ego = options.ego.as_ref().map(|ego| ego.bind(py));
     let egos = egos(&nominal, ego)?;
-    let ados = options
+    let groups = options
         .ados
         .iter()
         .map(|word| {
@@ -201,7 +201,7 @@ pub(crate) fn eval_run<'py>(
             group.ok_or_else(|| wrong(format!("there is no ado `{word}`"), known()))
         })
         .collect::<PyResult<Vec<_>>>()?;
-    let ados: Vec<AdversaryId> = ados
+    let ados: Vec<AdversaryId> = groups
         .iter()
         .flat_map(|group| group.ids(&run, &nominal))
         .collect();
@@ -292,8 +292,8 @@ pub(crate) fn eval_world<'py>(
             return Ok(None);
         };
         let mut rows = Vec::new();
-        let own = Ado::Rule(policy, "python", "python");
-        let adversaries: [&dyn Adversary; 4] = [&own, &BestConstant, &Ado::Held, &Ado::Random];
+        let ado = Ado::Rule(policy, "python", "python");
+        let adversaries: [&dyn Adversary; 4] = [&ado, &BestConstant, &Ado::Held, &Ado::Random];
         for ego in &egos {
             let experiment = Experiment {
                 ego,

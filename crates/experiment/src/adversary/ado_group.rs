@@ -121,9 +121,10 @@ fn without_each(world: &Scenario) -> Vec<AdversaryId> {
     let parts = &world.spaces().parts;
     // A single ado without itself is no adversary.
     let own = parts.iter().filter(|_| parts.len() > 1);
-    let names = own.map(|part| part.name.as_str());
-    let names = names.chain(world.judged_ados());
-    names.map(AdversaryId::without).collect()
+    own.map(|part| part.name.as_str())
+        .chain(world.judged_ados())
+        .map(AdversaryId::without)
+        .collect()
 }
 
 #[cfg(test)]
