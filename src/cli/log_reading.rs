@@ -1,9 +1,16 @@
 //! Lines on a reading: what was read, left out and contradictory.
 
+use std::ops::RangeInclusive;
+
 use brakecheck_traffic::{Analysis, ReadCounts};
 
 use super::terminal;
 use crate::stl::sampling::rate_of;
+
+/// Distances of adjacent lanes that are widths of lanes in feet, and of none in metres.
+const LANES_IN_FEET: RangeInclusive<f64> = 9.0..=15.0;
+/// Median speed that traffic on no public road has, in m/s.
+const FASTEST_MPS: f64 = 55.0;
 
 /// Prints a line each on what was read, left out, corrected and contradictory.
 pub(super) fn note(analysis: &Analysis, map: &str) {
@@ -25,15 +32,30 @@ pub(super) fn note(analysis: &Analysis, map: &str) {
     let counts = &recording.counts;
     let mut left_out = listed(&left_out(counts));
     left_out.extend(analysis.frame.without_lanes.iter().map(ToString::to_string));
+    let mut contradicting = listed(&contradictions(counts));
+    contradicting.extend(signs_of_feet(analysis));
     for (title, parts) in [
         ("left out", left_out),
         ("corrected", listed(&corrected(counts))),
-        ("contradicts itself", listed(&contradictions(counts))),
+        ("contradicts itself", contradicting),
     ] {
         if !parts.is_empty() {
             terminal::note(&format!("{title}: {}", parts.join(", ")));
         }
     }
+}
+
+/// Returns quantities that are those of lanes and vehicles in feet.
+fn signs_of_feet(analysis: &Analysis) -> Vec<String> {
+    let distance_m = analysis.frame.lane_distance_m();
+    let lanes = distance_m.filter(|it| LANES_IN_FEET.contains(it));
+    let lanes = lanes.map(|it| format!("lanes {it:.1} m apart"));
+    let speed_mps = analysis.recording.median_speed_mps();
+    let speed = speed_mps.filter(|it| *it > FASTEST_MPS);
+    let speed = speed.map(|it| format!("a median speed of {it:.0} m/s"));
+    let cure = "as in feet (`length_unit: Feet` of a column map)";
+    let signs = lanes.into_iter().chain(speed);
+    signs.map(|it| format!("{it}, {cure}")).collect()
 }
 
 fn left_out(counts: &ReadCounts) -> [(usize, &'static str); 6] {
@@ -61,7 +83,7 @@ fn corrected(counts: &ReadCounts) -> [(usize, &'static str); 6] {
     ]
 }
 
-fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 6] {
+fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 7] {
     [
         (counts.jumps, "jumps at which tracks are split"),
         (counts.sideways, "steps that jump to the side"),
@@ -74,6 +96,10 @@ fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 6] {
         (
             counts.headings_off,
             "tracks that head elsewhere than they move",
+        ),
+        (
+            counts.narrow,
+            "cars narrower than 1 m, as sizes in other units are (`length_unit` of a column map)",
         ),
     ]
 }

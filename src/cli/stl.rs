@@ -1,6 +1,6 @@
 //! `brakecheck stl`: a formula, a trace in CSV, and its robustness.
 
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -243,10 +243,11 @@ fn lines(all: &[f64], dt_s: f64) -> String {
 
 fn read(args: &StlArgs, file: &str) -> Result<ReadTrace, Failure> {
     let failed = |error: std::io::Error| {
-        Failure::input(
-            format!("cannot read `{file}`: {error}"),
-            "name a CSV file, or - for standard input",
-        )
+        let help = match error.kind() {
+            ErrorKind::InvalidData => "save it as UTF-8, not as UTF-16 or Latin-1",
+            _ => "name a CSV file, or - for standard input",
+        };
+        Failure::input(format!("cannot read `{file}`: {error}"), help)
     };
     let mut text = String::new();
     if file == "-" {

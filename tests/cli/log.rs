@@ -472,6 +472,30 @@ fn what_was_read_and_evaluated_is_said_and_nothing_is_a_failure() {
 }
 
 #[test]
+fn recordings_that_look_like_feet_are_marked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (feet, narrow) = (
+        folder.path().join("feet.csv"),
+        folder.path().join("narrow.csv"),
+    );
+    let (mut text, mut small) = ("time,id,x,y\n".to_owned(), recording());
+    for (i, id) in (0..120).flat_map(|i| (0..9).map(move |id| (i, id))) {
+        let (x, y) = (200 * id + 9 * i, 12 * (id % 3));
+        text += &format!("{:.1},{id},{x},{y}\n", 0.1 * f64::from(i));
+    }
+    small = small.replace(",4,1.8\n", ",1.2,0.55\n");
+    write(&feet, text.as_bytes());
+    write(&narrow, small.as_bytes());
+    for (file, words) in [
+        (feet, "lanes 12.0 m apart, as in feet (`length_unit: Feet`"),
+        (narrow, "2 cars narrower than 1 m, as sizes in other units"),
+    ] {
+        let said = stderr(&brakecheck(&["log", &file.display().to_string()]));
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+#[test]
 fn a_column_map_is_named_for_new_worlds_too() {
     let (folder, file) = folder();
     let worlds = folder.path().join("worlds").display().to_string();
@@ -487,5 +511,6 @@ fn a_column_map_is_named_for_new_worlds_too() {
     ];
     let output = brakecheck(&[&args[..], &["-o", &worlds]].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    refused(&["new", "w", "--map", "generic"], "--map without a file");
+    refused(&["new", "w", "--map", "generic"], "--from-log");
+    refused(&["new", "w", "--road", "r.xodr"], "--road without a file");
 }

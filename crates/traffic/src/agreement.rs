@@ -32,6 +32,16 @@ const RATIOS: [(f64, &str); 8] = [
     (1.0e6, "times in microseconds"),
 ];
 
+/// Reading of angles of a file whose y points to the right.
+const CLOCKWISE: &str = "clockwise angles, those of a y to the right";
+/// Angle from which a reading of it differs from another, 2°.
+const DISTINCT_RAD: f64 = PI / 90.0;
+/// Places at which readings differ, below which they show nothing.
+const LEAST_PLACES: usize = 15;
+
+/// Share of directions that are not those of the motion, and a reading that fits.
+type DirectionProblem = (f64, Option<&'static str>);
+
 /// Comparison of the columns of all road users with their positions.
 #[derive(Default)]
 pub(crate) struct Agreement {
@@ -39,6 +49,8 @@ pub(crate) struct Agreement {
     ratios: Vec<f64>,
     /// Recorded heading, and direction of motion.
     headings: Vec<(f64, f64)>,
+    /// Direction of the recorded velocity, and that of the motion.
+    courses: Vec<(f64, f64)>,
     /// Speeds of the positions in m/s.
     speeds_mps: Vec<f64>,
     /// Road users whose speeds differ from their positions.
@@ -70,6 +82,11 @@ impl Agreement {
             self.speeds_mps.push(speed_mps);
             if let Some(recorded) = recorded {
                 self.ratios.push(recorded / speed_mps.max(1e-9));
+            }
+            if let RawVector::Components(vx, vy) = samples[i].velocity
+                && speed_mps >= MOVING_MPS
+            {
+                self.courses.push((libm::atan2(vy, vx), libm::atan2(y, x)));
             }
             if let Some(heading_rad) = samples[i].heading_rad
                 && speed_mps >= MOVING_MPS
@@ -103,10 +120,16 @@ impl Agreement {
                 fits: fits(ratio, rate_hz),
             });
         }
-        self.heading_problem()
+        let known = || self.heading_problem().or_else(|| mirrored(&self.headings));
+        let heading = known().map(|(share, fits)| FileProblem::HeadingsDiffer { share, fits });
+        heading.or_else(|| {
+            let (_, fits) = mirrored(&self.courses)?;
+            Some(FileProblem::VelocitiesDiffer { fits })
+        })
     }
 
-    fn heading_problem(&self) -> Option<FileProblem> {
+    /// Returns the share of headings that are not the course, and a reading that fits.
+    fn heading_problem(&self) -> Option<DirectionProblem> {
         // Share of the headings that are the course, and the mean difference to it.
         let fit_of = |read: &dyn Fn(f64) -> f64| {
             let (mut same, mut off_rad) = (0, 0.0);
@@ -129,7 +152,7 @@ impl Agreement {
             ("radians of a compass, clockwise from north", &|it| {
                 FRAC_PI_2 - it
             }),
-            ("clockwise angles", &|it| -it),
+            (CLOCKWISE, &|it| -it),
             ("the direction of the rear", &|it| it + PI),
             ("radians", &f64::to_degrees),
         ];
@@ -152,11 +175,37 @@ impl Agreement {
             })
             .map(|(name, (share, _))| (name, share))?;
         let is_better = off.len() >= 5 && 1.0 - best.1 <= 0.3 * (1.0 - share) && best.1 > 0.9;
-        (is_better || share < 0.6).then_some(FileProblem::HeadingsDiffer {
-            share: 1.0 - share,
-            fits: is_better.then_some(best.0),
-        })
+        (is_better || share < 0.6).then_some((1.0 - share, is_better.then_some(best.0)))
     }
+}
+
+/// Returns a reading by which small angles are those of the motion, unlike as they are.
+///
+/// On a road along x all angles are small, so that no reading is far off. A lane change to
+/// the other side than that of the motion still shows an axis that is mirrored.
+fn mirrored(pairs: &[(f64, f64)]) -> Option<DirectionProblem> {
+    let readings: [(&'static str, &dyn Fn(f64) -> f64); 2] =
+        [(CLOCKWISE, &|it| -it), ("degrees", &f64::to_radians)];
+    readings.into_iter().find_map(|(name, read)| {
+        let is_distinct = |it: &&(f64, f64)| wrapped(read(it.0) - it.0).abs() > DISTINCT_RAD;
+        let distinct: Vec<&(f64, f64)> = pairs.iter().filter(is_distinct).collect();
+        let (mut as_is, mut as_read, mut product, mut square) = (0.0, 0.0, 0.0, 0.0);
+        for (angle, course) in &distinct {
+            let (is, read) = (wrapped(angle - course), wrapped(read(*angle) - course));
+            as_is += is * is;
+            as_read += read * read;
+            product += (read + course) * course;
+            square += course * course;
+        }
+        // Noise of angles vanishes in degrees, but does not follow the motion.
+        let follows = product > 0.7 * square && product < 1.4 * square && square > 0.0;
+        let is_better = as_read < 0.25 * as_is && (name == CLOCKWISE || follows);
+        let is_seen = distinct.len() >= LEAST_PLACES;
+        (is_seen && is_better).then(|| {
+            let share = distinct.len() as f64 / pairs.len() as f64;
+            (share, Some(name))
+        })
+    })
 }
 
 fn is_same_way((heading_rad, course_rad): (f64, f64)) -> bool {

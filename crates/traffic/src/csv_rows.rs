@@ -1,7 +1,8 @@
-//! Records of CSV files, with their separators, headers and lines.
+//! Rows of CSV files, with their lines.
 
 use std::io::{BufRead, BufReader, Read};
 
+use brakecheck_stl::table::{Decimals, Table, TableError};
 use csv::ByteRecord;
 
 use crate::error::ReadError;
@@ -9,68 +10,29 @@ use crate::error::ReadError;
 /// Characters of a header that an error shows.
 const HEADER_SHOWN: usize = 500;
 
-/// Returns a reader of records, with the separator of the first line if none is given.
-pub(crate) fn csv_of<R: Read>(
+/// Opens a table, with the separator of the first line if none is given.
+pub(crate) fn open_table<R: Read>(
     rows: R,
     delimiter: Option<char>,
     name: &str,
-) -> Result<csv::Reader<BufReader<R>>, ReadError> {
-    let mut rows = BufReader::with_capacity(1 << 18, rows);
-    let start = rows.fill_buf().map_err(|source| ReadError::File {
-        file: name.to_owned(),
-        source,
-    })?;
-    let line = start
-        .split(|byte| *byte == b'\n')
-        .next()
-        .unwrap_or_default();
-    let count = |sign: u8| line.iter().filter(|byte| **byte == sign).count();
-    let known = delimiter.and_then(|it| u8::try_from(it).ok());
-    let usual = [b',', b';', b'\t']
-        .into_iter()
-        .rev()
-        .max_by_key(|sign| count(*sign));
-    Ok(csv::ReaderBuilder::new()
-        .buffer_capacity(1 << 18)
-        // The default also ends a record at `\r`, and then counts lines of files with
-        // `\r\n` one too low. The `\r` is trimmed with the blanks.
-        .terminator(csv::Terminator::Any(b'\n'))
-        .trim(csv::Trim::All)
-        .delimiter(known.or(usual).unwrap_or(b','))
-        .from_reader(rows))
+) -> Result<Table<BufReader<R>>, ReadError> {
+    let rows = BufReader::with_capacity(1 << 18, rows);
+    Table::open(rows, delimiter).map_err(|it| table_error(it, name))
 }
 
-pub(crate) fn header_of(
-    reader: &mut csv::Reader<impl Read>,
-    name: &str,
-) -> Result<Vec<String>, ReadError> {
-    let header = reader.byte_headers().map_err(|it| csv_error(it, name))?;
-    let text = |field: &[u8]| String::from_utf8_lossy(field).trim().to_owned();
-    let mut header: Vec<String> = header.iter().map(text).collect();
-    if let Some(first) = header.first_mut() {
-        // Spreadsheets write a byte order mark.
-        *first = first.trim_start_matches('\u{feff}').to_owned();
-    }
-    Ok(header)
-}
-
-pub(crate) fn csv_error(error: csv::Error, name: &str) -> ReadError {
+pub(crate) fn table_error(error: TableError, name: &str) -> ReadError {
     let file = name.to_owned();
-    match error.into_kind() {
-        csv::ErrorKind::Io(source) => ReadError::File { file, source },
-        csv::ErrorKind::UnequalLengths {
-            pos,
-            expected_len,
-            len,
-        } => ReadError::Fields {
+    match error {
+        TableError::Io(source) => ReadError::File { file, source },
+        TableError::Ragged { line, got, want } => ReadError::Fields {
             file,
-            line: pos.map_or(0, |it| it.line()),
-            got: len,
-            want: expected_len,
+            line,
+            got: got as u64,
+            want: want as u64,
         },
         other => ReadError::File {
             file,
-            source: std::io::Error::other(format!("{other:?}")),
+            source: std::io::Error::other(other),
         },
     }
 }
@@ -99,8 +61,8 @@ fn beginning(text: &str, most: usize) -> String {
 /// CSV file whose columns are found by their names.
 pub(crate) struct CsvTable<'a, R> {
     file: &'a str,
-    header: Vec<String>,
-    reader: csv::Reader<R>,
+    table: Table<R>,
+    decimals: Decimals,
 }
 
 impl<'a> CsvTable<'a, ()> {
@@ -108,26 +70,26 @@ impl<'a> CsvTable<'a, ()> {
         rows: R,
         file: &'a str,
     ) -> Result<CsvTable<'a, BufReader<R>>, ReadError> {
-        let mut reader = csv_of(rows, None, file)?;
-        let header = header_of(&mut reader, file)?;
+        let table = open_table(rows, None, file)?;
+        let decimals = table.decimals();
         Ok(CsvTable {
             file,
-            header,
-            reader,
+            table,
+            decimals,
         })
     }
 }
 
-impl<R: Read> CsvTable<'_, R> {
+impl<R: BufRead> CsvTable<'_, R> {
     pub(crate) fn next(&mut self) -> Result<Option<ByteRecord>, ReadError> {
         let mut row = ByteRecord::new();
-        let read = self.reader.read_byte_record(&mut row);
-        let is_row = read.map_err(|error| csv_error(error, self.file))?;
+        let read = self.table.read(&mut row);
+        let is_row = read.map_err(|error| table_error(error, self.file))?;
         Ok(is_row.then_some(row))
     }
 
     pub(crate) fn column(&self, name: &str) -> Option<usize> {
-        let mut header = self.header.iter();
+        let mut header = self.table.names().iter();
         header.position(|it| it.eq_ignore_ascii_case(name))
     }
 
@@ -137,7 +99,7 @@ impl<R: Read> CsvTable<'_, R> {
             file: self.file.to_owned(),
             column: name.to_owned(),
             nearest: None,
-            header: header_shown(&self.header),
+            header: header_shown(self.table.names()),
         })
     }
 
@@ -149,10 +111,8 @@ impl<R: Read> CsvTable<'_, R> {
 
     pub(crate) fn required(&self, row: &ByteRecord, name: &str) -> Result<f64, ReadError> {
         let field = self.field(row, name)?;
-        let text = std::str::from_utf8(field).ok();
-        let value = text.and_then(|it| it.trim().parse::<f64>().ok());
-        let finite = value.filter(|it| it.is_finite());
-        finite.ok_or_else(|| self.wrong(row, name))
+        let value = self.decimals.number(field);
+        value.ok_or_else(|| self.wrong(row, name))
     }
 
     /// Returns a number, `None` without the column.

@@ -36,6 +36,22 @@ pub enum ReadError {
         /// Header of the file.
         header: String,
     },
+    /// Two columns have a name of the map.
+    #[error("`{file}`: two columns are called `{column}` in line 1")]
+    TwoColumns {
+        /// Name of the file.
+        file: String,
+        /// Column of the map.
+        column: String,
+    },
+    /// A name in the header has a unit that is not read.
+    #[error("`{file}`: the unit of `{column}` in line 1 is not read")]
+    Unit {
+        /// Name of the file.
+        file: String,
+        /// Name in the header.
+        column: String,
+    },
     /// A row has more or fewer fields than the header.
     #[error("`{file}`, line {line}: {got} fields, the header has {want}")]
     Fields {
@@ -154,11 +170,18 @@ impl ReadError {
                 Some(nearest) => format!("map `{nearest}`, or another of `{header}`"),
                 None => format!("map a column of `{header}`"),
             },
+            ReadError::TwoColumns { .. } => "rename one of them in line 1".to_owned(),
+            ReadError::Unit { .. } => {
+                "convert the column, and write m, ft, m/s, km/h, mph, ft/s, deg or rad; all \
+                 lengths have the unit of x"
+                    .to_owned()
+            }
             ReadError::Fields { .. } => {
                 "remove the row, or quote fields that contain commas".to_owned()
             }
             ReadError::Number { text, .. } if text.contains(',') => {
-                "write decimals with a point".to_owned()
+                "write all decimals with a point, or all with a comma between other separators"
+                    .to_owned()
             }
             ReadError::Number { .. } => {
                 "remove the row, or map another column; a hole is better than a guess".to_owned()

@@ -10,6 +10,7 @@ use crate::parts::{TrackPart, parts};
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{RawReference, RawRow, RawTrack, RawTracks, RawVector, wrapped};
 use crate::recording::{ReadCounts, RoadUserTrack, TrafficRecording};
+use crate::sizes;
 
 /// Share of a period by which an instant may be off the grid.
 const ON_GRID: f64 = 0.05;
@@ -22,9 +23,6 @@ const PERIODS_S: [f64; 2] = [5.0e-4, 5.0];
 
 /// Greatest number of samples per row: more are mostly made up.
 const SAMPLES_PER_ROW: usize = 10;
-
-/// Width of no road user that is not longer, in metres.
-const WIDE_M: f64 = 3.5;
 
 /// Speed below which the direction of motion is no heading, in m/s.
 const STANDING_MPS: f64 = 0.5;
@@ -98,12 +96,11 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
     if all.is_empty() {
         return Err(empty());
     }
-    if let Some(problem) = swapped(&all) {
+    let problem = sizes::problem(&all).or_else(|| agreement.problem(rate_hz));
+    if let Some(problem) = problem {
         return Err(whole(problem));
     }
-    if let Some(problem) = agreement.problem(rate_hz) {
-        return Err(whole(problem));
-    }
+    counts.narrow = sizes::narrow(&all);
     (counts.speeds_off, counts.headings_off) = (agreement.speeds_off, agreement.headings_off);
     Ok(TrafficRecording {
         name: file.to_owned(),
@@ -129,17 +126,6 @@ fn check_span(tracks: &[RawTrack], grid: &TimeGrid) -> Result<(), FileProblem> {
         return Err(FileProblem::Period { dt_s });
     }
     Ok(())
-}
-
-/// Returns a problem if most road users are wider than any lane and wider than long.
-fn swapped(tracks: &[RoadUserTrack]) -> Option<FileProblem> {
-    let is_wide = |it: &&RoadUserTrack| it.width_m > WIDE_M.max(it.length_m);
-    let mut wide = tracks.iter().filter(is_wide);
-    let first = wide.next()?;
-    (2 * (1 + wide.count()) > tracks.len()).then_some(FileProblem::Wide {
-        length_m: first.length_m,
-        width_m: first.width_m,
-    })
 }
 
 /// Time grid of a recording.

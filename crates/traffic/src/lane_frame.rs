@@ -80,6 +80,17 @@ impl fmt::Display for NoLanes {
 }
 
 impl LaneFrame {
+    /// Returns the median distance of adjacent lanes, `None` without two.
+    pub fn lane_distance_m(&self) -> Option<f64> {
+        let carriageways = self.carriageways.iter();
+        let pairs = carriageways.flat_map(|it| it.lanes.windows(2));
+        let mut all: Vec<f64> = pairs
+            .map(|pair| (pair[1].offset_m - pair[0].offset_m).abs())
+            .collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied()
+    }
+
     /// Fits the carriageways of a recording from its motor vehicles.
     ///
     /// Tracks of less than 40 m start none. Traffic that turns sharply, or that keeps no

@@ -188,6 +188,38 @@ impl ColumnMap {
     }
 }
 
+/// Returns a column of a map by names whose unit is unknown or another than the map has.
+pub(crate) fn unread_unit(map: &ColumnMap) -> Option<&str> {
+    let is_length = |unit: ColumnUnit| match unit {
+        ColumnUnit::Metres => map.length_unit == LengthUnit::Metres,
+        ColumnUnit::Feet => map.length_unit == LengthUnit::Feet,
+        _ => false,
+    };
+    let is_speed = |unit: ColumnUnit| unit == ColumnUnit::Speed(map.speed_unit);
+    let is_angle = |unit: ColumnUnit| matches!(unit, ColumnUnit::Degrees | ColumnUnit::Radians);
+    let mut columns: Vec<(&str, &dyn Fn(ColumnUnit) -> bool)> =
+        vec![(&map.x, &is_length), (&map.y, &is_length)];
+    if let SizeColumns::Columns { length, width } = &map.size {
+        columns.extend([(&**length, &is_length as _), (&**width, &is_length as _)]);
+    }
+    match &map.velocity {
+        VectorColumns::Derived => {}
+        VectorColumns::Components(x, y) => {
+            columns.extend([(&**x, &is_speed as _), (&**y, &is_speed as _)]);
+        }
+        VectorColumns::Magnitude(along) => columns.push((along, &is_speed)),
+    }
+    columns.extend(map.heading.iter().map(|it| (&*it.column, &is_angle as _)));
+    let is_unread = |(header, fits): &(&str, &dyn Fn(ColumnUnit) -> bool)| {
+        let has_bracket = header.contains(['[', '(']);
+        column(header).unit.map_or(has_bracket, |unit| !fits(unit))
+    };
+    columns
+        .into_iter()
+        .find(is_unread)
+        .map(|(header, _)| header)
+}
+
 impl TimeColumn {
     /// Returns the column of a name, with the unit in it.
     pub fn named(column: &str) -> TimeColumn {

@@ -26,11 +26,18 @@ impl Positions {
         map: &ColumnMap,
     ) -> Result<Positions, ReadError> {
         let at = |column: &str| {
-            let exact = header.iter().position(|it| it == column);
-            let like = || header.iter().position(|it| it.eq_ignore_ascii_case(column));
-            exact
-                .or_else(like)
-                .ok_or_else(|| missing(header, file, column))
+            let like = |it: &&(usize, &String)| it.1.eq_ignore_ascii_case(column);
+            let named: Vec<(usize, &String)> = header.iter().enumerate().collect();
+            let mut exact = named.iter().filter(|it| it.1 == column);
+            let mut found = named.iter().filter(like);
+            match (exact.next(), exact.next(), found.next(), found.next()) {
+                (Some((at, _)), None, ..) | (None, None, Some((at, _)), None) => Ok(*at),
+                (None, None, None, _) => Err(missing(header, file, column)),
+                _ => Err(ReadError::TwoColumns {
+                    file: file.to_owned(),
+                    column: column.to_owned(),
+                }),
+            }
         };
         let vector = |columns: &VectorColumns| match columns {
             VectorColumns::Derived => Ok(Vec::new()),

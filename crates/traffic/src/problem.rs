@@ -218,6 +218,20 @@ pub enum FileProblem {
         /// Unit that explains it.
         fits: Option<&'static str>,
     },
+    /// Recorded velocities lead elsewhere than the positions.
+    #[error("the recorded velocities do not lead along the positions{}", suggestion(*.fits))]
+    VelocitiesDiffer {
+        /// Reading that explains it.
+        fits: Option<&'static str>,
+    },
+    /// Most road users are wider than any vehicle.
+    #[error("most vehicles are {width_m:.2} m wide and {length_m:.2} m long, which fits feet")]
+    Large {
+        /// Median length in metres.
+        length_m: f64,
+        /// Median width in metres.
+        width_m: f64,
+    },
     /// A position is nowhere on Earth.
     #[error("`{name}` of `{owner}` is {value:e} m from the origin")]
     Far {
@@ -322,7 +336,16 @@ impl FileProblem {
             }
             FileProblem::HeadingsDiffer { .. } => {
                 "write a column map with the right unit of `heading` (Degrees, Radians, \
-                 CompassDegrees, CompassRadians), or with `heading: None`"
+                 CompassDegrees, CompassRadians), with `y_axis: Right` for a y to the right, or \
+                 with `heading: None`"
+            }
+            FileProblem::VelocitiesDiffer { .. } => {
+                "write a column map with the components along x and y, or with `velocity: Derived`"
+            }
+            FileProblem::Large { .. } => {
+                "name a column map with `length_unit: Feet`, or write the unit into the header: \
+                 `x [ft]`, `speed [ft/s]`; sizes alone are given as \
+                 Fixed(length_m: 4.5, width_m: 1.8)"
             }
             FileProblem::Far { .. } => "remove the row, or map the position in its unit",
             FileProblem::ArrayLength { .. } => "give each array a value per row",

@@ -1,23 +1,27 @@
 //! Reading of long CSV files.
 
 use std::collections::HashMap;
-use std::io::Read;
+use std::io::{BufRead, Read};
 
+use brakecheck_stl::table::{Decimals, Table, parse_iso};
 use csv::ByteRecord;
 
 use crate::column_map::{ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, YAxis};
-use crate::csv_rows::{csv_error, csv_of, header_of, header_shown, line_of, shown};
+use crate::csv_rows::{header_shown, line_of, open_table, shown, table_error};
 use crate::error::ReadError;
 use crate::grid;
+use crate::named_map::unread_unit;
 use crate::positions::Positions;
 use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
 use crate::recording_meta::RecordingMeta;
-use crate::timestamp::parse_iso;
 use crate::xosc_entity::class_of_words;
 
 /// Length of the longest road user, beyond that of any train, and width of the widest.
 const MOST_SIZE_M: [f64; 2] = [1000.0, 20.0];
+
+/// Name of maps of usual names.
+const BY_NAME: &str = "by name";
 
 /// Reads rows with the column map that the header determines.
 ///
@@ -73,16 +77,15 @@ impl CsvColumns<'_> {
         name: &str,
     ) -> Result<(TrafficRecording, &'static str), ReadError> {
         let delimiter = self.map.and_then(|map| map.delimiter);
-        let mut reader = csv_of(rows, delimiter, name)?;
-        let header = header_of(&mut reader, name)?;
+        let table = open_table(rows, delimiter, name)?;
         let (map, known) = match self.map {
             Some(map) => (map.clone(), "as given"),
-            None => self.guess(&header, name)?,
+            None => self.guess(table.names(), name)?,
         };
         let none = RecordingMeta::default();
         let meta = self.meta.unwrap_or(&none);
         let timed = meta.timed(&map)?;
-        let recording = read_rows(reader, &header, name, &timed, meta)?;
+        let recording = read_rows(table, name, &timed, meta)?;
         meta.check_period(&timed, recording.dt_s, name)?;
         Ok((recording, known))
     }
@@ -91,13 +94,21 @@ impl CsvColumns<'_> {
     fn guess(&self, header: &[String], name: &str) -> Result<(ColumnMap, &'static str), ReadError> {
         let guessed = ColumnMap::guess(header);
         let shipped = guessed.and_then(|it| Some((ColumnMap::shipped(it)?, it)));
-        let named = || Some((ColumnMap::by_names(header, self.time)?, "by name"));
+        let named = || Some((ColumnMap::by_names(header, self.time)?, BY_NAME));
         let Some((mut map, known)) = shipped.or_else(named) else {
             return Err(ReadError::UnknownFormat {
                 file: name.to_owned(),
                 header: header_shown(header),
             });
         };
+        if known == BY_NAME
+            && let Some(column) = unread_unit(&map)
+        {
+            return Err(ReadError::Unit {
+                file: name.to_owned(),
+                column: column.to_owned(),
+            });
+        }
         if let Some(column) = self.time {
             map.time = TimeColumn::named(column);
         }
@@ -127,17 +138,17 @@ pub fn read_csv(
 }
 
 fn read_rows(
-    mut reader: csv::Reader<impl Read>,
-    header: &[String],
+    mut table: Table<impl BufRead>,
     name: &str,
     map: &ColumnMap,
     meta: &RecordingMeta,
 ) -> Result<TrafficRecording, ReadError> {
-    let mut parser = RowParser::new(header, name, map)?;
+    let header = table.names().to_vec();
+    let mut parser = RowParser::new(&header, name, map, table.decimals())?;
     let mut record = ByteRecord::new();
-    while reader
-        .read_byte_record(&mut record)
-        .map_err(|it| csv_error(it, name))?
+    while table
+        .read(&mut record)
+        .map_err(|it| table_error(it, name))?
     {
         parser.push(&record)?;
     }
@@ -155,6 +166,9 @@ struct RowParser<'a> {
     header: &'a [String],
     file: &'a str,
     map: &'a ColumnMap,
+    decimals: Decimals,
+    /// Whether times are dates.
+    is_iso: bool,
     at: Positions,
     ids: HashMap<Vec<u8>, usize>,
     tracks: Vec<RawTrack>,
@@ -177,11 +191,14 @@ impl<'a> RowParser<'a> {
         header: &'a [String],
         file: &'a str,
         map: &'a ColumnMap,
+        decimals: Decimals,
     ) -> Result<RowParser<'a>, ReadError> {
         Ok(RowParser {
             header,
             file,
             map,
+            decimals,
+            is_iso: matches!(map.time, TimeColumn::Iso(_)),
             at: Positions::new(header, file, map)?,
             ids: HashMap::new(),
             tracks: Vec::new(),
@@ -197,7 +214,15 @@ impl<'a> RowParser<'a> {
             tracks: self.tracks,
             counts: self.counts,
             origin_m: self.origin.map_or([0.0; 2], |origin| origin.position_m),
-            reading: self.map.in_words(),
+            reading: match &self.map.time {
+                // A column that is called a time in seconds may have dates.
+                TimeColumn::Seconds(column) if self.is_iso => ColumnMap {
+                    time: TimeColumn::Iso(column.clone()),
+                    ..self.map.clone()
+                }
+                .in_words(),
+                _ => self.map.in_words(),
+            },
             rate_hz: match &self.map.time {
                 TimeColumn::Frames { rate_hz, .. } => Some(*rate_hz),
                 _ => None,
@@ -382,17 +407,18 @@ impl<'a> RowParser<'a> {
         if self.origin.is_some() && self.last_time.0 == field {
             return Ok(self.last_time.1);
         }
-        let (whole_s, rest) = match &self.map.time {
-            TimeColumn::Iso(column) => {
-                let text = String::from_utf8_lossy(field);
-                parse_iso(text.trim()).ok_or_else(|| ReadError::Instant {
-                    file: self.file.to_owned(),
-                    line: line_of(record),
-                    column: column.clone(),
-                    text: shown(field),
-                })?
-            }
-            _ => (0, self.number(record, self.at.time)?),
+        if self.origin.is_none() && matches!(self.map.time, TimeColumn::Seconds(_)) {
+            self.is_iso = iso_of(field).is_some();
+        }
+        let (whole_s, rest) = if self.is_iso {
+            iso_of(field).ok_or_else(|| ReadError::Instant {
+                file: self.file.to_owned(),
+                line: line_of(record),
+                column: self.map.time.column().to_owned(),
+                text: shown(field),
+            })?
+        } else {
+            (0, self.number(record, self.at.time)?)
         };
         let origin = self.origin.get_or_insert(Origin {
             whole_s,
@@ -400,7 +426,10 @@ impl<'a> RowParser<'a> {
             position_m,
         });
         // The difference first: an epoch in nanoseconds has all digits of an f64.
-        let unit_s = self.map.time.unit_s().unwrap_or(1.0);
+        let unit_s = match self.map.time.unit_s() {
+            Some(unit_s) if !self.is_iso => unit_s,
+            _ => 1.0,
+        };
         let time_s = (whole_s - origin.whole_s) as f64 + (rest - origin.rest) * unit_s;
         self.last_time.0.clear();
         self.last_time.0.extend_from_slice(field);
@@ -410,10 +439,8 @@ impl<'a> RowParser<'a> {
 
     fn number(&self, record: &ByteRecord, at: usize) -> Result<f64, ReadError> {
         let field = &record[at];
-        let text = std::str::from_utf8(field).ok();
-        let value = text.and_then(|it| it.trim().parse::<f64>().ok());
-        value
-            .filter(|it| it.is_finite())
+        self.decimals
+            .number(field)
             .ok_or_else(|| ReadError::Number {
                 file: self.file.to_owned(),
                 line: line_of(record),
@@ -421,4 +448,8 @@ impl<'a> RowParser<'a> {
                 text: shown(field),
             })
     }
+}
+
+fn iso_of(field: &[u8]) -> Option<(i64, f64)> {
+    parse_iso(std::str::from_utf8(field).ok()?.trim())
 }

@@ -190,6 +190,9 @@ pub struct ReadCounts {
     /// Tracks that mostly head elsewhere than they move.
     #[serde(default)]
     pub headings_off: usize,
+    /// Cars that are narrower than 1 m, counted if most are.
+    #[serde(default)]
+    pub narrow: usize,
 }
 
 /// Longest hole that is interpolated, in seconds.
@@ -232,6 +235,15 @@ impl TrafficRecording {
             .map(RoadUserTrack::distance_m)
             .sum::<f64>()
             / 1000.0
+    }
+
+    /// Returns the median of the mean speeds of motor vehicles, `None` without any.
+    pub fn median_speed_mps(&self) -> Option<f64> {
+        let vehicles = self.tracks.iter().filter(|it| it.class.is_motor_vehicle());
+        let mean = |it: &RoadUserTrack| it.speed_mps.iter().sum::<f64>() / it.len() as f64;
+        let mut means: Vec<f64> = vehicles.map(mean).collect();
+        means.sort_by(f64::total_cmp);
+        means.get(means.len() / 2).copied()
     }
 
     /// Returns the number of road users, each counted once.

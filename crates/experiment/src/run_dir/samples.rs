@@ -1,6 +1,7 @@
 //! Traces from CSV: a header of signal names, then one line per sample.
 //!
 //! The time column is known by its name, such as `time [s]`, `timestamp` or `sim_time`.
+//! Its times are numbers or ISO 8601 dates, which count from the first sample.
 //! It must be even within the rounding of its stamps, and determines the sampling
 //! period. Columns of `true` and `false` are Boolean signals. All other values must be
 //! finite numbers. Otherwise the error states the line.
@@ -9,6 +10,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use brakecheck_stl::sampling::{EvenSampling, MOST_OFF, TimeName, rate_of, time_name, time_rank};
+use brakecheck_stl::table::{Decimals, Table, TableError, is_value, parse_iso};
 
 use crate::trace::{Schema, SchemaError, Signal, Trace};
 
@@ -37,11 +39,18 @@ pub enum SamplesError {
     /// The header is no valid schema.
     #[error("line 1: {0}")]
     Header(#[from] SchemaError),
-    /// The columns are not separated by commas.
-    #[error("line 1: the columns are separated by {by}, and commas are expected")]
-    Separator {
-        /// Separator in words.
-        by: &'static str,
+    /// The columns are separated by blanks.
+    #[error("line 1: the columns are separated by blanks, and `,`, `;` or tabs are expected")]
+    Blanks,
+    /// A time is no number and no date, or no date like the first one.
+    #[error("line {line}, column `{column}`: `{value}` is no time")]
+    NotATime {
+        /// Number of the line, from 1.
+        line: usize,
+        /// Name of the column.
+        column: String,
+        /// Value in the file.
+        value: String,
     },
     /// A line has more or fewer values than the header.
     #[error("line {line}: {got} values for {want} columns")]
@@ -127,6 +136,16 @@ pub enum SamplesError {
         /// Period of the column.
         column_s: f64,
     },
+    /// Times in seconds are those of another unit.
+    #[error("the times of `{column}` are {time_s:e} s, which fits {unit}")]
+    Epoch {
+        /// Name of the time column.
+        column: String,
+        /// Greatest time in seconds.
+        time_s: f64,
+        /// Unit that fits.
+        unit: &'static str,
+    },
     /// The text is not CSV.
     #[error("{0}")]
     Csv(String),
@@ -143,18 +162,24 @@ impl SamplesError {
             SamplesError::NoHeader { .. } => {
                 "write the names above the values, such as `time,headway`"
             }
-            SamplesError::Separator { .. } => {
-                "separate names and values with `,`, and write decimals with a point"
+            SamplesError::Blanks => "separate names and values with `,`",
+            SamplesError::NotATime { .. } => {
+                "write all times as numbers or all as 2026-11-29T10:00:00.05Z, or name another \
+                 column with `--time`"
             }
             SamplesError::Uneven { .. } => "resample the trace at a fixed period",
             SamplesError::NotLater { .. } => "sort the samples by time, each once",
             SamplesError::TimeUnit { .. } => {
                 "use s, ms, us or ns, or convert the column to seconds"
             }
+            SamplesError::Epoch { .. } => "write the unit into the header, such as `time_ms`",
             SamplesError::Period { .. } => {
                 "leave out `--dt`, or name another time column with `--time`"
             }
             SamplesError::Ragged { .. } => "give every line as many values as the header has names",
+            SamplesError::NotANumber { value, .. } if value.contains(',') => {
+                "write all decimals with a point, or all with a comma between other separators"
+            }
             SamplesError::NotANumber { .. } => "write a number such as 1.5, or true / false",
             _ => "a trace looks like `time,headway` and then `0.0,12.5`, one line per sample",
         }
@@ -179,6 +204,8 @@ pub struct ReadTrace {
     pub time: Option<String>,
     /// Largest distance of a stamp from even sampling in seconds.
     pub off_s: f64,
+    /// First instant as the file writes it, `None` where times are numbers.
+    pub since: Option<String>,
 }
 
 /// One line: time column, samples, period and signals.
@@ -191,6 +218,9 @@ impl fmt::Display for ReadTrace {
             None => write!(f, "no time column: {samples} samples")?,
         }
         write!(f, " at {:.6} s ({})", dt_s, rate_of(dt_s))?;
+        if let Some(since) = &self.since {
+            write!(f, ", dates since {since}")?;
+        }
         if self.off_s > UNEVEN * dt_s {
             write!(f, ", stamps rounded by up to {:.6} s", self.off_s)?;
         }
@@ -217,79 +247,47 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
 ///
 /// Returns an error with the line of the problem.
 pub fn read_trace(text: &str, options: &TraceOptions<'_>) -> Result<ReadTrace, SamplesError> {
-    // Spreadsheets write a byte order mark, which would be part of the first
-    // name.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let header = commented_header(text);
-    let mut reader = csv::ReaderBuilder::new()
-        .flexible(true)
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .has_headers(header.is_none())
-        .from_reader(text.as_bytes());
-    let csv_error = |error: csv::Error| SamplesError::Csv(error.to_string());
-    let names: Vec<String> = match header {
-        Some(names) => names,
-        None => {
-            let names = reader.headers().map_err(csv_error)?;
-            names.iter().map(str::to_owned).collect()
-        }
-    };
+    let mut table = Table::open(text.as_bytes(), None).map_err(table_error)?;
+    let names = table.names().to_vec();
     check_names(&names)?;
-    let mut table = SampleTable::new(names, options)?;
-    for record in reader.records() {
-        table.push(&record.map_err(csv_error)?)?;
+    let mut samples = SampleTable::new(names, options, table.decimals())?;
+    let mut record = csv::ByteRecord::new();
+    while table.read(&mut record).map_err(table_error)? {
+        samples.push(&record)?;
     }
-    table.read(options.dt_s)
+    samples.read(options.dt_s)
 }
 
-/// Returns the names of a header that is a comment, as numpy writes it.
-///
-/// It is the last comment before values, with a name for each of them.
-fn commented_header(text: &str) -> Option<Vec<String>> {
-    let is_comment = |line: &&str| line.trim_start().starts_with('#') || line.trim().is_empty();
-    let mut lines = text.lines();
-    let comments: Vec<&str> = lines.by_ref().take_while(is_comment).collect();
-    let first = text.lines().nth(comments.len())?;
-    if !is_values(first.split(',')) {
-        return None;
+fn table_error(error: TableError) -> SamplesError {
+    match error {
+        TableError::Ragged { line, got, want } => SamplesError::Ragged {
+            line: line as usize,
+            got,
+            want,
+        },
+        other => SamplesError::Csv(other.to_string()),
     }
-    let last = comments.iter().rev().find(|line| !line.trim().is_empty())?;
-    let names: Vec<String> = last
-        .trim_start()
-        .trim_start_matches('#')
-        .split(',')
-        .map(|name| name.trim().to_owned())
-        .collect();
-    let fits = names.len() == first.split(',').count();
-    (fits && !is_values(names.iter().map(String::as_str))).then_some(names)
 }
 
-/// Returns true if all fields are numbers or truth values.
+/// Returns true if all fields are numbers, truth values or instants.
 fn is_values<'a>(mut fields: impl Iterator<Item = &'a str>) -> bool {
-    fields.all(|field| {
-        let field = field.trim().trim_matches('"').to_ascii_lowercase();
-        field == "true" || field == "false" || field.parse::<f64>().is_ok()
-    })
+    fields.all(is_value)
 }
 
 fn check_names(names: &[String]) -> Result<(), SamplesError> {
     if names.is_empty() || names.iter().all(String::is_empty) {
         return Err(SamplesError::Empty);
     }
-    if let Some(column) = names.iter().position(String::is_empty) {
-        return Err(SamplesError::NoName { column: column + 1 });
+    // The first column may be the index of a data frame, whose name is empty.
+    if let Some(column) = names.iter().skip(1).position(String::is_empty) {
+        return Err(SamplesError::NoName { column: column + 2 });
     }
-    // A single name with another separator in it is a mistake, not a column.
-    if let [only] = names {
-        let separators = [(';', "semicolons"), ('\t', "tabs")];
-        let found = separators.iter().find(|(sign, _)| only.contains(*sign));
-        // Names may have blanks in them, and values have not.
-        let by_blanks = only.contains(' ') && is_values(only.split_whitespace());
-        let by = found.map(|(_, by)| *by).or(by_blanks.then_some("blanks"));
-        if let Some(by) = by {
-            return Err(SamplesError::Separator { by });
-        }
+    // Names may have blanks in them, and values have not.
+    if let [only] = names
+        && only.contains(' ')
+        && is_values(only.split_whitespace())
+    {
+        return Err(SamplesError::Blanks);
     }
     if is_values(names.iter().map(String::as_str)) {
         return Err(SamplesError::NoHeader { line: 1 });
@@ -361,60 +359,106 @@ struct SampleTable {
     times: Vec<TimeIndex>,
     /// Most digits behind the point in each time column.
     digits: Vec<usize>,
+    /// First date in each time column, `None` where times are numbers.
+    since: Vec<Option<FirstDate>>,
+    decimals: Decimals,
     boolean: Vec<bool>,
     rows: Vec<Vec<f64>>,
     lines: Vec<usize>,
+}
+
+/// First date of a time column.
+struct FirstDate {
+    /// Seconds since 1970, as whole seconds and a rest.
+    instant_s: (i64, f64),
+    text: String,
 }
 
 impl SampleTable {
     fn new(
         mut names: Vec<String>,
         options: &TraceOptions<'_>,
+        decimals: Decimals,
     ) -> Result<SampleTable, SamplesError> {
         let times = time_columns(&mut names, options)?;
         Ok(SampleTable {
             boolean: vec![true; names.len()],
             names,
             digits: vec![0; times.len()],
+            since: times.iter().map(|_| None).collect(),
             times,
+            decimals,
             rows: Vec::new(),
             lines: Vec::new(),
         })
     }
 
-    fn push(&mut self, record: &csv::StringRecord) -> Result<(), SamplesError> {
+    fn push(&mut self, record: &csv::ByteRecord) -> Result<(), SamplesError> {
         let line = record
             .position()
             .map_or(0, |position| position.line() as usize);
-        if record.len() != self.names.len() {
-            return Err(SamplesError::Ragged {
-                line,
-                got: record.len(),
-                want: self.names.len(),
-            });
-        }
         let mut row = Vec::with_capacity(record.len());
-        for (column, value) in record.iter().enumerate() {
-            let word = match value.to_ascii_lowercase().as_str() {
-                "true" => Some(1.0),
-                "false" => Some(0.0),
-                _ => None,
+        for (column, field) in record.iter().enumerate() {
+            let time = self.times.iter().position(|it| it.column == column);
+            let number = match time {
+                Some(time) => self.instant(time, field),
+                None => self.value(column, field),
             };
-            // A column is Boolean only if all its values are words.
-            self.boolean[column] &= word.is_some();
-            let number = word.or_else(|| value.parse().ok().filter(|n: &f64| n.is_finite()));
-            row.push(number.ok_or_else(|| SamplesError::NotANumber {
-                line,
-                column: self.names[column].clone(),
-                value: value.to_owned(),
+            row.push(number.ok_or_else(|| {
+                let column = self.names[column].clone();
+                let value = String::from_utf8_lossy(field).into_owned();
+                match time {
+                    Some(_) => SamplesError::NotATime {
+                        line,
+                        column,
+                        value,
+                    },
+                    None => SamplesError::NotANumber {
+                        line,
+                        column,
+                        value,
+                    },
+                }
             })?);
-        }
-        for (time, digits) in self.times.iter().zip(&mut self.digits) {
-            *digits = (*digits).max(digits_of(&record[time.column]));
         }
         self.rows.push(row);
         self.lines.push(line);
         Ok(())
+    }
+
+    /// Returns a number or a truth value.
+    fn value(&mut self, column: usize, field: &[u8]) -> Option<f64> {
+        let word = match field.to_ascii_lowercase().as_slice() {
+            b"true" => Some(1.0),
+            b"false" => Some(0.0),
+            _ => None,
+        };
+        // A column is Boolean only if all its values are words.
+        self.boolean[column] &= word.is_some();
+        word.or_else(|| self.decimals.number(field))
+    }
+
+    /// Returns a time as a number, that of a date since the first one.
+    fn instant(&mut self, time: usize, field: &[u8]) -> Option<f64> {
+        let index = &mut self.times[time];
+        self.boolean[index.column] = false;
+        let text = std::str::from_utf8(field).ok()?;
+        self.digits[time] = self.digits[time].max(digits_of(text));
+        if self.since[time].is_none() {
+            if let Some(number) = self.decimals.number(field) {
+                return Some(number);
+            }
+            // After a number, a date has no first one to count from.
+            let instant_s = parse_iso(text).filter(|_| self.rows.is_empty())?;
+            index.unit_s = 1.0;
+            self.since[time] = Some(FirstDate {
+                instant_s,
+                text: text.to_owned(),
+            });
+        }
+        let (whole_s, rest_s) = parse_iso(text)?;
+        let (first_s, first_rest_s) = self.since[time].as_ref()?.instant_s;
+        Some((whole_s - first_s) as f64 + (rest_s - first_rest_s))
     }
 
     fn read(self, dt_s: Option<f64>) -> Result<ReadTrace, SamplesError> {
@@ -442,6 +486,10 @@ impl SampleTable {
             trace,
             time: column.map(|(at, _)| self.names[at].clone()),
             off_s: time.map_or(0.0, |it| it.off_s),
+            since: self
+                .since
+                .first()
+                .and_then(|it| Some(it.as_ref()?.text.clone())),
         })
     }
 
@@ -487,6 +535,9 @@ impl SampleTable {
             .iter()
             .map(|row| row[time.column] * time.unit_s)
             .collect();
+        if let Some(error) = self.other_epoch(time, &times_s) {
+            return Err(error);
+        }
         let uneven = |times_s: &[f64]| self.odd_step(times_s);
         let Some(fit) = EvenSampling::fit(&times_s) else {
             return Err(uneven(&times_s));
@@ -499,6 +550,18 @@ impl SampleTable {
         Ok(TimeFit {
             dt_s: fit.dt_s,
             off_s: fit.off_s,
+        })
+    }
+
+    /// Returns an error for times after the year 5000, which are those of a finer unit.
+    fn other_epoch(&self, time: &TimeIndex, times_s: &[f64]) -> Option<SamplesError> {
+        let time_s = times_s.iter().fold(0.0_f64, |most, it| most.max(*it));
+        let units = [(1e17, "ns"), (1e14, "µs"), (1e11, "ms")];
+        let (_, unit) = units.into_iter().find(|(from_s, _)| time_s > *from_s)?;
+        Some(SamplesError::Epoch {
+            column: self.names[time.column].clone(),
+            time_s,
+            unit,
         })
     }
 
@@ -571,7 +634,8 @@ fn digits_of(text: &str) -> usize {
     if text.contains(['e', 'E']) {
         return FULL_DIGITS;
     }
-    text.split_once('.').map_or(0, |(_, part)| part.len())
+    let behind = text.split_once(['.', ',']).map_or("", |(_, part)| part);
+    behind.bytes().take_while(u8::is_ascii_digit).count()
 }
 
 /// Rounds to nine decimals, which removes the digits of binary fractions.
@@ -608,15 +672,31 @@ mod tests {
             ("x,,z\n1,2,3\n", "column 2"),
             ("t,x,x\n1,2,3\n", "declared twice"),
             ("t,y\n1,2\n3\n", "line 3: 1 values for 2 columns"),
-            ("t\n1\nNaN\n", "line 3, column `t`: `NaN`"),
-            ("t\n1\ninf\n", "`inf` is no finite number"),
+            ("t\n1\nNaN\n", "line 3, column `t`: `NaN` is no time"),
+            ("t,x\n1,inf\n", "`inf` is no finite number"),
             (
-                "time;x\n0;1\n",
-                "line 1: the columns are separated by semicolons",
+                "time x\n0 1\n",
+                "none of the columns `time x` is known as the time",
             ),
             (
-                "time\tx\n0\t1\n",
-                "line 1: the columns are separated by tabs",
+                "timestamp,x\n1700000000000,1\n1700000000100,1\n",
+                "the times of `timestamp` are 1.7000000001e12 s, which fits ms",
+            ),
+            (
+                "time;x\n0;1,5\n1;2.5\n",
+                "line 3, column `x`: `2.5` is no finite number",
+            ),
+            (
+                "time,x\n2026-11-29T10:00:00Z,1\n0.1,2\n",
+                "line 3, column `time`: `0.1` is no time",
+            ),
+            (
+                "time,x\n0,1\n2026-11-29T10:00:00Z,2\n",
+                "line 3, column `time`: `2026-11-29T10:00:00Z` is no time",
+            ),
+            (
+                "time,x\n10:00:00,1\n10:00:01,2\n",
+                "line 2, column `time`: `10:00:00` is no time",
             ),
             ("t\n1\nabc\n", "`abc`"),
             ("t,x\n0,1\n1,1\n3,1\n", "line 4: time 3 s where 2 s was"),
@@ -676,7 +756,9 @@ mod tests {
     #[test]
     fn rounded_stamps_have_their_rate() {
         for rate_hz in [10.0, 15.0, 24.0, 30.0, 60.0, 90.0, 100.0] {
-            let stamps: [&dyn Fn(f64) -> String; 6] = [
+            let stamps: [&dyn Fn(f64) -> String; 8] = [
+                &|t| format!("2026-11-29T10:00:{t:06.3}Z"),
+                &|t| format!("2026-12-31 23:59:{:09.6}+01:00", 56.0 + t),
                 &|t| format!("{t}"),
                 &|t| format!("{t:.3}"),
                 &|t| format!("{}", t as f32),
@@ -701,6 +783,10 @@ mod tests {
             "# made by numpy\n# time, x\n0.0,1\n0.1,2\n0.2,3\n",
             "x,TimeStamp\n1,0.0\n2,0.1\n3,0.2\n",
             "x,time_ms\n1,0\n2,100\n3,200\n",
+            ",time,x\n0,0.0,1\n1,0.1,2\n2,0.2,3\n",
+            "time;x\n0;1,0\n0,1;2,0\n0,2;3,0\n",
+            "t\tx\n0\t1\n0.1\t2\n0.2\t3\n",
+            "x,timestamp_ms\n1,2026-11-29 23:59:59.9\n2,2026-11-30 00:00:00.0\n3,2026-11-30 00:00:00.1\n",
             "epoch,x\n1700000000.0,1\n1700000000.1,2\n1700000000.2,3\n",
         ] {
             let trace = trace_of_csv(text, None).unwrap_or_else(|it| panic!("{text}: {it}"));

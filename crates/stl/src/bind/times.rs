@@ -110,9 +110,10 @@ impl Binder<'_> {
         };
         // A quotient that does not fit is certainly beyond the limit.
         let samples = value.div(self.period).ok_or_else(too_far)?;
-        let whole = nearest(samples).unwrap_or_else(|| samples.floor());
+        let rounded = nearest(samples).or_else(|| written(samples, value, self.period));
+        let whole = rounded.unwrap_or_else(|| samples.floor());
         // Rounding further would silently change the formula, so neighbours are suggested.
-        if nearest(samples).is_none() {
+        if rounded.is_none() {
             let beside = |n: i128| {
                 let time = Ratio::new(n, 1).and_then(|n| n.mul(self.period));
                 time.map_or_else(|| "?".to_owned(), |time| time.to_string())
@@ -155,6 +156,24 @@ fn nearest(samples: Ratio) -> Option<i128> {
     // Never by a noticeable part of a sample, however long the bound is.
     let is_near = off(whole) <= (ROUNDED * value).min(1e-3);
     (samples.is_whole() || (is_near && whole > 0)).then_some(whole)
+}
+
+/// Returns the sample whose time is the bound if it is rounded to as many digits.
+///
+/// So 0.033 s is a sample of 30 Hz. Rounding is that to milliseconds or finer, and always
+/// less than a tenth of a period.
+fn written(samples: Ratio, value: Ratio, period: Ratio) -> Option<i128> {
+    let below = samples.floor();
+    let (value_s, period_s) = (value.to_f64(), period.to_f64());
+    (3..=9).find_map(|digits| {
+        let power = f64::from(10_u32.pow(digits));
+        let in_units = (value_s * power).round();
+        let is_written = (value_s * power - in_units).abs() < 1e-4;
+        let is_fine = 0.5 / power <= 0.1 * period_s;
+        let is_it = |n: &i128| *n > 0 && (*n as f64 * period_s * power).round() == in_units;
+        let sample = [below, below + 1].into_iter().find(is_it);
+        sample.filter(|_| is_written && is_fine)
+    })
 }
 
 fn in_seconds(value: Ratio, unit: Option<TimeUnit>) -> Option<Ratio> {

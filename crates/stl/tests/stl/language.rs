@@ -181,6 +181,41 @@ fn bounds_are_exact() {
 }
 
 #[test]
+fn bounds_are_samples_or_their_times_in_milliseconds() {
+    let bind = |dt_s: f64, text: &str| {
+        let schema = Schema::new(dt_s, [Signal::boolean("b", "")]).unwrap();
+        let bound = formula(text).bind(&schema, &Constants::new());
+        bound.map(|it| it.horizon_samples())
+    };
+    let (film, television) = (1.0 / 30.0, 1001.0 / 30_000.0);
+    for (dt_s, text, samples) in [
+        (film, "G[0, 0.033] b", 1),
+        (film, "G[0, 0.0667] b", 2),
+        (film, "G[0, 0.967] b", 29),
+        (film, "G[0, 67 ms] b", 2),
+        (television, "G[0, 1.001] b", 30),
+    ] {
+        assert_eq!(bind(dt_s, text).unwrap(), Some(samples), "{text}");
+    }
+    // One second lies a millisecond beside the nearest sample of 29.97 Hz.
+    for (dt_s, text) in [
+        (television, "G[0, 1] b"),
+        (film, "G[0, 0.05] b"),
+        (film, "G[0, 0.034] b"),
+        (0.05, "G[0, 0.0503] b"),
+        // In milliseconds, every bound would be a sample.
+        (1.0 / 1200.0, "G[0, 0.002] b"),
+    ] {
+        let error = bind(dt_s, text).unwrap_err();
+        assert!(error.to_string().contains("is not a multiple"), "{text}");
+        assert!(
+            error.help().unwrap().contains("the neighbours are"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
 fn names_mean_signals_then_constants_then_formulas() {
     let schema = Schema::new(1.0, [Signal::real("x", "", "")]).unwrap();
     let names = Names {

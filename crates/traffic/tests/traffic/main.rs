@@ -12,5 +12,6 @@ mod reading;
 mod rules;
 mod situations;
 mod synthetic;
+mod tables;
 mod units;
 mod worlds;
