@@ -7,6 +7,7 @@ use core::f64::consts::PI;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
+use self::leg_index::LegIndex;
 use crate::pose::{GroundFrame, Pose, rotation_by};
 
 /// A piece of a curved road.
@@ -97,27 +98,14 @@ struct Leg {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Course {
     legs: Vec<Leg>,
-    /// Boxes around consecutive legs, so that a search skips most of them.
-    boxes: Vec<LegBox>,
-}
-
-/// Box around the first leg, or around [`BOXED_LEGS`] later ones.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct LegBox {
-    least_m: [f64; 2],
-    most_m: [f64; 2],
+    /// Places of the legs, so that a search skips most of them.
+    index: LegIndex,
 }
 
 /// Length of straight road before the first and behind the last piece.
 pub(crate) const RUN_OUT_M: f64 = 10_000.0;
 /// Distance between the points with which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
-/// Up to this number of legs, all are searched: skipping costs more than it saves.
-const FEW_LEGS: usize = 8;
-/// Number of legs in a box.
-const BOXED_LEGS: usize = 8;
-/// Tolerance of the search radius, which covers rounding of distances.
-const SAME_M: f64 = 1e-6;
 /// Length of border drawn before and behind the used part of a road.
 const DRAWN_BEYOND_M: f64 = 100.0;
 
@@ -244,7 +232,7 @@ impl Course {
         let start = origin.ahead(-RUN_OUT_M);
         let first = Leg::new(-RUN_OUT_M, RUN_OUT_M, start, 0.0);
         Course {
-            boxes: vec![first.bounds()],
+            index: LegIndex::of(&first),
             legs: vec![first],
         }
     }
@@ -255,21 +243,8 @@ impl Course {
         };
         let (from_s_m, end) = (last.from_s_m + last.length_m, last.pose(last.length_m, 0.0));
         let leg = Leg::new(from_s_m, length_m, end, curvature_per_m);
-        match self.boxes.last_mut() {
-            // The first leg, which is long, has a box of its own.
-            Some(last) if !(self.legs.len() - 1).is_multiple_of(BOXED_LEGS) => {
-                last.include(leg.bounds())
-            }
-            _ => self.boxes.push(leg.bounds()),
-        }
+        self.index.push(&leg);
         self.legs.push(leg);
-    }
-
-    /// Returns the legs of a box.
-    fn boxed(&self, number: usize) -> &[Leg] {
-        let first = number.checked_sub(1).map_or(0, |nth| 1 + nth * BOXED_LEGS);
-        let behind = 1 + number * BOXED_LEGS;
-        &self.legs[first..behind.min(self.legs.len())]
     }
 
     /// Returns the pieces in order, without the straight ends.
@@ -303,39 +278,6 @@ impl Course {
 
     fn locate_on_legs(&self, pose: &Pose) -> OnRoad {
         self.nearest(pose).1
-    }
-
-    /// Returns the distance to the course and the coordinates at its nearest point.
-    pub(super) fn nearest(&self, pose: &Pose) -> (f64, OnRoad) {
-        let mut nearest: Option<(f64, OnRoad)> = None;
-        let within_m = if self.legs.len() <= FEW_LEGS {
-            f64::INFINITY
-        } else {
-            // The nearest leg is no farther than any start.
-            let away_m = self.boxes.iter().map(|it| it.away_m(pose));
-            let near = away_m.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
-            let legs = self.boxed(near.map_or(0, |(number, _)| number)).iter();
-            let starts_m = legs.map(|leg| leg.start_away_m(pose));
-            starts_m.fold(f64::INFINITY, f64::min) + SAME_M
-        };
-        for (number, around) in self.boxes.iter().enumerate() {
-            if within_m < around.away_m(pose) {
-                continue;
-            }
-            for leg in self.boxed(number) {
-                // A leg is at least as far as its start minus its length.
-                if within_m < leg.start_away_m(pose) - leg.length_m {
-                    continue;
-                }
-                let (away_m, at) = leg.locate(pose);
-                // Strictly nearer, so the earlier of two equally near legs is kept.
-                if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
-                    nearest = Some((away_m, at));
-                }
-            }
-        }
-        // Without legs, the road is world x.
-        nearest.unwrap_or_else(|| (pose.y_m.abs(), self.locate(pose)))
     }
 
     /// Returns the greatest curvature of its pieces, in either direction.
@@ -424,26 +366,6 @@ impl Course {
     }
 }
 
-impl LegBox {
-    fn include(&mut self, other: LegBox) {
-        for axis in 0..2 {
-            self.least_m[axis] = self.least_m[axis].min(other.least_m[axis]);
-            self.most_m[axis] = self.most_m[axis].max(other.most_m[axis]);
-        }
-    }
-
-    /// Returns the distance from a pose to the box, less a tolerance.
-    fn away_m(&self, pose: &Pose) -> f64 {
-        let off_m = |at_m: f64, axis: usize| {
-            (self.least_m[axis] - at_m)
-                .max(at_m - self.most_m[axis])
-                .max(0.0)
-        };
-        let (dx, dy) = (off_m(pose.x_m, 0), off_m(pose.y_m, 1));
-        (dx * dx + dy * dy).sqrt() - SAME_M
-    }
-}
-
 impl Leg {
     fn new(from_s_m: f64, length_m: f64, start: Pose, curvature_per_m: f64) -> Leg {
         Leg {
@@ -453,38 +375,6 @@ impl Leg {
             frame: start.frame(),
             curvature_per_m,
         }
-    }
-
-    /// Returns a box around the leg.
-    fn bounds(&self) -> LegBox {
-        let middle = self.pose(0.5 * self.length_m, 0.0);
-        // Half of the length is the farthest that any of it can be from its middle.
-        let disc = |centre_m: f64| {
-            (
-                centre_m - 0.5 * self.length_m,
-                centre_m + 0.5 * self.length_m,
-            )
-        };
-        let (left_m, right_m) = disc(middle.x_m);
-        let (low_m, high_m) = disc(middle.y_m);
-        let mut around = LegBox {
-            least_m: [left_m, low_m],
-            most_m: [right_m, high_m],
-        };
-        if self.curvature_per_m == 0.0 {
-            let end = self.pose(self.length_m, 0.0);
-            around = LegBox {
-                least_m: [self.start.x_m.min(end.x_m), self.start.y_m.min(end.y_m)],
-                most_m: [self.start.x_m.max(end.x_m), self.start.y_m.max(end.y_m)],
-            };
-        }
-        around
-    }
-
-    /// Returns the distance from a pose to the start of the leg.
-    fn start_away_m(&self, pose: &Pose) -> f64 {
-        let (dx, dy) = (pose.x_m - self.start.x_m, pose.y_m - self.start.y_m);
-        (dx * dx + dy * dy).sqrt()
     }
 
     fn pose(&self, along_m: f64, lateral_m: f64) -> Pose {
@@ -504,8 +394,13 @@ impl Leg {
         Pose {
             x_m: at_m.x,
             y_m: at_m.y,
-            heading_rad: wrapped(self.start.heading_rad + turn_rad),
+            heading_rad: self.heading_rad(along_m),
         }
+    }
+
+    /// Returns the heading of the course at a distance from the start of the leg.
+    fn heading_rad(&self, along_m: f64) -> f64 {
+        wrapped(self.start.heading_rad + self.curvature_per_m * along_m)
     }
 
     /// Returns the distance to the leg and the coordinates at its nearest point.
@@ -522,19 +417,19 @@ impl Leg {
             (libm::atan2(across, towards) / k, (1.0 - radii) / k)
         };
         let on_m = along_m.clamp(0.0, self.length_m);
-        let end = self.pose(on_m, 0.0);
-        let (off_x, off_y) = (pose.x_m - end.x_m, pose.y_m - end.y_m);
         let away_m = if on_m == along_m {
             // Beside the leg the lateral offset is the distance, without
             // rounding.
             lateral_m.abs()
         } else {
+            let end = self.pose(on_m, 0.0);
+            let (off_x, off_y) = (pose.x_m - end.x_m, pose.y_m - end.y_m);
             (off_x * off_x + off_y * off_y).sqrt()
         };
         let at = OnRoad {
             s_m: self.from_s_m + on_m,
             lateral_m,
-            heading_rad: wrapped(pose.heading_rad - end.heading_rad),
+            heading_rad: wrapped(pose.heading_rad - self.heading_rad(on_m)),
             curvature_per_m: k,
         };
         (away_m, at)
@@ -548,5 +443,6 @@ pub fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }
 
+mod leg_index;
 #[cfg(test)]
 mod tests;

@@ -32,18 +32,32 @@ fn coordinates_there_and_back_agree_on_every_piece() {
     }
 }
 
+/// Pieces that turn to both sides, and slight bends as they are imported.
+fn many_pieces() -> Vec<Piece> {
+    let bends = (0..60).map(|i| match i % 3 {
+        0 => Piece::Line { length_m: 7.0 },
+        _ => Piece::Arc {
+            length_m: 5.0 + f64::from(i),
+            radius_m: if i % 2 == 0 { 40.0 } else { -55.0 },
+        },
+    });
+    let slight = (0..40).map(|i| Piece::Arc {
+        length_m: 11.0,
+        radius_m: if i % 2 == 0 { -489_806.9 } else { 3e9 },
+    });
+    bends.chain(slight).collect()
+}
+
+#[track_caller]
+fn assert_nearest_of_all(course: &Course, pose: Pose) {
+    let all = course.legs.iter().map(|leg| leg.locate(&pose));
+    let nearest = all.reduce(|best, it| if it.0 < best.0 { it } else { best });
+    assert_eq!(Some(course.nearest(&pose)), nearest, "{pose:?}");
+}
+
 #[test]
 fn on_many_pieces_the_nearest_one_is_found_as_if_all_were_looked_at() {
-    let pieces: Vec<Piece> = (0..60)
-        .map(|i| match i % 3 {
-            0 => Piece::Line { length_m: 7.0 },
-            _ => Piece::Arc {
-                length_m: 5.0 + f64::from(i),
-                radius_m: if i % 2 == 0 { 40.0 } else { -55.0 },
-            },
-        })
-        .collect();
-    let course = Course::of_pieces(&pieces, 7.0).expect("a course");
+    let course = Course::of_pieces(&many_pieces(), 7.0).expect("a course");
     for x in (-40..40).map(|i| f64::from(i) * 13.0) {
         for y in (-40..40).map(|i| f64::from(i) * 11.0) {
             let pose = Pose {
@@ -51,9 +65,19 @@ fn on_many_pieces_the_nearest_one_is_found_as_if_all_were_looked_at() {
                 y_m: y,
                 heading_rad: 0.3,
             };
-            let all = course.legs.iter().map(|leg| leg.locate(&pose));
-            let nearest = all.reduce(|best, it| if it.0 < best.0 { it } else { best });
-            assert_eq!(Some(course.locate(&pose)), nearest.map(|(_, at)| at));
+            assert_nearest_of_all(&course, pose);
+        }
+    }
+}
+
+#[test]
+fn beside_many_pieces_and_at_their_joints_the_nearest_one_is_found() {
+    let course = Course::of_pieces(&many_pieces(), 7.0).expect("a course");
+    let joints = course.pieces().into_iter().map(|piece| piece.from_s_m);
+    let between = (0..4000).map(|i| -100.0 + 0.7 * f64::from(i));
+    for s_m in joints.chain(between) {
+        for lateral_m in [-30.0, -3.0, -1e-9, 0.0, 1e-6, 2.6, 45.0] {
+            assert_nearest_of_all(&course, course.pose(s_m, lateral_m));
         }
     }
 }
