@@ -12,7 +12,7 @@ use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
-use crate::scene::Start;
+use crate::scene::{Dynamics, Start};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::{Placement, PlantKind};
 use crate::testbench::{Actor, Aftermath, Constant, HeldRandom, Testbench, play};
@@ -38,9 +38,21 @@ const FEW_AGENTS: usize = 20;
 /// Number of samples that a trial may take.
 ///
 /// Agents are compared with each other, so samples of many agents cost more.
-fn affordable_samples(bench: &Testbench) -> usize {
-    let agents = bench.stage().agents.len();
+fn affordable_samples(scenario: &Scenario) -> usize {
+    // Counted without the stage, whose roads are drawn up to their crossings.
+    let driving = scenario.drive().map(|it| it.spec().agents.len());
+    let agents = driving.unwrap_or_else(|| scenario.bench().stage().agents.len());
     TRIED_SAMPLES / (agents / FEW_AGENTS).max(1).pow(2)
+}
+
+/// Returns the world on the plant of the trial runs.
+fn on_kinematic_plant(scenario: &Scenario) -> Scenario {
+    if scenario.plant() == Dynamics::Kinematic {
+        // A clone keeps the crossings of its paths, which are searched once.
+        scenario.clone()
+    } else {
+        scenario.on(PlantKind::Kinematic)
+    }
 }
 
 /// Starts of the trial runs: listed starts, or corners of X_init and random draws.
@@ -79,7 +91,7 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
 
 /// Checks that no rule is broken, and ψ_ego not violated, at t = 0.
 pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &Scenario) {
-    let tried = scenario.on(PlantKind::Kinematic);
+    let tried = on_kinematic_plant(scenario);
     let mut bench = tried.bench();
     let rulebook = tried.rulebook();
     // Only bodies on roads can miss a meeting point or overlap.
@@ -229,7 +241,7 @@ pub(super) fn can_be_kept(
     problems: &mut Problems,
     scenario: &Scenario,
 ) -> Option<(Oddity, Problem)> {
-    let tried = scenario.on(PlantKind::Kinematic);
+    let tried = on_kinematic_plant(scenario);
     let rules = &tried.rulebook().rules;
     let runs = rules_kept(&tried);
     let tries = runs.len();
@@ -275,7 +287,7 @@ pub(super) fn can_be_kept(
 /// only a contact ends a run, and every rule is evaluated on the complete run.
 pub(super) fn kept_to_the_end(scenario: &Scenario) -> Option<(Oddity, Problem)> {
     let rules = &scenario.rulebook().rules;
-    let runs = rules_kept_to_the_end(&scenario.on(PlantKind::Kinematic));
+    let runs = rules_kept_to_the_end(&on_kinematic_plant(scenario));
     let tries = runs.len();
     if tries < LEAST_TRIALS {
         return None;
@@ -367,7 +379,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     }
     let actions = bench.spaces().actions;
     let mut scratch = crate::stl::Scratch::default();
-    let (mut samples, affordable) = (0, affordable_samples(&bench));
+    let (mut samples, affordable) = (0, affordable_samples(tried));
     for (i, start) in tried_starts(tried).iter().enumerate() {
         let mut constant = Constant(i % actions);
         let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
@@ -397,7 +409,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
 
 /// Warning for coasting runs with ρ = 0 exactly, which are allowed but odd.
 pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> {
-    let tried = scenario.on(PlantKind::Kinematic);
+    let tried = on_kinematic_plant(scenario);
     // Rules are left out, because breaking a rule would end the run. A rule
     // that is about to be broken passes through ρ = 0.
     let lawless = Rulebook {
@@ -407,10 +419,13 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
     let mut bench = Testbench::new(tried.world().scene(), Arc::new(lawless));
     let neutral = bench.spaces().neutral;
     let mut scratch = crate::stl::Scratch::default();
-    let affordable = affordable_samples(&bench) / bench.clock().samples();
+    let affordable = affordable_samples(&tried) / bench.clock().samples();
     // An ego that is a program is not started for a warning.
     let runs = bench.fork().map_or(0, |_| affordable.max(1));
-    for start in tried_starts(&tried).into_iter().take(runs) {
+    let mut starts: Vec<Start> = tried_starts(&tried).into_iter().take(runs).collect();
+    // Equal starts coast alike. Without axes there is only one.
+    starts.dedup();
+    for start in starts {
         let mut actor = Constant(neutral);
         let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
         let rules = &tried.rulebook().rules;
