@@ -2,6 +2,9 @@
 
 use super::*;
 
+#[path = "bounds.rs"]
+mod bounds;
+
 const PLAN: &str = r#"<geometry s="0" x="0" y="0" hdg="0" length="1000"><line/></geometry>"#;
 const LEFT: &str =
     r#"<lane id="1" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>"#;

@@ -36,7 +36,8 @@ pub(crate) fn self_overlap_m(
     }
     let near_m = width_m.max(LEAST_WIDTH_M);
     let apart_m = (length_m / MOST_SAMPLES).max(0.25 * near_m);
-    let cell = |at_m: f64| (at_m / near_m).floor() as i64;
+    // Beyond this all places share the last cell, whose neighbours are still numbers.
+    let cell = |at_m: f64| (at_m / near_m).floor().clamp(-1e15, 1e15) as i64;
     let mut seen: HashMap<(i64, i64), Vec<(f64, Pose)>> = HashMap::new();
     let samples = (length_m / apart_m).min(MOST_SAMPLES) as usize;
     for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {

@@ -10,6 +10,10 @@ use super::tree::XmlNode;
 /// Greatest number of lanes of a section, and of sections or offsets of a road.
 const MOST_LANES: usize = 200;
 const MOST_SECTIONS: usize = 5_000;
+/// Greatest number of widths of a section, and of heights or banks of a road.
+///
+/// Each is looked up in their list, so the time grows by its square.
+const MOST_CUBICS: usize = 20_000;
 /// Width in metres by which rounding may take a lane below 0.
 const SAME_M: f64 = 0.1;
 
@@ -82,16 +86,15 @@ impl RoadLanes {
             few(lanes, lanes.all(name).count(), (name, MOST_SECTIONS))?;
         }
         let offsets = lanes.all("laneOffset").map(|it| cubic(it, "s", 0.0));
-        let profile = road.child("lateralProfile").into_iter();
-        let banks = profile
-            .flat_map(|it| it.all("superelevation"))
-            .map(|it| cubic(it, "s", 0.0));
+        let banks = profile_of(road, "lateralProfile", "superelevation")?;
         let sections = lanes.all("laneSection").map(|section| {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
-            let sides = section.children.iter().flat_map(|side| side.all("lane"));
+            let sides = || section.children.iter().flat_map(|side| side.all("lane"));
             let counts = section.children.iter().map(|side| side.all("lane").count());
             few(section, counts.sum(), ("lane", MOST_LANES))?;
-            let lanes = sides.map(|lane| section_lane(lane, s_m, refused));
+            let widths = sides().map(|lane| lane.all("width").count());
+            few(section, widths.sum(), ("width", MOST_CUBICS))?;
+            let lanes = sides().map(|lane| section_lane(lane, s_m, refused));
             Ok(OpenDriveLaneSection {
                 s_m,
                 lanes: lanes.collect::<Result<_, ImportError>>()?,
@@ -114,7 +117,7 @@ impl RoadLanes {
         Ok(RoadLanes {
             sections,
             offsets: offsets.collect::<Result<_, ImportError>>()?,
-            banks: banks.collect::<Result<_, ImportError>>()?,
+            banks,
         })
     }
 
@@ -238,9 +241,16 @@ impl RoadLanes {
 
 /// Reads the heights of a road's reference line.
 pub(super) fn heights_of(road: &XmlNode) -> Result<Vec<Cubic>, ImportError> {
-    let profile = road.child("elevationProfile").into_iter();
-    let heights = profile.flat_map(|it| it.all("elevation"));
-    heights.map(|it| cubic(it, "s", 0.0)).collect()
+    profile_of(road, "elevationProfile", "elevation")
+}
+
+/// Reads the polynomials of a profile of a road.
+fn profile_of(road: &XmlNode, list: &str, name: &str) -> Result<Vec<Cubic>, ImportError> {
+    let Some(profile) = road.child(list) else {
+        return Ok(Vec::new());
+    };
+    few(profile, profile.all(name).count(), (name, MOST_CUBICS))?;
+    profile.all(name).map(|it| cubic(it, "s", 0.0)).collect()
 }
 
 /// Polynomial with its start, which counts from `from_m`.

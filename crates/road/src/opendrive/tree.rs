@@ -178,6 +178,11 @@ impl XmlNode {
         }
     }
 
+    /// Returns the number of elements of its tree, with itself.
+    pub fn count(&self) -> usize {
+        1 + self.children.iter().map(XmlNode::count).sum::<usize>()
+    }
+
     /// Returns the path of its file.
     pub fn file(&self) -> &Path {
         &self.file

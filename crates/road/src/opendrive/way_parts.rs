@@ -60,6 +60,10 @@ impl RoadMap {
         stretches: &[LaneStretch],
         left_m: f64,
     ) -> Result<Vec<Grade>, ImportError> {
+        // Most roads are level, and points of a protocol ask for one way again and again.
+        if !self.any_road(asks, stretches, ImportedRoad::rises)? {
+            return Ok(Vec::new());
+        }
         let mut grades: Vec<Grade> = Vec::new();
         for part in self.parts(asks, stretches, left_m)? {
             let rise = part.rise();
@@ -126,15 +130,17 @@ impl RoadMap {
         left_m: f64,
     ) -> Result<Vec<(String, f64)>, ImportError> {
         let mut found: Vec<(String, f64)> = Vec::new();
+        let has_signals = |road: &ImportedRoad| signals_of(road).next().is_some();
+        if !self.any_road(asks, stretches, has_signals)? {
+            return Ok(found);
+        }
         for part in self.parts(asks, stretches, left_m)? {
-            let lists = part.road.node.all("signals");
-            let signals = lists.flat_map(|list| &list.children);
-            for signal in signals.filter(|it| it.raw("s").is_some()) {
+            for signal in signals_of(part.road) {
                 let at_m = ParameterScope::default().number(signal, "s")?;
                 let id = signal.need("id")?;
                 // A signal on the joint of two parts is on both.
-                let is_new = found.iter().all(|(known, _)| known != id);
-                if let Some(on_way_m) = part.station_m(at_m).filter(|_| is_new)
+                if let Some(on_way_m) = part.station_m(at_m)
+                    && found.iter().all(|(known, _)| known != id)
                     && part.is_valid(signal)?
                 {
                     found.push((id.to_owned(), on_way_m));
@@ -142,6 +148,20 @@ impl RoadMap {
             }
         }
         Ok(found)
+    }
+
+    /// Returns whether one of the roads of a way is of a kind.
+    fn any_road(
+        &self,
+        asks: &XmlNode,
+        stretches: &[LaneStretch],
+        is_of_kind: impl Fn(&ImportedRoad) -> bool,
+    ) -> Result<bool, ImportError> {
+        let mut any = false;
+        for stretch in stretches {
+            any |= is_of_kind(self.road(asks, &stretch.road)?);
+        }
+        Ok(any)
     }
 
     fn parts(
@@ -173,6 +193,13 @@ impl RoadMap {
         }
         Ok(all)
     }
+}
+
+/// Signals of a road, and references to those of others, that have a station.
+fn signals_of(road: &ImportedRoad) -> impl Iterator<Item = &XmlNode> {
+    let lists = road.node.all("signals");
+    let signals = lists.flat_map(|list| &list.children);
+    signals.filter(|it| it.raw("s").is_some())
 }
 
 impl WayPart<'_> {

@@ -4,7 +4,7 @@ use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 
 /// Greatest numbers of elements of a kind, each far beyond what a world can hold.
-const MOST: [(&str, usize); 16] = [
+const MOST: [(&str, usize); 17] = [
     ("ScenarioObject", 500),
     ("Private", 500),
     ("Story", 1_000),
@@ -21,6 +21,8 @@ const MOST: [(&str, usize); 16] = [
     ("ClothoidSplineSegment", 2_000),
     ("Waypoint", 2_000),
     ("Phase", 5_000),
+    // A controller may refer to another, whose delay is looked up through all of them.
+    ("TrafficSignalController", 200),
 ];
 
 /// Refuses a file with more elements of a kind than are read in reasonable time.

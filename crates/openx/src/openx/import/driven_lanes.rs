@@ -44,6 +44,11 @@ pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, I
         for side in [-1, 1] {
             all.extend(lanes_of(node, id, road, side)?);
         }
+        let points: usize = all
+            .iter()
+            .map(|it: &DrivenLanes| it.right_lane_m.len())
+            .sum();
+        few_places(node, points)?;
     }
     Ok(all)
 }
@@ -82,11 +87,8 @@ pub fn lane_places(
         let id = node.need("id")?;
         let road = roads.road(node, id)?;
         let steps = libm::floor(road.length_m / step_m) as usize;
-        if places.len() + steps > MOST_PLACES {
-            let what = format!("its roads have more than {MOST_PLACES} places so far");
-            return Err(node.refused(what, "cut out the roads that the recording uses"));
-        }
         for s_m in (0..=steps).map(|step| step as f64 * step_m) {
+            few_places(node, places.len())?;
             let Some((section, lanes)) = road.lanes.section(s_m) else {
                 continue;
             };
@@ -106,6 +108,15 @@ pub fn lane_places(
         }
     }
     Ok(places)
+}
+
+/// Refuses a road with which a file has more places than are read.
+fn few_places(road: &XmlNode, places: usize) -> Result<(), ImportError> {
+    if places <= MOST_PLACES {
+        return Ok(());
+    }
+    let what = format!("its roads have more than {MOST_PLACES} places so far");
+    Err(road.refused(what, "cut out the roads that the recording uses"))
 }
 
 fn lanes_of(

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::draft::tidy;
 use super::dropped::{DropLog, is_light};
 use crate::ego::Phase;
-use crate::opendrive::error::ImportError;
+use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
@@ -18,6 +18,10 @@ const MOST_STEPS: f64 = 200.0;
 /// Least duration of a cycle, and greatest of a phase.
 const LEAST_CYCLE_S: f64 = 0.5;
 const MOST_PHASE_S: f64 = 1e6;
+/// Greatest number of states of a controller, each of one signal in one phase.
+const MOST_STATES: usize = 50_000;
+/// Greatest number of changes of a light.
+const MOST_CHANGES: f64 = 100_000.0;
 
 /// Cycle of a light: phases with their durations, from a time on.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +33,8 @@ pub(super) struct LightCycle {
 /// Light on the ego's way.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportedLight {
+    /// Controller that states its phases.
+    pub at: At,
     signal: String,
     line_m: f64,
     cycle: LightCycle,
@@ -62,6 +68,7 @@ pub(super) fn lights(
             let is_known = found.iter().any(|it| it.signal == signal);
             if let Some((_, line_m)) = on_way.filter(|_| !is_known) {
                 found.push(ImportedLight {
+                    at: controller.at(),
                     line_m: *line_m,
                     signal,
                     cycle,
@@ -95,7 +102,7 @@ fn cycles(
     let begins_s = begins_s(controller, scope, all)?;
     let name = scope.text(controller, "name")?;
     let mut cycles: BTreeMap<String, Option<LightCycle>> = BTreeMap::new();
-    let mut before_s = 0.0;
+    let (mut before_s, mut states) = (0.0, 0);
     for phase in controller.all("Phase") {
         let duration_s = scope.number_in(phase, "duration", 0.0..=MOST_PHASE_S)?;
         for state in &phase.children {
@@ -104,6 +111,11 @@ fn cycles(
                 Some(_) => vec![scope.text(state, "trafficSignalId")?],
                 None => roads.controlled(&name).to_vec(),
             };
+            states += signals.len();
+            if states > MOST_STATES {
+                let what = format!("its phases have more than {MOST_STATES} states of signals");
+                return Err(phase.refused(what, "leave out the signals that the ego never passes"));
+            }
             for signal in signals {
                 let first = || {
                     Some(LightCycle {
@@ -120,6 +132,16 @@ fn cycles(
             }
         }
         before_s += duration_s;
+    }
+    let cycles_run = MOST_STEPS * STEP_S / before_s;
+    let longest = cycles.values().flatten().map(|it| it.phases.len()).max();
+    if before_s > 0.0 && cycles_run * longest.unwrap_or(0) as f64 > MOST_CHANGES {
+        let what = format!("its phases of {before_s} s together change too often");
+        let help = format!(
+            "keep to {MOST_CHANGES} changes in {} s",
+            MOST_STEPS * STEP_S
+        );
+        return Err(controller.refused(what, &help));
     }
     if before_s > 0.0 && before_s < LEAST_CYCLE_S {
         let what = format!("its phases last {before_s} s together");

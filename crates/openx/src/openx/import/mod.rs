@@ -61,7 +61,7 @@ const MOST_REFUSED_POINTS: usize = 20;
 ///
 /// Returns an error with file and element for content that is not supported.
 pub fn points_of(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
-    points::read(path, files)
+    points::read(path, files, points::MAX_POINTS)
 }
 
 /// Result of an import.
@@ -85,8 +85,13 @@ impl Import<'_> {
     /// Returns an error with file, element and point for unsupported content.
     pub fn read(&self, files: Files<'_>) -> Result<Imported, ImportError> {
         let protocol = Protocol::open(self, files)?;
+        // A single point of a large file takes no time.
+        let most = match self.only {
+            Some(_) => points::MAX_POINTS,
+            None => points::most_points(protocol.elements()),
+        };
         let points = match self.points {
-            Some(path) => points::read(path, files)?,
+            Some(path) => points::read(path, files, most)?,
             None => vec![ImportedPoint::default()],
         };
         let mut drafts = Vec::new();

@@ -8,7 +8,9 @@ use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
 /// Greatest number of points.
-const MAX_POINTS: usize = 100_000;
+pub(super) const MAX_POINTS: usize = 100_000;
+/// Greatest number of elements of the scenario that are read at all points together.
+const MAX_READ: usize = 15_000_000;
 /// Greatest number of values that all points set together.
 const MAX_VALUES: usize = 2_000_000;
 /// Help about distributions.
@@ -18,12 +20,21 @@ const KINDS: &str = "write a `DistributionSet`, a `DistributionRange` or a `Valu
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportedPoint(pub Vec<(String, String)>);
 
+/// Returns the number of points at which a scenario of some elements is read.
+pub(super) fn most_points(elements: usize) -> usize {
+    MAX_POINTS.min(MAX_READ / elements.max(1))
+}
+
 /// Points of a file: the product of its axes, of which the last varies fastest.
 ///
 /// # Errors
 ///
-/// Returns an error for other distributions and for more than [`MAX_POINTS`].
-pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
+/// Returns an error for other distributions and for more than `most` points.
+pub(super) fn read(
+    path: &Path,
+    files: Files<'_>,
+    most: usize,
+) -> Result<Vec<ImportedPoint>, ImportError> {
     let root = XmlNode::read(path, "OpenSCENARIO", files)?;
     let list = root.child("ParameterValueDistribution").ok_or_else(|| {
         let what = "it has no `ParameterValueDistribution`: it is no variation file";
@@ -43,9 +54,14 @@ pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, 
             let values = axis_of(axis)?;
             // Checked before the product is built, which could exhaust the
             // memory.
-            if points.len() * values.len() > MAX_POINTS {
+            if points.len() * values.len() > most {
                 let help = "split the file, or lengthen its steps";
-                return Err(axis.refused(format!("more than {MAX_POINTS} points"), help));
+                let size = if most < MAX_POINTS {
+                    " of a scenario of this size"
+                } else {
+                    ""
+                };
+                return Err(axis.refused(format!("more than {most} points{size}"), help));
             }
             let longest = values.iter().map(Vec::len).max().unwrap_or(0);
             let values_each = longest + points.first().map_or(0, |point| point.0.len());

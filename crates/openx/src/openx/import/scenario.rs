@@ -99,6 +99,11 @@ impl Protocol {
         stop.unwrap_or(&self.root)
     }
 
+    /// Returns the number of elements of the file.
+    pub(super) fn elements(&self) -> usize {
+        self.root.count()
+    }
+
     /// Returns true if an `Orientation` without a type is relative.
     ///
     /// Up to OpenSCENARIO 1.2 it is absolute.
@@ -501,7 +506,7 @@ impl Protocol {
         let root = XmlNode::read(&path, "OpenDRIVE", files).map_err(|error| match given {
             None if !name.ends_with(".xodr") => {
                 let what = format!("the road file of the map `{name}` is not known");
-                file.refused(what, &format!("name it with --map {name}=FILE.xodr"))
+                file.refused(what, &format!("name it with --road {name}=FILE.xodr"))
             }
             _ => error,
         })?;

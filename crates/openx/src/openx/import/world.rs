@@ -123,10 +123,11 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         blockers.keep(agent(&mut draft, concrete, &all, it, ado, &mut triggers));
     }
     blockers.none()?;
-    draft.mark(&concrete.ego_at);
     for light in &concrete.lights {
+        draft.mark(&light.at);
         draft.text(&light.text(until_s));
     }
+    draft.mark(&concrete.ego_at);
     draft.text("    ],\n");
     if hides {
         draft.text("    sensors: (line_of_sight: true),\n");

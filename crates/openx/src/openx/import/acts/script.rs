@@ -229,7 +229,8 @@ pub(super) fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError
         let Some(often) = blockers.keep(often) else {
             continue;
         };
-        if node.raw("maximumExecutionCount").is_some() && often != 1.0 && !is_settled {
+        let is_read = often == 1.0 || is_settled && often > 1.0 && often.fract() == 0.0;
+        if node.raw("maximumExecutionCount").is_some() && !is_read {
             let what = format!("it is carried out {often} times: only 1 is read");
             let help = "write an event for each time, each after the end of the one before";
             blockers.add(node.refused(what, help));
