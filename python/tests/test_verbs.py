@@ -89,10 +89,10 @@ def test_a_sweep_and_a_risk_are_tables(run):
     assert [point["value"] for point in swept.about["swept"]["points"]] == [0.8, 1.4, 2.0]
     assert set(swept.to_pandas()["ado"]) == {"trained"}
     asked = {"traffic": "motorway", "plant": "kinematic"}
-    risks = brakecheck.risk("acc", natural=5000, budget=6000, **asked)
+    risks = brakecheck.risk("acc", natural_runs=5000, budget=6000, **asked)
     assert list(risks.to_pandas()["ego"]) == ["nominal"] and risks.about["world"] == "acc"
     with pytest.raises(FaultError) as refused:
-        brakecheck.risk("acc", natural=1000, budget=1000, **asked)
+        brakecheck.risk("acc", natural_runs=1000, budget=1000, **asked)
     assert refused.value.outcome[0]["checks"]["refusals"]
 
 

@@ -35,7 +35,6 @@ pub(super) const LOG: &str = "Examples:\n  brakecheck log tracks.csv\n  brakeche
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";
-pub(super) const REPRODUCE: &str = "Refused; instead, in the repository:\n  cargo run --release -p brakecheck-repro -- case-studies\n\nDocuments: docs/background/results.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =
     "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/reference/ado-protocol.md";

@@ -30,7 +30,6 @@ mod population;
 mod progress;
 mod replay;
 mod report;
-mod reproduce;
 mod risk;
 mod run_under_test;
 mod search;
@@ -104,9 +103,6 @@ enum Verb {
     /// Write one page, and JUnit XML, about a run.
     #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
-    /// As earlier versions made the paper's tables and figures again.
-    #[command(hide = true, after_help = examples::REPRODUCE)]
-    Reproduce(reproduce::RefusedArgs),
     /// Play many worlds, egos, ados and starts in resumable pieces.
     #[command(after_help = examples::CAMPAIGN)]
     Campaign(campaign::CampaignArgs),
@@ -135,8 +131,6 @@ impl Verb {
             Verb::Sweep(args) => args.test.common.clone(),
             Verb::Search(args) => args.common.clone(),
             Verb::Risk(args) => args.common.clone(),
-            // A verb that moved takes any words, so its common options are unknown.
-            Verb::Reproduce(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
             Verb::Log(args) => args.common(),
@@ -217,7 +211,6 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
         },
         Verb::Log(args) => log::run(&args),
         Verb::Report(args) => report::run(&args),
-        Verb::Reproduce(args) => Err(reproduce::refusal(&args)),
         Verb::Campaign(args) => campaign::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),

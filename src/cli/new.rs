@@ -48,9 +48,9 @@ pub(super) struct NewArgs {
     #[arg(long, requires = "from")]
     leave_ego: bool,
     /// With --from, road file of a map that the scenario gives by name. With
-    /// --from-log, column map as in `brakecheck log`.
-    #[arg(long, value_name = "NAME=FILE.xodr|NAME|FILE.ron")]
-    map: Vec<String>,
+    /// --from-log, road file in the frame of the recording, for lanes that are not fitted.
+    #[arg(long, value_name = "NAME=FILE.xodr|FILE.xodr|FILE.osm")]
+    road: Vec<String>,
     /// Agent of the file that is an ado and may stray from its plan.
     #[arg(long, value_name = "NAME", requires = "from")]
     ado: Option<String>,
@@ -75,12 +75,12 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         return import(args, from);
     }
     if args.log.is_requested() {
-        let map = column_map(&args.map)?;
-        return new_from_log::run(&args.log, &args.name, map, args.json);
+        let road = road_of_recordings(&args.road)?;
+        return new_from_log::run(&args.log, &args.name, road, args.json);
     }
-    if !args.map.is_empty() {
+    if !args.road.is_empty() {
         return Err(Failure::input(
-            "--map without a file to import",
+            "--road without a file to import",
             "name the file with --from or --from-log",
         ));
     }
@@ -106,25 +106,25 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Returns the column map of a recording, of which there is at most one.
-fn column_map(maps: &[String]) -> Result<Option<&str>, Failure> {
-    match maps {
+/// Returns the road file of recordings, of which there is at most one.
+fn road_of_recordings(roads: &[String]) -> Result<Option<&Path>, Failure> {
+    match roads {
         [] => Ok(None),
-        [map] => Ok(Some(map)),
+        [road] => Ok(Some(Path::new(road))),
         _ => Err(Failure::input(
-            "several column maps",
-            "name one, and read files of other columns by a command of their own",
+            "several road files for one frame",
+            "name one, and read recordings in other frames by a command of their own",
         )),
     }
 }
 
 /// Parses `NAME=FILE`.
-fn map_of(text: &String) -> Result<(String, PathBuf), Failure> {
+fn named_road(text: &String) -> Result<(String, PathBuf), Failure> {
     let pair = text.split_once('=');
     let (name, file) = pair.ok_or_else(|| {
         Failure::input(
             format!("`{text}` names no road file of a map"),
-            "write --map NAME=FILE.xodr",
+            "write --road NAME=FILE.xodr",
         )
     })?;
     Ok((name.to_owned(), PathBuf::from(file)))
@@ -135,7 +135,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
     new_world::text_named(&stem)?;
-    let maps: Vec<_> = args.map.iter().map(map_of).collect::<Result<_, _>>()?;
+    let maps: Vec<_> = args.road.iter().map(named_road).collect::<Result<_, _>>()?;
     let import = Import {
         scenario: from,
         points: args.points.as_deref(),

@@ -31,9 +31,9 @@ pub(super) struct FromLogArgs {
     /// Time column of the recordings, with its unit [default: that of the map].
     #[arg(long, value_name = "COLUMN", requires = "from_log")]
     time: Option<String>,
-    /// Take the lanes from a road file in the frame of the recording, unfitted.
-    #[arg(long, value_name = "FILE.xodr|FILE.osm", requires = "from_log")]
-    road: Option<PathBuf>,
+    /// Column map of the recordings, as in `brakecheck log`.
+    #[arg(long, value_name = "NAME|FILE.ron", requires = "from_log")]
+    map: Option<String>,
     /// Situations to write. Your ego replaces one of the recorded road users.
     #[arg(long, value_enum, requires = "from_log")]
     kind: Option<KindArg>,
@@ -77,21 +77,21 @@ impl FromLogArgs {
 
 /// Writes the worlds of the recordings, or none if a file is there already.
 ///
-/// `map` is their column map.
+/// `road` is the road file of their lanes, which are fitted without it.
 pub(super) fn run(
     args: &FromLogArgs,
     name: &str,
-    map: Option<&str>,
+    road: Option<&Path>,
     prints_json: bool,
 ) -> Result<Exit, Failure> {
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
     let columns = log::GivenColumns {
-        map,
+        map: args.map.as_deref(),
         time: args.time.as_deref(),
     };
-    let recordings = log::read_all(&args.from_log, columns, args.road.as_deref())?;
+    let recordings = log::read_all(&args.from_log, columns, road)?;
     for (analysis, map) in &recordings {
         log_reading::note(analysis, map);
     }

@@ -36,8 +36,8 @@ pub(super) struct SearchArgs {
     #[arg(long, value_name = "SIMS", help = MethodOption::Budget.help(),
         value_parser = count(1..=u64::MAX))]
     budget: Option<u64>,
-    #[arg(long, value_name = "RUN", help = MethodOption::From.help())]
-    from: Option<PathBuf>,
+    #[arg(long, value_name = "RUN", help = MethodOption::Bank.help())]
+    bank: Option<PathBuf>,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
@@ -146,7 +146,7 @@ fn given(args: &SearchArgs) -> Vec<MethodOption> {
     let is_given = |option: &MethodOption| match option {
         MethodOption::Switches => args.switches.is_some(),
         MethodOption::Budget => args.budget.is_some(),
-        MethodOption::From => args.from.is_some(),
+        MethodOption::Bank => args.bank.is_some(),
     };
     options.filter(is_given).collect()
 }
@@ -157,13 +157,13 @@ fn stored(
     run: Option<&RunDir>,
     egos: &[EgoUnderTest],
 ) -> Result<Option<Stored>, Failure> {
-    if !args.method.takes(MethodOption::From) {
+    if !args.method.takes(MethodOption::Bank) {
         return Ok(None);
     }
-    let path = args.from.as_ref();
-    let from = path.map(|path| open_run(path, &args.common)).transpose()?;
-    // `--from` takes precedence over the searched run.
-    let source = from.as_ref().or(run);
+    let path = args.bank.as_ref();
+    let bank = path.map(|path| open_run(path, &args.common)).transpose()?;
+    // `--bank` takes precedence over the searched run.
+    let source = bank.as_ref().or(run);
     Ok(source
         .map(|source| counterexamples_for(source, egos))
         .transpose()?)

@@ -118,20 +118,6 @@ fn egos_learners_and_worlds_are_guessed() {
 }
 
 #[test]
-fn a_verb_that_moved_is_refused_with_its_new_command() {
-    let moved = "\n        cargo run --release -p brakecheck-repro -- ";
-    for (args, command) in [
-        (&["reproduce"][..], "WHAT"),
-        (
-            &["reproduce", "case-studies", "--world", "my acc", "--json"],
-            "case-studies --world 'my acc' --json",
-        ),
-    ] {
-        refused(args, &format!("{moved}{command}\n"));
-    }
-}
-
-#[test]
 fn numbers_are_taken_as_they_are_typed() {
     for decisions in ["0", "3x", "1.5", "99999999999999999999"] {
         refused(

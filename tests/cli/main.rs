@@ -176,7 +176,7 @@ fn wrong_words_and_missing_files_exit_with_2_and_a_cure() {
             ],
             "--budget SIMS",
         ),
-        (&["search", "worlds/acc.ron", "--from", "src"], "mutate"),
+        (&["search", "worlds/acc.ron", "--bank", "src"], "mutate"),
         (
             &["search", "worlds/acc.ron", "--method", "mutate"],
             "--from RUN",

@@ -17,7 +17,7 @@ const FEW: [&str; 8] = [
 ];
 
 fn few<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&FEW[..], &["--natural", "600"], more].concat()
+    [&FEW[..], &["--natural-runs", "600"], more].concat()
 }
 
 #[test]

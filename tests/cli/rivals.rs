@@ -56,7 +56,7 @@ fn a_run_stands_beside_searches_replays_and_a_rule() {
         "kinematic",
         "--method",
         "mutate",
-        "--from",
+        "--bank",
         &run,
         "--budget",
         "12",
@@ -77,7 +77,7 @@ fn a_run_stands_beside_searches_replays_and_a_rule() {
     assert!(stderr(&output).contains("SHA-256"), "{}", stderr(&output));
     // Nor is what belongs to another world.
     std::fs::write(&file, text).expect("written");
-    let foreign = ["search", "worlds/merge.ron", "--method", "mutate", "--from"];
+    let foreign = ["search", "worlds/merge.ron", "--method", "mutate", "--bank"];
     refused(
         &[&foreign[..], &[&path(&dir, "run")]].concat(),
         "same world",

@@ -1521,7 +1521,7 @@ fn a_map_by_name_is_a_file_on_request() {
     let error = import(&files).expect_err("no such file");
     assert_eq!(
         error.help.as_deref(),
-        Some("name it with --map Town=FILE.xodr")
+        Some("name it with --road Town=FILE.xodr")
     );
     let maps = [("Town".to_owned(), PathBuf::from("straight.xodr"))];
     let imported = import_as(&files, (None, false), &maps).expect("a world");

@@ -161,7 +161,7 @@ impl Trained<'_> {
         if watch.interrupted() || !method.takes(MethodOption::Budget) {
             return None;
         }
-        let once = if method.takes(MethodOption::From) {
+        let once = if method.takes(MethodOption::Bank) {
             // It lives on a training as well: neither is charged for one.
             Cost::default()
         } else {

@@ -140,7 +140,7 @@ impl SearchError {
                 let others = takers(*option, quoted);
                 format!("it is for {others}; `{method}` takes {takes}")
             }
-            SearchError::NothingToMutate => "name a run directory with `--from RUN`".to_owned(),
+            SearchError::NothingToMutate => "name a run directory with `--bank RUN`".to_owned(),
         }
     }
 }
@@ -218,10 +218,10 @@ mod tests {
         assert!(all.successes > 0 && few.sims_per_start < all.sims_per_start);
         // The method takes a budget and refuses the other options.
         assert!(MethodOption::Budget.help().contains("constants"));
-        assert!(!MethodOption::From.help().contains("constants"));
-        let refused = constants.info().refuse_others(&[MethodOption::From]);
+        assert!(!MethodOption::Bank.help().contains("constants"));
+        let refused = constants.info().refuse_others(&[MethodOption::Bank]);
         let error = refused.expect_err("it mutates nothing").to_string();
-        assert_eq!(error, "`--from` does nothing with `--method constants`");
+        assert_eq!(error, "`--bank` does nothing with `--method constants`");
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub enum MethodOption {
     /// Simulations per start.
     Budget,
     /// Run that provides the training counterexamples to begin with.
-    From,
+    Bank,
 }
 
 impl MethodOption {
@@ -49,7 +49,7 @@ impl MethodOption {
         match self {
             MethodOption::Switches => "--switches M",
             MethodOption::Budget => "--budget SIMS",
-            MethodOption::From => "--from RUN",
+            MethodOption::Bank => "--bank RUN",
         }
     }
 
@@ -58,7 +58,7 @@ impl MethodOption {
         match self {
             MethodOption::Switches => format!("{SWITCHES}, programs {SWITCHES_OF_PROGRAMS}"),
             MethodOption::Budget => BUDGET.to_string(),
-            MethodOption::From => "RUN".to_owned(),
+            MethodOption::Bank => "RUN".to_owned(),
         }
     }
 
@@ -66,7 +66,7 @@ impl MethodOption {
         match self {
             MethodOption::Switches => "Most switches of action in a sequence",
             MethodOption::Budget => "Simulations per start",
-            MethodOption::From => "The run whose training counterexamples are mutated",
+            MethodOption::Bank => "The run whose training counterexamples are mutated",
         }
     }
 

@@ -29,7 +29,7 @@ pub struct Mutate<'a>(pub &'a Stored);
 
 impl<'a> SearchMethod<'a> for Mutate<'a> {
     const INFO: MethodInfo = MethodInfo {
-        takes: &[MethodOption::Budget, MethodOption::From],
+        takes: &[MethodOption::Budget, MethodOption::Bank],
         ..MethodInfo::sampling(
             "mutate",
             "The nearest counterexamples of a training, then mutations of them",
