@@ -42,18 +42,18 @@ type Unmarked<R> = Chain<&'static [u8], R>;
 
 /// Table of text with its names.
 #[derive(Debug)]
-pub struct Table<R> {
+pub struct DelimitedTable<R> {
     reader: csv::Reader<Unmarked<R>>,
     names: Vec<String>,
     decimals: Decimals,
 }
 
-impl<R: BufRead> Table<R> {
+impl<R: BufRead> DelimitedTable<R> {
     /// Reads the names, by default with the separator that most of their line consists of.
     ///
     /// # Errors
     /// The text cannot be read, or is UTF-16.
-    pub fn open(mut text: R, delimiter: Option<char>) -> Result<Table<R>, TableError> {
+    pub fn open(mut text: R, delimiter: Option<char>) -> Result<DelimitedTable<R>, TableError> {
         let Notation {
             skipped,
             before,
@@ -80,7 +80,7 @@ impl<R: BufRead> Table<R> {
         if names.len() > 1 && names.last().is_some_and(String::is_empty) {
             names.pop();
         }
-        Ok(Table {
+        Ok(DelimitedTable {
             reader,
             names,
             decimals: Decimals {
@@ -286,7 +286,7 @@ mod tests {
     use super::*;
 
     fn read(text: &[u8]) -> Result<(Vec<String>, Vec<Vec<f64>>), TableError> {
-        let mut table = Table::open(text, None)?;
+        let mut table = DelimitedTable::open(text, None)?;
         let decimals = table.decimals();
         let (mut row, mut rows) = (ByteRecord::new(), Vec::new());
         while table.read(&mut row)? {

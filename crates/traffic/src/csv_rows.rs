@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 
-use brakecheck_stl::table::{Decimals, Table, TableError};
+use brakecheck_stl::table::{Decimals, DelimitedTable, TableError};
 use csv::ByteRecord;
 
 use crate::error::ReadError;
@@ -15,9 +15,9 @@ pub(crate) fn open_table<R: Read>(
     rows: R,
     delimiter: Option<char>,
     name: &str,
-) -> Result<Table<BufReader<R>>, ReadError> {
+) -> Result<DelimitedTable<BufReader<R>>, ReadError> {
     let rows = BufReader::with_capacity(1 << 18, rows);
-    Table::open(rows, delimiter).map_err(|it| table_error(it, name))
+    DelimitedTable::open(rows, delimiter).map_err(|it| table_error(it, name))
 }
 
 pub(crate) fn table_error(error: TableError, name: &str) -> ReadError {
@@ -61,7 +61,7 @@ fn beginning(text: &str, most: usize) -> String {
 /// CSV file whose columns are found by their names.
 pub(crate) struct CsvTable<'a, R> {
     file: &'a str,
-    table: Table<R>,
+    table: DelimitedTable<R>,
     decimals: Decimals,
 }
 

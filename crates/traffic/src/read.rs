@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::{BufRead, Read};
 
-use brakecheck_stl::table::{Decimals, Table, parse_iso};
+use brakecheck_stl::table::{Decimals, DelimitedTable, parse_iso};
 use csv::ByteRecord;
 
 use crate::column_map::{ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, YAxis};
@@ -138,7 +138,7 @@ pub fn read_csv(
 }
 
 fn read_rows(
-    mut table: Table<impl BufRead>,
+    mut table: DelimitedTable<impl BufRead>,
     name: &str,
     map: &ColumnMap,
     meta: &RecordingMeta,

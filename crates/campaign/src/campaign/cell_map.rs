@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::dir::PlanDir;
 use super::file::RequestedStarts;
 use super::plan::Unit;
-use super::summary::{UnitCounts, plant};
+use super::unit_counts::{UnitCounts, plant};
 use crate::scene::Dynamics;
 use crate::stats::StartOutcome;
 

@@ -13,7 +13,8 @@ use super::piece;
 use super::piece::{PIECES, PieceText, Unusable};
 use super::plan::{CampaignPiece, Work};
 use super::row::SummaryFields;
-use super::summary::{CampaignSummary, UnitCounts};
+use super::summary::CampaignSummary;
+use super::unit_counts::UnitCounts;
 use crate::experiment::Watch;
 use crate::run_dir::{RunError, WholeFile, bind_programs, make_dir, stored_programs, write_file};
 

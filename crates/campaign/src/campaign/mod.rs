@@ -28,6 +28,7 @@ mod row;
 mod summary;
 mod training;
 mod trivial_blocks;
+mod unit_counts;
 mod unit_gate;
 mod workflow_files;
 

@@ -1,92 +1,16 @@
 //! Summary of a merged campaign: rates, gates and maps.
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 
 use super::cell_map::CellMap;
 use super::dir::PlanDir;
 use super::plan::Unit;
-use super::row::SummaryFields;
+use super::unit_counts::{UnitCounts, plant};
 use super::unit_gate::UnitGate;
-use crate::evaluation::{GateContact, GateEgo};
 use crate::preventability::Avoidability;
 use crate::run_dir::{AdversaryId, ClosingSpeed, adversary_keys};
 use crate::scene::Dynamics;
 use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
-
-/// Counts over the rows of a unit.
-pub(super) struct UnitCounts {
-    /// Outcome per start.
-    pub(super) outcomes: Vec<StartOutcome>,
-    /// Avoidability of the failure per start.
-    pub(super) avoidability: Vec<Avoidability>,
-    /// Contacts of the successes, by position of the start.
-    success_contacts: BTreeMap<usize, GateContact>,
-    contacts: usize,
-    simulations: u64,
-    physics_steps: u64,
-}
-
-impl UnitCounts {
-    /// Returns an empty tally.
-    pub(super) fn of(unit: &Unit) -> UnitCounts {
-        UnitCounts {
-            outcomes: vec![StartOutcome::NotReached; unit.starts],
-            avoidability: vec![Avoidability::Unknown; unit.starts],
-            success_contacts: BTreeMap::new(),
-            contacts: 0,
-            simulations: 0,
-            physics_steps: 0,
-        }
-    }
-
-    /// Counts a row.
-    pub(super) fn count(&mut self, row: &SummaryFields) {
-        let start = row.start as usize;
-        if let Some(one) = self.outcomes.get_mut(start) {
-            *one = row.outcome;
-        }
-        if let Some(one) = self.avoidability.get_mut(start) {
-            *one = Avoidability::of_row(row.preventable, row.unavoidable);
-        }
-        // Contacts without a success, such as those of a foul, have no part in the statistics.
-        if let Some(closing_mps) = row.closing_mps
-            && row.outcome == StartOutcome::Solved
-        {
-            let contact = GateContact {
-                closing_mps,
-                ego_delta_v_mps: row.ego_delta_v_mps,
-            };
-            self.success_contacts.insert(start, contact);
-        }
-        self.physics_steps += row.physics_steps;
-        // As in rows of other verbs, no rate counts an invalid start.
-        if row.outcome != StartOutcome::Invalid {
-            self.contacts += usize::from(row.contact);
-            self.simulations += row.simulations;
-        }
-    }
-
-    fn of_kind(&self, kind: StartOutcome) -> usize {
-        let outcomes = self.outcomes.iter();
-        outcomes.filter(|one| **one == kind).count()
-    }
-
-    /// Returns the results in the form of a gate.
-    pub(super) fn gated<'a>(&'a self, name: &'a str) -> GateEgo<'a> {
-        GateEgo {
-            name,
-            outcomes: &self.outcomes,
-            contacts: &self.success_contacts,
-        }
-    }
-
-    /// Returns the outcomes in the form of rows of other verbs.
-    fn marks(&self) -> Outcomes {
-        self.outcomes.iter().copied().collect()
-    }
-}
 
 /// Pair of an ego and an ado in a world, or the mean over its trainings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -204,15 +128,6 @@ impl CampaignSummary {
             row.invalid as f64 / all.max(1) as f64
         };
         self.rows.iter().map(share).fold(0.0, f64::max)
-    }
-}
-
-/// Returns the plant of a unit, as in rows.
-pub(super) fn plant(dir: &PlanDir, unit: &Unit) -> Dynamics {
-    match unit.ego.change.plant {
-        // A changed ego may name its own plant.
-        Some(plant) => plant.into(),
-        None => dir.played(unit).plant(),
     }
 }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::dir::PlanDir;
 use super::plan::Unit;
-use super::summary::{UnitCounts, plant};
+use super::unit_counts::{UnitCounts, plant};
 use crate::evaluation::{DecidedGate, Gate, GateOn, NotRun};
 use crate::run_dir::{AdversaryId, adversary_keys};
 use crate::scene::Dynamics;

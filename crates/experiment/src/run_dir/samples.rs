@@ -10,7 +10,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use brakecheck_stl::sampling::{EvenSampling, MOST_OFF, TimeName, rate_of, time_name, time_rank};
-use brakecheck_stl::table::{Decimals, Table, TableError, is_value, parse_iso};
+use brakecheck_stl::table::{Decimals, DelimitedTable, TableError, is_value, parse_iso};
 
 use crate::trace::{Schema, SchemaError, Signal, Trace};
 
@@ -247,7 +247,7 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
 ///
 /// Returns an error with the line of the problem.
 pub fn read_trace(text: &str, options: &TraceOptions<'_>) -> Result<ReadTrace, SamplesError> {
-    let mut table = Table::open(text.as_bytes(), None).map_err(table_error)?;
+    let mut table = DelimitedTable::open(text.as_bytes(), None).map_err(table_error)?;
     let names = table.names().to_vec();
     check_names(&names)?;
     let mut samples = SampleTable::new(names, options, table.decimals())?;

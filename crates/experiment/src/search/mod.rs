@@ -3,6 +3,7 @@
 //! A search shows which starts an adversary can solve at all, and provides the baselines
 //! that a reusable ado must beat.
 
+mod cell;
 mod cem;
 mod confirm;
 #[cfg(test)]
@@ -22,8 +23,8 @@ mod tree;
 mod trials;
 mod uniform;
 
-pub use experiment::StartResult;
-pub use experiment::{Experiment, ExperimentCell};
+pub use cell::{ExperimentCell, StartResult};
+pub use experiment::Experiment;
 pub use found::SearchResult;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{

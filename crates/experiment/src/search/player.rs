@@ -1,6 +1,6 @@
 //! Players of adversaries: ados, the best of several ados, and searches.
 
-use super::experiment::ExperimentCell;
+use super::cell::ExperimentCell;
 use super::list::{Method, Switches};
 use super::method::MethodSettings;
 use super::request::SearchRequest;

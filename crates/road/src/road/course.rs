@@ -7,7 +7,7 @@ use core::f64::consts::PI;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use self::leg_index::LegIndex;
+use self::leg_index::{LegBox, LegDisc, LegIndex};
 use crate::pose::{GroundFrame, Pose, rotation_by};
 
 /// A piece of a curved road.
@@ -101,6 +101,14 @@ pub struct Course {
     /// Places of the legs, so that a search skips most of them.
     index: LegIndex,
 }
+
+/// Up to this number of legs, all are searched: skipping costs more than it saves.
+const FEW_LEGS: usize = 8;
+
+/// Tolerance of the search radius, which covers rounding of distances.
+///
+/// The distance to an arc is rounded by the 16th digit of its radius.
+const SAME_M: f64 = 1e-3;
 
 /// Length of straight road before the first and behind the last piece.
 pub(crate) const RUN_OUT_M: f64 = 10_000.0;
@@ -232,7 +240,7 @@ impl Course {
         let start = origin.ahead(-RUN_OUT_M);
         let first = Leg::new(-RUN_OUT_M, RUN_OUT_M, start, 0.0);
         Course {
-            index: LegIndex::of(&first),
+            index: LegIndex::of(first.bounds(), first.disc()),
             legs: vec![first],
         }
     }
@@ -243,7 +251,7 @@ impl Course {
         };
         let (from_s_m, end) = (last.from_s_m + last.length_m, last.pose(last.length_m, 0.0));
         let leg = Leg::new(from_s_m, length_m, end, curvature_per_m);
-        self.index.push(&leg);
+        self.index.push(leg.bounds(), leg.disc());
         self.legs.push(leg);
     }
 
@@ -441,6 +449,71 @@ impl Leg {
 /// Recorded episodes contain its bits, which differ from those of `pose::wrapped`.
 pub fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
+}
+
+impl Course {
+    /// Returns the distance to the course and the coordinates at its nearest point.
+    pub(super) fn nearest(&self, pose: &Pose) -> (f64, OnRoad) {
+        let mut nearest: Option<(f64, OnRoad)> = None;
+        if self.legs.len() <= FEW_LEGS {
+            for leg in &self.legs {
+                keep_nearer(&mut nearest, leg.locate(pose));
+            }
+        } else {
+            self.search(pose, &mut nearest);
+        }
+        // Without legs, the road is world x.
+        nearest.unwrap_or_else(|| (pose.y_m.abs(), self.locate(pose)))
+    }
+
+    /// Searches the legs that may be nearer than a guess, in their order.
+    fn search(&self, pose: &Pose, nearest: &mut Option<(f64, OnRoad)>) {
+        let number = self.index.guess(pose);
+        let (away_m, at) = self.legs[number].locate(pose);
+        // No leg beyond this distance is nearer than the guess.
+        let within_m = away_m + SAME_M;
+        for leg in self.index.within(within_m, pose, number) {
+            if leg == number {
+                keep_nearer(nearest, (away_m, at));
+            } else {
+                keep_nearer(nearest, self.legs[leg].locate(pose));
+            }
+        }
+    }
+}
+
+/// Keeps the nearer of two, and the earlier of two equally near ones.
+fn keep_nearer(nearest: &mut Option<(f64, OnRoad)>, found: (f64, OnRoad)) {
+    if nearest.as_ref().is_none_or(|(best_m, _)| found.0 < *best_m) {
+        *nearest = Some(found);
+    }
+}
+
+impl Leg {
+    /// Returns a disc around the leg.
+    fn disc(&self) -> LegDisc {
+        let middle = self.pose(0.5 * self.length_m, 0.0);
+        LegDisc {
+            middle_m: [middle.x_m, middle.y_m],
+            radius_m: 0.5 * self.length_m,
+        }
+    }
+
+    /// Returns a box around the leg.
+    fn bounds(&self) -> LegBox {
+        if self.curvature_per_m == 0.0 {
+            let end = self.pose(self.length_m, 0.0);
+            return LegBox {
+                least_m: [self.start.x_m.min(end.x_m), self.start.y_m.min(end.y_m)],
+                most_m: [self.start.x_m.max(end.x_m), self.start.y_m.max(end.y_m)],
+            };
+        }
+        let LegDisc { middle_m, radius_m } = self.disc();
+        LegBox {
+            least_m: middle_m.map(|at_m| at_m - radius_m),
+            most_m: middle_m.map(|at_m| at_m + radius_m),
+        }
+    }
 }
 
 mod leg_index;

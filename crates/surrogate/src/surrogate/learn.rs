@@ -181,23 +181,23 @@ impl LearnedFrom {
         if most < least { Acts::AsTrained } else { acts }
     }
 
-    fn by_plans(&self) -> CountedRuns {
-        CountedRuns {
+    fn by_plans(&self) -> LearningRuns {
+        LearningRuns {
             successes: self.planned_successes,
             runs: self.planned,
         }
     }
 
-    fn by_training(&self) -> CountedRuns {
-        CountedRuns {
+    fn by_training(&self) -> LearningRuns {
+        LearningRuns {
             successes: self.as_trained_successes,
             runs: self.as_trained,
         }
     }
 
-    fn by_open_loop(&self) -> CountedRuns {
+    fn by_open_loop(&self) -> LearningRuns {
         let tried = self.fixed.as_ref();
-        tried.map_or(CountedRuns::default(), |tried| CountedRuns {
+        tried.map_or(LearningRuns::default(), |tried| LearningRuns {
             successes: tried.successes,
             runs: tried.runs,
         })
@@ -206,12 +206,12 @@ impl LearnedFrom {
 
 /// Runs of an ego, and how many of them were successes.
 #[derive(Clone, Copy, Default)]
-struct CountedRuns {
+struct LearningRuns {
     successes: u64,
     runs: u64,
 }
 
-impl CountedRuns {
+impl LearningRuns {
     fn rate(self) -> f64 {
         self.successes as f64 / self.runs.max(1) as f64
     }

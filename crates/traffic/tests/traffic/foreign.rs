@@ -44,7 +44,13 @@ pub(super) fn steady(x: f64, y: f64, heading: f64, speed: f64) -> impl Fn(f64) -
 }
 
 /// A vehicle that moves from `from` to `to` across a road along x from `start` on.
-pub(super) fn changing(x: f64, from: f64, to: f64, start: f64, speed: f64) -> impl Fn(f64) -> State {
+pub(super) fn changing(
+    x: f64,
+    from: f64,
+    to: f64,
+    start: f64,
+    speed: f64,
+) -> impl Fn(f64) -> State {
     move |t| {
         let share = ((t - start) / 4.0).clamp(0.0, 1.0);
         let y = from + (to - from) * 0.5 * (1.0 - (std::f64::consts::PI * share).cos());

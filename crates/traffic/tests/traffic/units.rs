@@ -45,7 +45,10 @@ fn boxes_and_reversing_are_read_as_they_can_be() {
     // A comma beside points may separate thousands.
     let text = "time;id;x;y\n0,0;a;0,5;0\n0,1;a;2.5;0\n";
     let error = read_csv_guessed(text.as_bytes(), "log.csv").expect_err("both signs");
-    assert!(error.to_string().contains("line 3, column `x`: `2.5`"), "{error}");
+    assert!(
+        error.to_string().contains("line 3, column `x`: `2.5`"),
+        "{error}"
+    );
 }
 
 #[test]
