@@ -47,7 +47,7 @@ pub(super) struct RiskArgs {
     #[arg(long, value_name = "RATIO", requires = "baseline_ego", value_parser = positive)]
     at_most: Option<f64>,
     /// Most runs of each ego.
-    #[arg(long = "natural-runs", value_name = "N", default_value_t = RiskSettings::default().budget as u64,
+    #[arg(long, value_name = "N", default_value_t = RiskSettings::default().budget as u64,
         value_parser = count(1_000..=1_000_000_000))]
     budget: u64,
     /// Natural runs, which come first and are counted if 100 of them fail.

@@ -210,7 +210,7 @@ impl Checks {
         } else {
             return None;
         };
-        let fix = "raise `--budget`, and `--natural` if you can";
+        let fix = "raise `--budget`, and `--natural-runs` if you can";
         Some(Refusal::new(reason, fix))
     }
 }
