@@ -76,23 +76,53 @@ fn any_csv_is_refused_or_read_as_it_stands() {
     });
 }
 
-/// Columns of a text without quotes, remarks and blanks to be cut.
+/// Columns of a text without quotes, remarks, dates, an unnamed column and an announced
+/// separator.
 fn naive(text: &str) -> Option<Vec<Vec<f64>>> {
     let text = text.trim_start_matches('\u{feff}');
-    if text.contains(['"', '#']) {
+    if text.contains(['"', '#']) || text.starts_with("sep=") {
         return None;
     }
-    let mut lines = text.split(['\n', '\r']).filter(|line| !line.is_empty());
-    let width = lines.next()?.split(',').count();
-    let mut columns = vec![Vec::new(); width];
+    let mut lines = text
+        .split(['\n', '\r'])
+        .filter(|line| !line.trim().is_empty());
+    let header = lines.next()?;
+    let count = |sign: char| header.matches(sign).count();
+    let (semicolons, tabs) = (count(';'), count('\t'));
+    let separator = match count(',') {
+        commas if commas >= semicolons && commas >= tabs => ',',
+        _ if semicolons >= tabs => ';',
+        _ => '\t',
+    };
+    let fields = |line: &'_ str| -> Vec<String> {
+        line.split(separator)
+            .map(|field| field.trim().to_owned())
+            .collect()
+    };
+    let mut names = fields(header);
+    if names.len() > 1 && names.last().is_some_and(String::is_empty) {
+        names.pop();
+    }
+    if names.iter().any(String::is_empty) {
+        return None;
+    }
+    let mut columns = vec![Vec::new(); names.len()];
     for line in lines {
-        let values: Vec<&str> = line.split(',').map(str::trim).collect();
-        assert_eq!(values.len(), width, "{line:?}");
+        let mut values = fields(line);
+        if values.len() == names.len() + 1 && values.last().is_some_and(String::is_empty) {
+            values.pop();
+        }
+        assert_eq!(values.len(), names.len(), "{line:?}");
         for (column, value) in columns.iter_mut().zip(values) {
+            let is_date = value.matches('-').count() > 1 && !value.contains(['e', 'E']);
+            if is_date {
+                return None;
+            }
             column.push(match value.to_ascii_lowercase().as_str() {
                 "true" => 1.0,
                 "false" => 0.0,
-                number => number.parse().expect("a number"),
+                number if separator == ',' => number.parse().expect("a number"),
+                number => number.replacen(',', ".", 1).parse().expect("a number"),
             });
         }
     }
@@ -122,7 +152,10 @@ fn back(trace: &Trace) {
         .signals()
         .iter()
         .map(|signal| signal.name.as_str());
-    let plain = |name: &str| !name.contains([',', '"', '\n', '\r', '#']) && name.trim() == name;
+    let plain = |name: &str| {
+        // An index without a name is read in the first column only, and written behind the time.
+        !name.is_empty() && !name.contains([',', '"', '\n', '\r', '#']) && name.trim() == name
+    };
     // Time is written to the nanosecond.
     let told = (trace.dt_s() * 1e9).round() == trace.dt_s() * 1e9;
     if !told || trace.len() < 2 || !names.clone().all(plain) || names.clone().any(timed) {
