@@ -68,8 +68,10 @@ def _answer(ego: Any, message: dict[str, Any]) -> dict[str, Any]:
             if callable(getattr(ego, method, None)):
                 getattr(ego, method)(argument)
         return {"ready": True}
-    except Exception:
-        return {"error": traceback.format_exc()[-_TRACEBACK:]}
+    except Exception as error:
+        # The reason comes first, because brakecheck shows the beginning.
+        reason = f"{type(error).__name__}: {error}"
+        return {"error": f"{reason}\n{traceback.format_exc()[-_TRACEBACK:]}"}
 
 
 def _tell(answers: TextIO, answer: dict[str, Any]) -> None:

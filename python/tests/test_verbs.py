@@ -51,11 +51,16 @@ def test_a_gate_is_that_of_the_command_line(run):
     assert frame["newly_failing_by.unknown"][0] == told[0]["newly_failing_by"]["unknown"]
 
 
-def test_a_python_ego_is_a_program_with_the_same_rows(run, mine):
+def test_a_python_ego_is_a_program_with_the_same_rows(run, mine, tmp_path):
     namespace = {"__name__": "mine"}
     exec(MINE, namespace)
     inside = brakecheck.eval(run, ego=namespace["Mine"], ado="trained", starts=10)[0]
-    outside = brakecheck.verb("eval", run, ego=mine, ado="trained", starts=10)[0]
+    # The lag belongs to the car of the world, and a program in a file states its own.
+    file = tmp_path / "mine.ron"
+    command = json.dumps(mine)
+    file.write_text(f"Change(controller: Process(command: {command}, lag_s: 0.4))")
+    asked = {"ado": "trained", "starts": 10, "allow_programs": True}
+    outside = brakecheck.verb("eval", run, ego=str(file), **asked)[0]
     keys = ("successes", "starts", "solved", "physics_steps")
     assert [inside[key] for key in keys] == [outside[key] for key in keys]
     assert brakecheck.gate(run, "nominal", ego=mine, starts=10, on="never").passed
