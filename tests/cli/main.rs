@@ -179,7 +179,7 @@ fn wrong_words_and_missing_files_exit_with_2_and_a_cure() {
         (&["search", "worlds/acc.ron", "--bank", "src"], "mutate"),
         (
             &["search", "worlds/acc.ron", "--method", "mutate"],
-            "--from RUN",
+            "--bank RUN",
         ),
         (&["frobnicate"], "Usage"),
         (&["train", "worlds/acc.ron", "--decisions", "0"], "0"),
