@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use crate::median::median;
 use crate::problem::FileProblem;
 use crate::raw::{RawRow, RawVector, wrapped};
 
@@ -234,12 +235,4 @@ fn fits(ratio: f64, rate_hz: Option<f64>) -> Option<String> {
     }
     let rate_hz = rate_hz.map(|it| it * ratio)?;
     Some(format!("a frame rate of {rate_hz:.2} Hz"))
-}
-
-fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -8,7 +8,8 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use crate::lanes::{Lane, PlacedTrack, SettledRows, is_settled, lane_at, lanes, median, peaks};
+use crate::lanes::{Lane, PlacedTrack, SettledRows, is_settled, lane_at, lanes, peaks};
+use crate::median::median;
 use crate::path::Path;
 use crate::recording::{RoadUserTrack, TrafficRecording};
 use crate::reference_line::{STEP_M, THINNED, belongs, reference_line, turns_rad};
@@ -84,11 +85,8 @@ impl LaneFrame {
     pub fn lane_distance_m(&self) -> Option<f64> {
         let carriageways = self.carriageways.iter();
         let pairs = carriageways.flat_map(|it| it.lanes.windows(2));
-        let mut all: Vec<f64> = pairs
-            .map(|pair| (pair[1].offset_m - pair[0].offset_m).abs())
-            .collect();
-        all.sort_by(f64::total_cmp);
-        all.get(all.len() / 2).copied()
+        let apart = pairs.map(|pair| (pair[1].offset_m - pair[0].offset_m).abs());
+        median(apart.collect::<Vec<f64>>())
     }
 
     /// Fits the carriageways of a recording from its motor vehicles.
@@ -299,7 +297,7 @@ fn centred(path: &Path, rows: &[RowPlace], pass: Pass) -> Option<Path> {
         if near().count() < 10 || vehicles.len() < VEHICLES {
             return near_m;
         }
-        median(near().map(|it| it.0).collect()).unwrap_or(near_m)
+        median(near().map(|it| it.0).collect::<Vec<f64>>()).unwrap_or(near_m)
     };
     middle_m[fullest] = follow(fullest, start_m);
     for i in fullest + 1..stretches {

@@ -1,5 +1,6 @@
 //! Lanes of a carriageway, from the offsets of vehicles that do not move sideways.
 
+use crate::median::median;
 use crate::reference_line::WIDTH_M;
 
 /// Sideways motion in two seconds from which a vehicle is not settled in a lane.
@@ -106,14 +107,6 @@ pub(crate) fn is_settled(offsets_m: &[f64], at: usize, reach: usize) -> bool {
         (at + reach).min(offsets_m.len() - 1),
     );
     (offsets_m[to] - offsets_m[from]).abs() < SETTLED_M
-}
-
-pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Returns the peaks of offsets from right to left, with their counts.

@@ -49,6 +49,7 @@ mod lanelet;
 mod lanes;
 mod lead;
 mod mcap;
+mod median;
 mod named_map;
 mod osi;
 mod osi_message;

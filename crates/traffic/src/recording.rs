@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::median::median;
+
 /// Kind of a road user.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
@@ -241,9 +243,7 @@ impl TrafficRecording {
     pub fn median_speed_mps(&self) -> Option<f64> {
         let vehicles = self.tracks.iter().filter(|it| it.class.is_motor_vehicle());
         let mean = |it: &RoadUserTrack| it.speed_mps.iter().sum::<f64>() / it.len() as f64;
-        let mut means: Vec<f64> = vehicles.map(mean).collect();
-        means.sort_by(f64::total_cmp);
-        means.get(means.len() / 2).copied()
+        median(vehicles.map(mean).collect::<Vec<f64>>())
     }
 
     /// Returns the number of road users, each counted once.

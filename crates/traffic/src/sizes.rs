@@ -1,5 +1,6 @@
 //! Sizes of road users against those that vehicles have.
 
+use crate::median::median;
 use crate::problem::FileProblem;
 use crate::recording::{Class, RoadUserTrack};
 
@@ -21,8 +22,8 @@ pub(crate) fn problem(tracks: &[RoadUserTrack]) -> Option<FileProblem> {
         });
     }
     let vehicles = || tracks.iter().filter(|it| it.class.is_in_lanes());
-    let width_m = median(vehicles().map(|it| it.width_m))?;
-    let length_m = median(vehicles().map(|it| it.length_m))?;
+    let width_m = median(vehicles().map(|it| it.width_m).collect::<Vec<f64>>())?;
+    let length_m = median(vehicles().map(|it| it.length_m).collect::<Vec<f64>>())?;
     (width_m > WIDE_M).then_some(FileProblem::Large { length_m, width_m })
 }
 
@@ -35,10 +36,4 @@ pub(crate) fn narrow(tracks: &[RoadUserTrack]) -> usize {
     } else {
         0
     }
-}
-
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
