@@ -105,7 +105,7 @@ pub mod serving;
 use brakecheck_evaluation::theorems;
 #[doc(inline)]
 pub use brakecheck_experiment::vector_env;
-use brakecheck_files::visible;
+use brakecheck_xml::visible;
 #[doc(inline)]
 pub use brakecheck_scene::testbench;
 use brakecheck_sim::sim;

@@ -23,7 +23,7 @@ pub mod openx;
 
 use brakecheck_ego::ego;
 use brakecheck_experiment::{experiment, run_dir, search};
-use brakecheck_files::{ron_file, visible};
+use brakecheck_files::ron_file;
 use brakecheck_report::report;
 use brakecheck_road::road;
 use brakecheck_scene::{preventability, rulebook, scene, testbench};
@@ -33,3 +33,4 @@ use brakecheck_sim::sim;
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;
 use brakecheck_world::world;
+use brakecheck_xml::{visible, xml};

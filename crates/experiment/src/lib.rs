@@ -26,7 +26,7 @@ pub mod search;
 pub mod vector_env;
 
 use brakecheck_ego::ego;
-use brakecheck_files::{content_hash, ron_file, run_files, visible};
+use brakecheck_files::{content_hash, ron_file, run_files};
 use brakecheck_rl::rl;
 use brakecheck_road::road;
 use brakecheck_scene::{natural, preventability, rulebook, scene, testbench};
@@ -35,3 +35,4 @@ use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;
 use brakecheck_world::world;
+use brakecheck_xml::visible;

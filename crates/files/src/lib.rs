@@ -21,6 +21,5 @@
 pub mod content_hash;
 pub mod ron_file;
 pub mod run_files;
-pub mod visible;
 
 use brakecheck_stl as stl;

@@ -22,7 +22,6 @@ pub mod report;
 
 use brakecheck_ego::ego;
 use brakecheck_experiment::run_dir;
-use brakecheck_files::visible;
 use brakecheck_road::road;
 use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_sim::{severity, sim};
@@ -32,3 +31,4 @@ use brakecheck_stats::stats;
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;
 use brakecheck_world::world;
+use brakecheck_xml::visible;

@@ -21,3 +21,5 @@
 pub mod opendrive;
 pub mod pose;
 pub mod road;
+
+use brakecheck_xml::xml;

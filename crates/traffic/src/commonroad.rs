@@ -7,7 +7,7 @@ use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
-use crate::xml_lines::{PlacedElement, PlacedText, read_elements_and_text};
+use crate::xml_lines::{PlacedElement, PlacedText, RecordedElements, read_elements};
 use crate::xosc_entity::class_of_words;
 
 /// Greatest number of a time step.
@@ -27,14 +27,7 @@ pub fn read_commonroad(text: impl Read, name: &str) -> Result<TrafficRecording, 
         name: name.to_owned(),
         ..CommonRoad::default()
     };
-    read_elements_and_text(
-        text,
-        name,
-        &mut file,
-        CommonRoad::start,
-        CommonRoad::inside,
-        CommonRoad::end,
-    )?;
+    read_elements(text, name, &mut file)?;
     if file.tracks.is_empty() {
         return Err(ReadError::Content {
             file: name.to_owned(),
@@ -83,7 +76,7 @@ struct ExactState {
     velocity_mps: Option<f64>,
 }
 
-impl CommonRoad {
+impl RecordedElements for CommonRoad {
     fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError> {
         match element.name() {
             "commonRoad" => {
@@ -146,7 +139,9 @@ impl CommonRoad {
             _ => Ok(()),
         }
     }
+}
 
+impl CommonRoad {
     /// Takes the state that ends here.
     fn push(&mut self, place: FilePlace) -> Result<(), ReadError> {
         let Some(obstacle) = &mut self.obstacle else {

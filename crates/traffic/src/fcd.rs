@@ -11,7 +11,7 @@ use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
-use crate::xml_lines::{PlacedElement, read_elements};
+use crate::xml_lines::{PlacedElement, RecordedElements, read_elements};
 use crate::xosc_entity::class_of_words;
 
 /// Bytes of a file in which its root element begins.
@@ -50,7 +50,7 @@ pub fn read_xml(
 /// The text is not XML, has no road user, or a value is not a finite number.
 pub fn read_fcd(text: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
     let mut file = Fcd::default();
-    read_elements(text, name, &mut file, Fcd::start, |_, _| {})?;
+    read_elements(text, name, &mut file)?;
     if file.tracks.is_empty() {
         return Err(ReadError::Content {
             file: name.to_owned(),
@@ -78,7 +78,7 @@ struct Fcd {
     counts: ReadCounts,
 }
 
-impl Fcd {
+impl RecordedElements for Fcd {
     fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError> {
         let class = match element.name() {
             "timestep" => {
@@ -111,8 +111,8 @@ impl Fcd {
         let origin_m = *self.origin_m.get_or_insert([x_m, y_m]);
         let angle = element.optional_number("angle")?;
         let speed_mps = element.optional_number("speed")?;
-        let words = element.optional("type")?.unwrap_or_default();
-        let known = class_of_words(&words).or(class);
+        let words = element.optional("type").unwrap_or_default();
+        let known = class_of_words(words).or(class);
         self.counts.rows += 1;
         self.counts.unknown_class += usize::from(known.is_none());
         let track = self.tracks.entry(id.clone()).or_insert_with(|| RawTrack {

@@ -7,7 +7,7 @@ use crate::error::ReadError;
 use crate::lane_frame::MappedCarriageway;
 use crate::path::Path;
 use crate::problem::{FilePlace, FileProblem};
-use crate::xml_lines::{PlacedElement, read_elements};
+use crate::xml_lines::{PlacedElement, RecordedElements, read_elements};
 
 /// Distance of the points of a centre line in metres.
 const STEP_M: f64 = 0.5;
@@ -23,7 +23,7 @@ const MOST_POINTS: usize = 2000;
 /// The text is not XML, or has no lanelet with local coordinates.
 pub fn read_lanelets(text: impl Read, name: &str) -> Result<Vec<MappedCarriageway>, ReadError> {
     let mut map = Osm::default();
-    read_elements(text, name, &mut map, Osm::start, Osm::end)?;
+    read_elements(text, name, &mut map)?;
     let lanelets = map.lanelets();
     if lanelets.is_empty() {
         return Err(ReadError::Content {
@@ -63,7 +63,7 @@ struct Lanelet {
     centre_m: Vec<[f64; 2]>,
 }
 
-impl Osm {
+impl RecordedElements for Osm {
     fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError> {
         match element.name() {
             "node" | "way" | "relation" => {
@@ -90,9 +90,9 @@ impl Osm {
         Ok(())
     }
 
-    fn end(&mut self, name: &str) {
+    fn end(&mut self, name: &str, _: FilePlace) -> Result<(), ReadError> {
         if !matches!(name, "node" | "way" | "relation") {
-            return;
+            return Ok(());
         }
         let open = std::mem::take(&mut self.open);
         match name {
@@ -107,8 +107,11 @@ impl Osm {
             }
             _ => self.relations.push(open),
         }
+        Ok(())
     }
+}
 
+impl Osm {
     /// Returns the lanelets on which vehicles drive.
     fn lanelets(&self) -> Vec<Lanelet> {
         let is_driven = |it: &&OpenElement| {

@@ -24,7 +24,7 @@ const MOST_LABELS: usize = 8;
 /// Length of the drawn past in seconds.
 const PAST_S: f64 = 3.0;
 
-const BORDER: &str = "stroke=\"#adb5bd\" stroke-width=\"0.8\"";
+const BORDER: &str = "stroke:#adb5bd;stroke-width:0.8";
 
 /// Draws a recording from above: fitted lanes, all tracks and the closest crossings.
 ///
@@ -48,7 +48,7 @@ pub fn svg_overview(analysis: &Analysis) -> String {
         *counts.entry(track.class).or_default() += 1;
         let points = track.x_m.iter().zip(&track.y_m).map(|(x, y)| [*x, *y]);
         let colour = colour(track.class);
-        let style = format!("stroke=\"{colour}\" stroke-width=\"0.8\" stroke-opacity=\"0.35\"");
+        let style = format!("stroke:{colour};stroke-width:0.8;stroke-opacity:0.35");
         canvas.line(points, &style);
     }
     let close = analysis
@@ -60,12 +60,14 @@ pub fn svg_overview(analysis: &Analysis) -> String {
         count => format!(", circles: {count} crossings with a PET below {CLOSE_PET_S} s"),
     };
     for crossing in close {
-        let style = "fill=\"none\" stroke=\"#e03131\" stroke-width=\"1.5\"";
+        let style = "fill:none;stroke:#e03131;stroke-width:1.5";
         canvas.circle(crossing.point_m, 5.0, style);
     }
     canvas.scale();
-    let entry = |(class, count): (&Class, &usize)| (*class, format!("{count} {}", class.name()));
-    let legend: Vec<(Class, String)> = counts.iter().map(entry).collect();
+    let legend: Vec<(Class, String)> = counts
+        .iter()
+        .map(|(class, count)| (*class, format!("{count} {}", class.name())))
+        .collect();
     canvas.legend(&legend);
     canvas.finish(&format!(
         "{}: {} road users in {:.0} s{circles}",
@@ -123,9 +125,7 @@ pub fn svg_instant(
         let colour = colour(user.class);
         canvas.polygon(
             &corners,
-            &format!(
-                "fill=\"{colour}\" fill-opacity=\"0.75\" stroke=\"{edge}\" stroke-width=\"{edge_px}\""
-            ),
+            &format!("fill:{colour};fill-opacity:0.75;stroke:{edge};stroke-width:{edge_px}"),
         );
         boxes.push(corners.map(|it| canvas.place_px(it)));
     }
@@ -242,7 +242,7 @@ fn draw_past(canvas: &mut SvgCanvas, user: &RoadUserTrack, sample: usize, dt_s: 
     let from = at.saturating_sub((PAST_S / dt_s).round() as usize);
     let points = (from..=at).map(|i| [user.x_m[i], user.y_m[i]]);
     let colour = colour(user.class);
-    let style = format!("stroke=\"{colour}\" stroke-dasharray=\"2 3\"");
+    let style = format!("stroke:{colour};stroke-dasharray:2 3");
     canvas.line(points, &style);
 }
 
@@ -287,8 +287,8 @@ impl LabelRows<'_> {
         let Some((_, label, line)) = best else {
             return;
         };
-        canvas.segment(line[0], line[1], "stroke=\"#495057\" stroke-width=\"0.7\"");
-        canvas.text([label[0][0], label[2][1] - DESCENT_PX], "", text);
+        canvas.segment(line[0], line[1], "stroke:#495057;stroke-width:0.7");
+        canvas.text([label[0][0], label[2][1] - DESCENT_PX], text);
         self.labels.push(label);
         self.lines.push(line);
     }

@@ -1,6 +1,6 @@
 //! Canvas of the pictures: from metres to pixels, and elements of SVG.
 
-use std::fmt::Write;
+use brakecheck_xml::xml::XmlElement;
 
 use crate::recording::Class;
 
@@ -19,7 +19,7 @@ pub(crate) struct SvgCanvas {
     pub(crate) px_per_m: f64,
     middle_px: [f64; 2],
     height_px: f64,
-    body: String,
+    body: Vec<XmlElement>,
 }
 
 impl SvgCanvas {
@@ -38,7 +38,7 @@ impl SvgCanvas {
             px_per_m,
             middle_px: [0.5 * width_px, top_px + 0.5 * drawn_px],
             height_px: top_px + drawn_px + bottom_px,
-            body: String::new(),
+            body: Vec::new(),
         }
     }
 
@@ -53,64 +53,49 @@ impl SvgCanvas {
     }
 
     /// Draws a line through points of the world, to a quarter of a pixel.
+    ///
+    /// A style is CSS, here and below.
     pub(crate) fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, style: &str) {
         let points: Vec<[f64; 2]> = points.into_iter().map(|it| self.place_px(it)).collect();
-        let points: Vec<String> = simplified(&points)
-            .into_iter()
-            .map(|[x, y]| format!("{x:.1},{y:.1}"))
-            .collect();
-        let points = points.join(" ");
-        let _ = writeln!(
-            self.body,
-            "<polyline points=\"{points}\" fill=\"none\" {style}/>"
-        );
+        let line = XmlElement::new("polyline").text("points", listed(&simplified(&points)));
+        self.body
+            .push(line.text("fill", "none").text("style", style));
     }
 
     /// Covers everything above and below the drawing that is drawn so far.
     pub(crate) fn cover(&mut self, top_px: f64, bottom_px: f64) {
         for (y, height) in [(0.0, top_px), (bottom_px, self.height_px - bottom_px)] {
-            let _ = writeln!(
-                self.body,
-                "<rect y=\"{y:.1}\" width=\"{WIDTH_PX}\" height=\"{height:.1}\" fill=\"#fff\"/>"
-            );
+            let strip = rectangle([0.0, y], [WIDTH_PX, height], "#fff");
+            self.body.push(strip);
         }
     }
 
     /// Draws a closed polygon of the world.
     pub(crate) fn polygon(&mut self, points: &[[f64; 2]], style: &str) {
-        let points: Vec<String> = points
-            .iter()
-            .map(|it| self.place_px(*it))
-            .map(|[x, y]| format!("{x:.1},{y:.1}"))
-            .collect();
-        let points = points.join(" ");
-        let _ = writeln!(self.body, "<polygon points=\"{points}\" {style}/>");
+        let points: Vec<[f64; 2]> = points.iter().map(|it| self.place_px(*it)).collect();
+        let polygon = XmlElement::new("polygon").text("points", listed(&points));
+        self.body.push(polygon.text("style", style));
     }
 
     /// Draws a circle around a point of the world.
     pub(crate) fn circle(&mut self, point: [f64; 2], radius_px: f64, style: &str) {
-        let [x, y] = self.place_px(point);
-        let _ = writeln!(
-            self.body,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius_px}\" {style}/>"
-        );
+        let [x, y] = self.place_px(point).map(px);
+        let circle = XmlElement::new("circle").text("cx", x).text("cy", y);
+        self.body
+            .push(circle.number("r", radius_px).text("style", style));
     }
 
     /// Draws a line between pixels.
-    pub(crate) fn segment(&mut self, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2], style: &str) {
-        let _ = writeln!(
-            self.body,
-            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" {style}/>"
-        );
+    pub(crate) fn segment(&mut self, from: [f64; 2], to: [f64; 2], style: &str) {
+        let ([x1, y1], [x2, y2]) = (from.map(px), to.map(px));
+        let line = XmlElement::new("line").text("x1", x1).text("y1", y1);
+        self.body
+            .push(line.text("x2", x2).text("y2", y2).text("style", style));
     }
 
     /// Writes a text whose baseline begins at a pixel.
-    pub(crate) fn text(&mut self, [x, y]: [f64; 2], style: &str, text: &str) {
-        let text = escaped(text);
-        let _ = writeln!(
-            self.body,
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" {style}>{text}</text>"
-        );
+    pub(crate) fn text(&mut self, at: [f64; 2], text: &str) {
+        self.body.push(words(at, text));
     }
 
     /// Draws a scale of a round length in the lower right corner.
@@ -118,16 +103,13 @@ impl SvgCanvas {
         let length_m = round_length_m(0.2 * WIDTH_PX / self.px_per_m);
         let (right, y) = (WIDTH_PX - 14.0, self.height_px - 12.0);
         let left = right - length_m * self.px_per_m;
-        let style = "stroke=\"#222\" stroke-width=\"2\"";
+        let style = "stroke:#222;stroke-width:2";
         self.segment([left, y], [right, y], style);
         for x in [left, right] {
             self.segment([x, y - 4.0], [x, y + 4.0], style);
         }
-        self.text(
-            [left - 6.0, y + 4.0],
-            "text-anchor=\"end\"",
-            &format!("{length_m} m"),
-        );
+        let length = words([left - 6.0, y + 4.0], &format!("{length_m} m"));
+        self.body.push(length.text("text-anchor", "end"));
     }
 
     /// Writes a legend of classes in the lower left corner.
@@ -135,30 +117,57 @@ impl SvgCanvas {
         let y = self.height_px - 12.0;
         let mut x = 14.0;
         for (class, text) in classes {
-            let _ = writeln!(
-                self.body,
-                "<rect x=\"{x:.1}\" y=\"{:.1}\" width=\"10\" height=\"10\" fill=\"{}\"/>",
-                y - 5.0,
-                colour(*class)
-            );
-            self.text([x + 14.0, y + 4.0], "", text);
+            let field = rectangle([x, y - 5.0], [10.0; 2], colour(*class));
+            self.body.push(field);
+            self.text([x + 14.0, y + 4.0], text);
             x += 26.0 + text_px(text);
         }
     }
 
     /// Returns the picture under its title.
     pub(crate) fn finish(self, title: &str) -> String {
-        let (title, height_px, body) = (escaped(title), self.height_px, self.body);
-        format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH_PX} {height_px:.0}\" \
-             font-family=\"sans-serif\" font-size=\"11\" role=\"img\">\n\
-             <title>{title}</title>\n\
-             <rect width=\"{WIDTH_PX}\" height=\"{height_px:.0}\" fill=\"#fff\"/>\n\
-             {body}\
-             <text x=\"14\" y=\"20\" font-size=\"14\" font-weight=\"bold\">{title}</text>\n\
-             </svg>\n"
-        )
+        let height_px = self.height_px;
+        let headline = words([14.0, 20.0], title)
+            .text("font-size", "14")
+            .text("font-weight", "bold");
+        let picture = XmlElement::new("svg")
+            .text("xmlns", "http://www.w3.org/2000/svg")
+            .text("viewBox", format!("0 0 {WIDTH_PX} {height_px:.0}"))
+            .text("font-family", "sans-serif")
+            .text("font-size", "11")
+            .text("role", "img")
+            .child(XmlElement::new("title").words(title))
+            .child(rectangle([0.0; 2], [WIDTH_PX, height_px], "#fff"))
+            .children(self.body)
+            .child(headline);
+        // Invariant: memory takes any document.
+        picture.document().unwrap_or_default()
     }
+}
+
+/// Returns a pixel with one decimal.
+fn px(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+fn listed(points: &[[f64; 2]]) -> String {
+    let points = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}"));
+    points.collect::<Vec<_>>().join(" ")
+}
+
+fn rectangle(corner: [f64; 2], size: [f64; 2], fill: &str) -> XmlElement {
+    let ([x, y], [width, height]) = (corner.map(px), size.map(px));
+    let rectangle = XmlElement::new("rect").text("x", x).text("y", y);
+    let sized = rectangle.text("width", width).text("height", height);
+    sized.text("fill", fill)
+}
+
+fn words(at: [f64; 2], text: &str) -> XmlElement {
+    let [x, y] = at.map(px);
+    XmlElement::new("text")
+        .text("x", x)
+        .text("y", y)
+        .words(text)
 }
 
 /// Drops points that the line through the others misses by less than a quarter of a pixel.
@@ -219,21 +228,4 @@ fn round_length_m(most_m: f64) -> f64 {
     let power = libm::exp10(libm::floor(libm::log10(most_m)));
     let fits = |it: &f64| it * power <= most_m;
     [5.0, 2.0, 1.0].into_iter().find(fits).unwrap_or(1.0) * power
-}
-
-/// Escapes what XML reads as markup, and drops control characters, which it forbids.
-fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for it in text.chars().filter(|it| !it.is_control()) {
-        match it {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            // Two code points that XML forbids in any form.
-            '\u{fffe}' | '\u{ffff}' => {}
-            it => safe.push(it),
-        }
-    }
-    safe
 }

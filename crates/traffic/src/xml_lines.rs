@@ -1,81 +1,46 @@
-//! XML as it is read: elements with their attributes and lines.
+//! XML of recordings and maps: elements and texts with their file and line.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 
-use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use brakecheck_xml::xml::{XmlError, XmlParts, XmlProblem, XmlTag, XmlText, read_xml};
 
 use crate::error::ReadError;
 use crate::problem::{FilePlace, FileProblem};
 
-/// Greatest nesting of elements.
-const MOST_DEPTH: usize = 256;
+/// Receiver of the elements of a file.
+pub(crate) trait RecordedElements {
+    /// Takes an element at its opening tag.
+    fn start(&mut self, element: &PlacedElement<'_>) -> Result<(), ReadError>;
 
-/// Reader that counts the lines behind it.
-pub(crate) struct LineCounter<R> {
-    inner: BufReader<R>,
-    pub(crate) line: u64,
-}
-
-impl<R: Read> LineCounter<R> {
-    pub(crate) fn new(inner: R) -> LineCounter<R> {
-        LineCounter {
-            inner: BufReader::with_capacity(1 << 18, inner),
-            line: 1,
-        }
-    }
-}
-
-impl<R: Read> Read for LineCounter<R> {
-    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
-        let got = self.fill_buf()?.read(into)?;
-        self.consume(got);
-        Ok(got)
-    }
-}
-
-impl<R: Read> BufRead for LineCounter<R> {
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        self.inner.fill_buf()
+    /// Takes a text inside an element.
+    fn inside(&mut self, _text: &PlacedText<'_>) -> Result<(), ReadError> {
+        Ok(())
     }
 
-    fn consume(&mut self, amount: usize) {
-        let passed = &self.inner.buffer()[..amount];
-        self.line += passed.iter().filter(|byte| **byte == b'\n').count() as u64;
-        self.inner.consume(amount);
+    /// Takes the end of an element, at the place of its closing tag.
+    fn end(&mut self, _name: &str, _place: FilePlace) -> Result<(), ReadError> {
+        Ok(())
     }
 }
 
 /// Element with its place.
 pub(crate) struct PlacedElement<'a> {
-    pub(crate) tag: &'a BytesStart<'a>,
+    tag: &'a XmlTag<'a>,
     file: &'a str,
-    line: u64,
 }
 
 impl PlacedElement<'_> {
     pub(crate) fn name(&self) -> &str {
-        self.tag.local_name().into_inner()
+        self.tag.name
     }
 
     pub(crate) fn error(&self, problem: FileProblem) -> ReadError {
-        ReadError::Content {
-            file: self.file.to_owned(),
-            place: FilePlace::Line(self.line),
-            problem,
-        }
+        at_line(self.file, self.tag.line, problem)
     }
 
     /// Returns an attribute, `None` without it.
-    pub(crate) fn optional(&self, name: &str) -> Result<Option<String>, ReadError> {
-        let wrong = |error: String| self.error(FileProblem::Xml(error));
-        let found = self.tag.try_get_attribute(name);
-        let Some(found) = found.map_err(|error| wrong(error.to_string()))? else {
-            return Ok(None);
-        };
-        let value =
-            quick_xml::escape::unescape(&found.value).map_err(|error| wrong(error.to_string()))?;
-        Ok(Some(value.into_owned()))
+    pub(crate) fn optional(&self, name: &str) -> Option<&str> {
+        self.tag.attribute(name)
     }
 
     pub(crate) fn text(&self, name: &str) -> Result<String, ReadError> {
@@ -85,7 +50,8 @@ impl PlacedElement<'_> {
                 attribute: name.to_owned(),
             })
         };
-        self.optional(name)?.ok_or_else(missing)
+        let found = self.optional(name).map(str::to_owned);
+        found.ok_or_else(missing)
     }
 
     /// Returns a finite number.
@@ -95,8 +61,8 @@ impl PlacedElement<'_> {
 
     /// Returns a finite number, `None` without the attribute.
     pub(crate) fn optional_number(&self, name: &str) -> Result<Option<f64>, ReadError> {
-        let text = self.optional(name)?;
-        text.map(|text| self.parsed(name, &text)).transpose()
+        let text = self.optional(name);
+        text.map(|text| self.parsed(name, text)).transpose()
     }
 
     fn parsed(&self, name: &str, text: &str) -> Result<f64, ReadError> {
@@ -125,130 +91,74 @@ impl PlacedText<'_> {
     pub(crate) fn number(&self, name: &str) -> Result<f64, ReadError> {
         let value = self.text.parse().ok().filter(|it: &f64| it.is_finite());
         value.ok_or_else(|| {
-            self.error(FileProblem::NotFinite {
+            let problem = FileProblem::NotFinite {
                 owner: self.path.last().cloned().unwrap_or_default(),
                 name: name.to_owned(),
                 text: crate::csv_rows::shown(self.text.as_bytes()),
-            })
+            };
+            at_line(self.file, self.line, problem)
+        })
+    }
+}
+
+/// Reads the elements of a file.
+///
+/// # Errors
+/// The text is not XML, ends inside an element, or `elements` refuses a part.
+pub(crate) fn read_elements(
+    text: impl Read,
+    file: &str,
+    elements: &mut impl RecordedElements,
+) -> Result<(), ReadError> {
+    read_xml(text, &mut FileElements { file, elements })
+}
+
+/// Elements together with the name of their file, for errors.
+struct FileElements<'a, E> {
+    file: &'a str,
+    elements: &'a mut E,
+}
+
+impl<E: RecordedElements> XmlParts for FileElements<'_, E> {
+    type Error = ReadError;
+
+    fn start(&mut self, tag: &XmlTag<'_>) -> Result<(), ReadError> {
+        let file = self.file;
+        self.elements.start(&PlacedElement { tag, file })
+    }
+
+    fn text(&mut self, text: &XmlText<'_>) -> Result<(), ReadError> {
+        self.elements.inside(&PlacedText {
+            path: text.path,
+            text: text.text,
+            file: self.file,
+            line: text.line,
         })
     }
 
-    pub(crate) fn error(&self, problem: FileProblem) -> ReadError {
-        ReadError::Content {
-            file: self.file.to_owned(),
-            place: FilePlace::Line(self.line),
-            problem,
-        }
+    fn end(&mut self, name: &str, line: u64) -> Result<(), ReadError> {
+        self.elements.end(name, FilePlace::Line(line))
     }
-}
 
-/// Calls `start` and `end` for all elements of a file.
-///
-/// # Errors
-/// The text is not XML, ends inside an element, or a call fails.
-pub(crate) fn read_elements<S>(
-    text: impl Read,
-    file: &str,
-    state: &mut S,
-    start: impl FnMut(&mut S, &PlacedElement<'_>) -> Result<(), ReadError>,
-    mut end: impl FnMut(&mut S, &str),
-) -> Result<(), ReadError> {
-    let end = |state: &mut S, name: &str, _| {
-        end(state, name);
-        Ok(())
-    };
-    read_elements_and_text(text, file, state, start, |_, _| Ok(()), end)
-}
-
-/// Calls `start`, `inside` and `end` for all elements of a file and their texts.
-///
-/// `end` gets the line at which the element ends.
-///
-/// # Errors
-/// The text is not XML, ends inside an element, or a call fails.
-pub(crate) fn read_elements_and_text<S>(
-    text: impl Read,
-    file: &str,
-    state: &mut S,
-    mut start: impl FnMut(&mut S, &PlacedElement<'_>) -> Result<(), ReadError>,
-    mut inside: impl FnMut(&mut S, &PlacedText<'_>) -> Result<(), ReadError>,
-    mut end: impl FnMut(&mut S, &str, FilePlace) -> Result<(), ReadError>,
-) -> Result<(), ReadError> {
-    let mut reader = Reader::from_reader(LineCounter::new(text));
-    let mut open: Vec<String> = Vec::new();
-    let mut buffer = Vec::new();
-    loop {
-        buffer.clear();
-        let event = reader.read_event_into(&mut buffer);
-        // The reader is behind the event, so the line is that of the end of a tag.
-        let line = reader.get_ref().line;
-        let error = |problem| ReadError::Content {
-            file: file.to_owned(),
-            place: FilePlace::Line(line),
-            problem,
+    fn error(&self, error: XmlError) -> ReadError {
+        let problem = match error.problem {
+            XmlProblem::Unreadable(source) => {
+                return ReadError::File {
+                    file: self.file.to_owned(),
+                    source,
+                };
+            }
+            XmlProblem::Unclosed(name) => FileProblem::Unclosed(name),
+            problem => FileProblem::Xml(problem.to_string()),
         };
-        match event {
-            Ok(Event::Start(tag)) => {
-                start(
-                    state,
-                    &PlacedElement {
-                        tag: &tag,
-                        file,
-                        line,
-                    },
-                )?;
-                open.push(tag.local_name().into_inner().to_owned());
-                if open.len() > MOST_DEPTH {
-                    let what = format!("more than {MOST_DEPTH} elements inside each other");
-                    return Err(error(FileProblem::Xml(what)));
-                }
-            }
-            Ok(Event::Empty(tag)) => {
-                start(
-                    state,
-                    &PlacedElement {
-                        tag: &tag,
-                        file,
-                        line,
-                    },
-                )?;
-                end(state, tag.local_name().into_inner(), FilePlace::Line(line))?;
-            }
-            Ok(Event::End(tag)) => {
-                open.pop();
-                end(state, tag.local_name().into_inner(), FilePlace::Line(line))?;
-            }
-            Ok(Event::Text(text)) => {
-                let text = text.trim();
-                if !text.is_empty() {
-                    inside(
-                        state,
-                        &PlacedText {
-                            path: &open,
-                            text,
-                            file,
-                            line,
-                        },
-                    )?;
-                }
-            }
-            Ok(Event::Eof) => break,
-            Ok(_) => {}
-            Err(quick_xml::Error::Io(source)) => {
-                return Err(ReadError::File {
-                    file: file.to_owned(),
-                    source: std::io::Error::new(source.kind(), source.to_string()),
-                });
-            }
-            Err(wrong) => return Err(error(FileProblem::Xml(wrong.to_string()))),
-        }
+        at_line(self.file, error.line, problem)
     }
-    match open.pop() {
-        None => Ok(()),
-        Some(name) => Err(ReadError::Content {
-            file: file.to_owned(),
-            place: FilePlace::Line(reader.get_ref().line),
-            problem: FileProblem::Unclosed(name),
-        }),
+}
+
+fn at_line(file: &str, line: u64, problem: FileProblem) -> ReadError {
+    ReadError::Content {
+        file: file.to_owned(),
+        place: FilePlace::Line(line),
+        problem,
     }
 }

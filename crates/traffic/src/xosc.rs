@@ -10,7 +10,7 @@ use crate::grid;
 use crate::problem::{FilePlace, FileProblem};
 use crate::raw::{FARTHEST_M, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
-use crate::xml_lines::{PlacedElement, PlacedText, read_elements_and_text};
+use crate::xml_lines::{PlacedElement, RecordedElements, read_elements};
 use crate::xosc_entity::{XoscEntity, class_of_catalog, class_of_vehicle};
 
 /// Greatest number of entities that follow one trajectory, each with rows of its own.
@@ -29,15 +29,7 @@ const MOST_ACTORS: usize = 100;
 /// The text is not XML, or a trajectory lacks times or coordinates.
 pub fn read_xosc(text: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
     let mut file = XoscFile::new(name);
-    let inside = |_: &mut XoscFile<'_>, _: &PlacedText<'_>| Ok(());
-    read_elements_and_text(
-        text,
-        name,
-        &mut file,
-        XoscFile::start,
-        inside,
-        XoscFile::end,
-    )?;
+    read_elements(text, name, &mut file)?;
     file.finish()
 }
 
@@ -73,36 +65,7 @@ struct XoscFile<'a> {
     counts: ReadCounts,
 }
 
-impl<'a> XoscFile<'a> {
-    fn new(name: &'a str) -> XoscFile<'a> {
-        XoscFile {
-            name,
-            open: Vec::new(),
-            entities: IndexMap::new(),
-            entity: None,
-            actors: Vec::new(),
-            start_s: None,
-            speeds_mps: IndexMap::new(),
-            lines: Vec::new(),
-            vertex_s: None,
-            tracks: IndexMap::new(),
-            origin_m: None,
-            counts: ReadCounts::default(),
-        }
-    }
-
-    fn error(&self, place: FilePlace, problem: FileProblem) -> ReadError {
-        ReadError::Content {
-            file: self.name.to_owned(),
-            place,
-            problem,
-        }
-    }
-
-    fn is_inside(&self, element: &str) -> bool {
-        self.open.iter().any(|it| it == element)
-    }
-
+impl RecordedElements for XoscFile<'_> {
     fn start(&mut self, tag: &PlacedElement<'_>) -> Result<(), ReadError> {
         match tag.name() {
             "ScenarioObject" => {
@@ -143,6 +106,57 @@ impl<'a> XoscFile<'a> {
         Ok(())
     }
 
+    fn end(&mut self, element: &str, place: FilePlace) -> Result<(), ReadError> {
+        self.open.pop();
+        match element {
+            "ScenarioObject" => self.entities.extend(self.entity.take()),
+            "Vertex" if self.vertex_s.take().is_some() => {
+                return Err(self.error(place, FileProblem::NoWorldPosition));
+            }
+            "Event" | "Private" => {
+                if element == "Private" {
+                    self.start_s = Some(0.0);
+                }
+                for line in std::mem::take(&mut self.lines) {
+                    self.add(line, place)?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl<'a> XoscFile<'a> {
+    fn new(name: &'a str) -> XoscFile<'a> {
+        XoscFile {
+            name,
+            open: Vec::new(),
+            entities: IndexMap::new(),
+            entity: None,
+            actors: Vec::new(),
+            start_s: None,
+            speeds_mps: IndexMap::new(),
+            lines: Vec::new(),
+            vertex_s: None,
+            tracks: IndexMap::new(),
+            origin_m: None,
+            counts: ReadCounts::default(),
+        }
+    }
+
+    fn error(&self, place: FilePlace, problem: FileProblem) -> ReadError {
+        ReadError::Content {
+            file: self.name.to_owned(),
+            place,
+            problem,
+        }
+    }
+
+    fn is_inside(&self, element: &str) -> bool {
+        self.open.iter().any(|it| it == element)
+    }
+
     /// Reads an element of an entity's definition.
     fn define(&mut self, tag: &PlacedElement<'_>) -> Result<(), ReadError> {
         let Some((_, mut entity)) = self.entity else {
@@ -150,11 +164,11 @@ impl<'a> XoscFile<'a> {
         };
         match tag.name() {
             "Vehicle" => {
-                let category = tag.optional("vehicleCategory")?;
-                entity.class = category.and_then(|it| class_of_vehicle(&it));
+                let category = tag.optional("vehicleCategory");
+                entity.class = category.and_then(class_of_vehicle);
             }
             "Pedestrian" => {
-                let category = tag.optional("pedestrianCategory")?;
+                let category = tag.optional("pedestrianCategory");
                 let is_animal = category.is_some_and(|it| it == "animal");
                 let class = if is_animal {
                     Class::Other
@@ -224,26 +238,6 @@ impl<'a> XoscFile<'a> {
             size_m: [0.0; 2],
             class: None,
         })
-    }
-
-    fn end(&mut self, element: &str, place: FilePlace) -> Result<(), ReadError> {
-        self.open.pop();
-        match element {
-            "ScenarioObject" => self.entities.extend(self.entity.take()),
-            "Vertex" if self.vertex_s.take().is_some() => {
-                return Err(self.error(place, FileProblem::NoWorldPosition));
-            }
-            "Event" | "Private" => {
-                if element == "Private" {
-                    self.start_s = Some(0.0);
-                }
-                for line in std::mem::take(&mut self.lines) {
-                    self.add(line, place)?;
-                }
-            }
-            _ => {}
-        }
-        Ok(())
     }
 
     /// Adds a polyline to the tracks of its entities.

@@ -5,7 +5,7 @@
 
 use super::path::Vertex;
 use super::stretch::Stretch;
-use super::xml::XmlElement;
+use crate::xml::XmlElement;
 use crate::road::RoadProfile;
 use crate::scene::drive::DriveWorld;
 use crate::sim::{Pose, wrapped};

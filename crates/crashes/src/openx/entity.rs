@@ -1,7 +1,7 @@
 //! Entities of a scenario file: bounding boxes, axles and performance limits.
 
 use super::path::reference_behind_front_m;
-use super::xml::XmlElement;
+use crate::xml::XmlElement;
 use crate::scene::drive::{Agent, Drive};
 use crate::sim::{Body, BodyKind, Cyclist, GRAVITY_MPS2, Vehicle};
 

@@ -2,7 +2,7 @@
 
 use super::path::sample_time_s;
 use super::stretch::Stretch;
-use super::xml::XmlElement;
+use crate::xml::XmlElement;
 use crate::ego::Phase;
 use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;

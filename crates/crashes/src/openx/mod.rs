@@ -22,7 +22,6 @@ mod path;
 mod road;
 mod storyboard;
 mod stretch;
-mod xml;
 
 use std::io;
 
@@ -30,6 +29,7 @@ use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;
 use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::DriveScenario;
+use crate::xml::{XmlElement, decimal};
 pub(crate) use elevation::Elevation;
 use entity::PerformanceLimits;
 pub(crate) use entity::vehicle_category;
@@ -37,7 +37,6 @@ use origin::{AUTHOR, DATE};
 use path::Vertex;
 use storyboard::{MotionSource, StoryboardAgent};
 use stretch::Stretch;
-use xml::{XmlElement, number};
 
 /// Recorded counterexample to export.
 #[derive(Clone, Copy)]
@@ -218,8 +217,8 @@ impl Crash<'_> {
                 "{} and {} at {} s, closing at {} m/s",
                 touch.between.0,
                 touch.between.1,
-                number(touch.time_s),
-                number(touch.closing_speed_mps),
+                decimal(touch.time_s),
+                decimal(touch.closing_speed_mps),
             ),
             None => "none".to_owned(),
         };
@@ -228,10 +227,10 @@ impl Crash<'_> {
             ("world", scenario.name().to_owned()),
             ("ego", self.ego.to_owned()),
             ("ego_spec", scenario.ego_spec().to_string()),
-            ("robustness", number(self.episode.robustness)),
+            ("robustness", decimal(self.episode.robustness)),
             ("contact", contact),
-            ("friction", number(spec.road.friction())),
-            ("sample_s", number(spec.clock.sample_s)),
+            ("friction", decimal(spec.road.friction())),
+            ("sample_s", decimal(spec.clock.sample_s)),
             ("replay", format!("brakecheck replay {}.ron", self.name)),
         ]
         .map(|(name, value)| (name.to_owned(), value))
@@ -243,7 +242,7 @@ impl Crash<'_> {
         }));
         let constants = scenario.names().constants.iter();
         properties
-            .extend(constants.map(|(name, value)| (format!("constant.{name}"), number(*value))));
+            .extend(constants.map(|(name, value)| (format!("constant.{name}"), decimal(*value))));
         properties
     }
 }

@@ -2,7 +2,7 @@
 
 use core::f64::consts::PI;
 
-use super::xml::XmlElement;
+use crate::xml::XmlElement;
 use crate::scene::Motion;
 use crate::sim::{Body, BodyState, Placement, Pose};
 use crate::testbench::FilmAfterContact;

@@ -11,7 +11,7 @@ use super::elevation::Elevation;
 use super::lights;
 use super::origin::{AUTHOR, DATE};
 use super::stretch::Stretch;
-use super::xml::XmlElement;
+use crate::xml::XmlElement;
 use crate::ego::RoadPiece;
 use crate::road::{Course, Road};
 use crate::scene::drive::DriveWorld;

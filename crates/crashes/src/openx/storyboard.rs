@@ -2,7 +2,7 @@
 
 use super::entity::is_ego;
 use super::path::Vertex;
-use super::xml::XmlElement;
+use crate::xml::XmlElement;
 use crate::scene::drive::Agent;
 
 /// Agent of the scenario, with its trajectory and its driver.

@@ -3,24 +3,78 @@
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use quick_xml::Reader;
-use quick_xml::escape::unescape;
-use quick_xml::events::{BytesStart, Event};
-
 use super::error::{At, ImportError};
 use super::files::Files;
+use crate::xml::{XmlError, XmlParts, XmlProblem, XmlTag, read_xml};
 
 /// Greatest size of a file in bytes.
 const MAX_BYTES: usize = 16 << 20;
-/// Greatest depth of nested elements.
-const MAX_DEPTH: usize = 200;
-/// Greatest number of elements and attributes of a file, and of attributes of an element.
+/// Greatest number of elements and attributes of a file.
 ///
 /// An element takes more memory than its text.
 const MAX_ITEMS: usize = 1_000_000;
-const MAX_ATTRIBUTES: usize = 200;
 /// Fix of a text that is no XML.
 const NO_XML: &str = "check the file with a tool such as xmllint";
+
+/// Tree with its open elements, outermost first.
+struct GrowingTree {
+    file: Rc<PathBuf>,
+    open: Vec<XmlNode>,
+    root: Option<XmlNode>,
+    items: usize,
+}
+
+impl XmlParts for GrowingTree {
+    type Error = ImportError;
+
+    fn start(&mut self, tag: &XmlTag<'_>) -> Result<(), ImportError> {
+        let attributes = tag.attributes.iter();
+        let node = XmlNode {
+            name: tag.name.to_owned(),
+            attributes: attributes
+                .map(|(name, value)| ((*name).to_owned(), value.to_string()))
+                .collect(),
+            children: Vec::new(),
+            line: tag.line as usize,
+            place: tag.place as usize,
+            file: Rc::clone(&self.file),
+        };
+        self.items += 1 + node.attributes.len();
+        if self.items > MAX_ITEMS {
+            let what = format!("it has more than {MAX_ITEMS} elements and attributes");
+            return Err(self
+                .here(tag.line, what)
+                .helped("cut out the roads that the scenario uses"));
+        }
+        self.open.push(node);
+        Ok(())
+    }
+
+    fn end(&mut self, _: &str, _: u64) -> Result<(), ImportError> {
+        let Some(node) = self.open.pop() else {
+            return Ok(());
+        };
+        match self.open.last_mut() {
+            Some(parent) => parent.children.push(node),
+            None => self.root = Some(node),
+        }
+        Ok(())
+    }
+
+    fn error(&self, error: XmlError) -> ImportError {
+        let what = match &error.problem {
+            XmlProblem::Syntax(_) => format!("this is no XML: {}", error.problem),
+            problem => problem.to_string(),
+        };
+        self.here(error.line, what).helped(NO_XML)
+    }
+}
+
+impl GrowingTree {
+    fn here(&self, line: u64, what: String) -> ImportError {
+        At::element(&self.file, "here".to_owned(), line as usize).error(what)
+    }
+}
 
 /// Element of a file.
 #[derive(Clone, Debug)]
@@ -67,103 +121,16 @@ impl XmlNode {
     }
 
     pub(crate) fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
-        let file = Rc::new(path.to_owned());
-        let mut reader = Reader::from_str(text);
-        let (mut line, mut counted) = (1, 0);
-        let mut open: Vec<XmlNode> = Vec::new();
-        let mut root: Option<XmlNode> = None;
-        let mut items = 0;
-        loop {
-            let event = reader.read_event();
-            // The position lies behind the event, so the line is that of the
-            // end of a tag.
-            let upto = (reader.buffer_position() as usize).min(text.len());
-            line += text
-                .get(counted..upto)
-                .map_or(0, |part| part.matches('\n').count());
-            counted = upto;
-            if items > MAX_ITEMS {
-                let what = format!("it has more than {MAX_ITEMS} elements and attributes");
-                let at = At::element(path, "here".to_owned(), line);
-                return Err(at
-                    .error(what)
-                    .helped("cut out the roads that the scenario uses"));
-            }
-            let close =
-                |open: &mut Vec<XmlNode>, root: &mut Option<XmlNode>, node: XmlNode| match open
-                    .last_mut()
-                {
-                    Some(parent) => parent.children.push(node),
-                    None => *root = Some(node),
-                };
-            match event {
-                Ok(Event::Start(start)) => {
-                    let node = XmlNode::of(&file, &start, (line, upto)).map_err(|what| {
-                        let at = At::element(path, "here".to_owned(), line);
-                        at.error(what).helped(NO_XML)
-                    })?;
-                    items += 1 + node.attributes.len();
-                    open.push(node);
-                    // Guards the stack of the recursive functions that read the
-                    // tree.
-                    if open.len() > MAX_DEPTH {
-                        let what = format!("its elements nest more than {MAX_DEPTH} deep");
-                        let at = At::element(path, "here".to_owned(), line);
-                        return Err(at.error(what).helped(NO_XML));
-                    }
-                }
-                Ok(Event::Empty(start)) => {
-                    let node = XmlNode::of(&file, &start, (line, upto)).map_err(|what| {
-                        let at = At::element(path, "here".to_owned(), line);
-                        at.error(what).helped(NO_XML)
-                    })?;
-                    items += 1 + node.attributes.len();
-                    close(&mut open, &mut root, node);
-                }
-                Ok(Event::End(_)) => {
-                    if let Some(node) = open.pop() {
-                        close(&mut open, &mut root, node);
-                    }
-                }
-                Ok(Event::Eof) => break,
-                Ok(_) => {}
-                Err(error) => {
-                    let what = format!("this is no XML: {error}");
-                    let at = At::element(path, "here".to_owned(), line);
-                    return Err(at.error(what).helped(NO_XML));
-                }
-            }
-        }
-        match (root, open.is_empty()) {
-            (Some(root), true) => Ok(root),
-            _ => {
-                let what = "it ends before all its elements do";
-                Err(At::file(path).error(what).helped(NO_XML))
-            }
-        }
-    }
-
-    fn of(
-        file: &Rc<PathBuf>,
-        start: &BytesStart<'_>,
-        (line, place): (usize, usize),
-    ) -> Result<XmlNode, String> {
-        let attributes = start.attributes().enumerate().map(|(count, attribute)| {
-            if count > MAX_ATTRIBUTES {
-                return Err(format!("it has more than {MAX_ATTRIBUTES} attributes"));
-            }
-            let attribute = attribute.map_err(|error| error.to_string())?;
-            let value = unescape(&attribute.value).map_err(|error| error.to_string())?;
-            Ok((attribute.key.0.to_owned(), value.into_owned()))
-        });
-        Ok(XmlNode {
-            name: start.name().0.to_owned(),
-            attributes: attributes.collect::<Result<_, String>>()?,
-            children: Vec::new(),
-            line,
-            place,
-            file: Rc::clone(file),
-        })
+        let mut tree = GrowingTree {
+            file: Rc::new(path.to_owned()),
+            open: Vec::new(),
+            root: None,
+            items: 0,
+        };
+        read_xml(text.as_bytes(), &mut tree)?;
+        // Invariant: the reader refuses a text without an element.
+        let none = || At::file(path).error("it has no element").helped(NO_XML);
+        tree.root.ok_or_else(none)
     }
 
     /// Returns an element of a name around it, at its place in the file.
@@ -249,5 +216,26 @@ impl XmlNode {
             let help = "write what belongs into it, or leave it out";
             self.refused("there is nothing in it", help)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_not_well_formed_is_refused_at_its_line() {
+        let cases = [
+            ("<a>\n<b>", "it ends inside `b`"),
+            // The reader of recordings once took the first value, and this one the last root.
+            ("<a>\n<b id='1' id='2'/></a>", "this is no XML: "),
+            ("<a/>\n<b/>", "`b` is a second root element"),
+        ];
+        for (text, says) in cases {
+            let error = XmlNode::parse(Path::new("a.xodr"), text).expect_err(says);
+            let begin = format!("`a.xodr`, line 2, here: {says}");
+            assert!(error.to_string().starts_with(&begin), "{error}");
+            assert_eq!(error.help.as_deref(), Some(NO_XML));
+        }
     }
 }

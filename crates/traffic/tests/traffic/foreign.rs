@@ -495,6 +495,51 @@ fn commonroad_scenarios_are_recordings_of_their_moving_obstacles() {
 }
 
 #[test]
+fn a_number_is_whole_whatever_cuts_its_text() {
+    let plain = commonroad("dynamicObstacle", "<exact>STEP</exact>");
+    let read = |text: &str| read_xml(text.as_bytes(), "cr.xml").expect("states").0;
+    for cut in ["4<!-- of 49 -->9", "4&#57;", "<![CDATA[49]]>", "4<?a?>9"] {
+        let text = plain.replace("<exact>49</exact>", &format!("<exact>{cut}</exact>"));
+        assert_ne!(text, plain);
+        assert_eq!(read(&text).tracks, read(&plain).tracks, "{cut}");
+    }
+}
+
+#[test]
+fn xml_that_readers_take_in_two_ways_is_refused() {
+    let exact = commonroad("dynamicObstacle", "<exact>STEP</exact>");
+    for (text, says) in [
+        (
+            exact.replace(
+                "timeStepSize=\"0.1\"",
+                "timeStepSize=\"0.1\" timeStepSize=\"1\"",
+            ),
+            "line 2: invalid XML: ",
+        ),
+        (
+            exact.replace("id=\"30\"", "id=\"30\" note=\"&car;\""),
+            "line 5: invalid XML: ",
+        ),
+        (
+            format!("{exact}\n<fcd-export/>"),
+            "`fcd-export` is a second root element",
+        ),
+        (
+            exact.replace("<commonRoad ", "<!DOCTYPE a [<!ENTITY b 'c'>]><commonRoad "),
+            "line 2: invalid XML: it declares entities",
+        ),
+        // An element of another vocabulary only has the same name.
+        (
+            exact.replace("dynamicObstacle", "x:dynamicObstacle"),
+            "no dynamic obstacle",
+        ),
+    ] {
+        let error = read_xml(text.as_bytes(), "cr.xml").expect_err(says);
+        assert!(error.to_string().contains(says), "{says}: {error}");
+    }
+}
+
+#[test]
 fn commonroad_scenarios_without_exact_motion_are_refused_with_their_line() {
     let exact = commonroad("dynamicObstacle", "<exact>STEP</exact>");
     let interval = "<intervalStart>STEP</intervalStart><intervalEnd>9</intervalEnd>";

@@ -25,8 +25,8 @@ fn points(element: &str) -> Vec<[f64; 2]> {
 }
 
 fn elements<'a>(svg: &'a str, name: &'a str) -> impl Iterator<Item = &'a str> {
-    svg.lines()
-        .filter(move |line| line.starts_with(&format!("<{name} ")))
+    let lines = svg.lines().map(str::trim_start);
+    lines.filter(move |line| line.starts_with(&format!("<{name} ")))
 }
 
 /// Whether a point is inside a convex polygon.
@@ -135,7 +135,7 @@ fn names_of_a_file_are_text_and_missing_samples_have_no_picture() {
     let svg = svg_instant(&analysis, 0, 1, "x < 1 & y").expect("a sample");
     assert!(svg.contains("<title>x &lt; 1 &amp; y</title>"), "{svg}");
     assert!(
-        svg.contains(">car &lt;a&amp;&quot;&gt;, 10.0 m/s<"),
+        svg.contains(r">car &lt;a&amp;&quot;\u{1}&gt;, 10.0 m/s<"),
         "{svg}"
     );
     assert!(svg_overview(&analysis).contains("a&lt;b&gt;.osi: 1 road users"));

@@ -1,4 +1,4 @@
-//! XML elements: a tree in memory, written by quick-xml.
+//! XML elements to write: a tree in memory.
 
 use std::io;
 
@@ -9,53 +9,61 @@ use crate::visible::visible_markup;
 
 /// Element with its attributes and children, in the order of insertion.
 #[derive(Clone, Debug)]
-pub(super) struct XmlElement {
+pub struct XmlElement {
     name: &'static str,
     attributes: Vec<(&'static str, String)>,
     children: Vec<XmlElement>,
+    words: String,
     on_one_line: bool,
 }
 
 impl XmlElement {
     /// Returns an element without attributes and children.
-    pub(super) fn new(name: &'static str) -> XmlElement {
+    pub fn new(name: &'static str) -> XmlElement {
         XmlElement {
             name,
             attributes: Vec::new(),
             children: Vec::new(),
+            words: String::new(),
             on_one_line: false,
         }
     }
 
-    /// Adds a text attribute, with a space for every control character.
-    ///
-    /// Marks without width, or that turn the direction of writing, are shown escaped.
-    pub(super) fn text(mut self, name: &'static str, value: impl AsRef<str>) -> XmlElement {
-        // XML 1.0 forbids most control characters, even escaped.
-        let value = visible_markup(&value.as_ref().replace(char::is_control, " ")).into_owned();
+    /// Adds a text attribute on one line, with other control characters escaped.
+    pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> XmlElement {
+        // A reader takes line feeds and tabs in an attribute as spaces, too.
+        let line = value.as_ref().replace(['\n', '\t'], " ");
+        // XML 1.0 forbids most control characters, even as references.
+        let value = visible_markup(&line).into_owned();
         self.attributes.push((name, value));
         self
     }
 
     /// Adds a number as an attribute.
-    pub(super) fn number(self, name: &'static str, value: f64) -> XmlElement {
-        self.text(name, number(value))
+    pub fn number(self, name: &'static str, value: f64) -> XmlElement {
+        self.text(name, decimal(value))
     }
 
     /// Appends a child.
-    pub(super) fn child(mut self, child: XmlElement) -> XmlElement {
+    pub fn child(mut self, child: XmlElement) -> XmlElement {
         self.children.push(child);
         self
     }
 
     /// Appends children.
-    pub(super) fn children(mut self, children: impl IntoIterator<Item = XmlElement>) -> XmlElement {
+    pub fn children(mut self, children: impl IntoIterator<Item = XmlElement>) -> XmlElement {
         self.children.extend(children);
         self
     }
 
+    /// Sets the text inside an element without children.
+    pub fn words(mut self, words: &str) -> XmlElement {
+        self.words = visible_markup(words).into_owned();
+        self
+    }
+
     /// Keeps the element and its content on one line.
-    pub(super) fn on_one_line(mut self) -> XmlElement {
+    pub fn on_one_line(mut self) -> XmlElement {
         self.on_one_line = true;
         self
     }
@@ -65,7 +73,7 @@ impl XmlElement {
     /// # Errors
     ///
     /// Returns the error of the writer.
-    pub(super) fn document(&self) -> io::Result<String> {
+    pub fn document(&self) -> io::Result<String> {
         let mut writer = Writer::new(Vec::new());
         writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
         self.write(&mut writer, Some(0))?;
@@ -80,10 +88,15 @@ impl XmlElement {
         for (name, value) in &self.attributes {
             start.push_attribute((*name, value.as_str()));
         }
-        if self.children.is_empty() {
+        if self.children.is_empty() && self.words.is_empty() {
             return writer.write_event(Event::Empty(start));
         }
         writer.write_event(Event::Start(start))?;
+        if self.children.is_empty() {
+            // No line begins inside, because a reader takes all space as part of the text.
+            writer.write_event(Event::Text(BytesText::new(&self.words)))?;
+            return writer.write_event(Event::End(BytesEnd::new(self.name)));
+        }
         // Below an element on one line, no descendant starts a line.
         let within = depth.filter(|_| !self.on_one_line);
         for child in &self.children {
@@ -101,7 +114,7 @@ fn begin_line(writer: &mut Writer<Vec<u8>>, depth: Option<usize>) -> io::Result<
 }
 
 /// Shortest decimal that reads back bit for bit, without an exponent or −0.
-pub(super) fn number(value: f64) -> String {
+pub fn decimal(value: f64) -> String {
     // −0 + 0 is 0, which drops the sign.
     (value + 0.0).to_string()
 }
@@ -122,7 +135,7 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_plain() {
-        let shown = [-0.0, 5.0, 0.1 + 0.2, -1e-9].map(number);
+        let shown = [-0.0, 5.0, 0.1 + 0.2, -1e-9].map(decimal);
         assert_eq!(shown, ["0", "5", "0.30000000000000004", "-0.000000001"]);
     }
 
