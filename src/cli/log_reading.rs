@@ -48,11 +48,11 @@ pub(super) fn note(analysis: &Analysis, map: &str) {
 /// Returns quantities that are those of lanes and vehicles in feet.
 fn signs_of_feet(analysis: &Analysis) -> Vec<String> {
     let distance_m = analysis.frame.lane_distance_m();
-    let lanes = distance_m.filter(|it| LANES_IN_FEET.contains(it));
-    let lanes = lanes.map(|it| format!("lanes {it:.1} m apart"));
+    let wide_m = distance_m.filter(|it| LANES_IN_FEET.contains(it));
+    let lanes = wide_m.map(|it| format!("lanes {it:.1} m apart"));
     let speed_mps = analysis.recording.median_speed_mps();
-    let speed = speed_mps.filter(|it| *it > FASTEST_MPS);
-    let speed = speed.map(|it| format!("a median speed of {it:.0} m/s"));
+    let fast_mps = speed_mps.filter(|it| *it > FASTEST_MPS);
+    let speed = fast_mps.map(|it| format!("a median speed of {it:.0} m/s"));
     let cure = "as in feet (`length_unit: Feet` of a column map)";
     let signs = lanes.into_iter().chain(speed);
     signs.map(|it| format!("{it}, {cure}")).collect()

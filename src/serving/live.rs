@@ -70,8 +70,8 @@ fn possible(before: &BodyState, after: &BodyState, sample_s: f64) -> Result<(), 
     ];
     // The mean of both ends: what a constant acceleration and turn would give.
     let off_m = libm::hypot(moved_m[0] - said_m[0], moved_m[1] - said_m[1]);
-    let longest_m = ways_m.map(|way_m| libm::hypot(way_m[0], way_m[1]));
-    let longest_m = longest_m[0].max(longest_m[1]);
+    let [first_m, second_m] = ways_m.map(|way_m| libm::hypot(way_m[0], way_m[1]));
+    let longest_m = first_m.max(second_m);
     if MOST_MPS * sample_s < longest_m {
         let mps = longest_m / sample_s;
         return Err(format!(

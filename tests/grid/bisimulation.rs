@@ -162,7 +162,7 @@ fn checked(
     let (nominal, other) = (cells(nominal), cells(other));
     let relations = bisimulations(nominal, other, 0.5).expect("comparable");
     let rows = relations.iter();
-    rows.map(|relation| theorem_3(nominal, ("other", other), policy, relation))
+    rows.map(|relation| theorem_3(nominal, "other", other, policy, relation))
         .collect::<Result<_, _>>()
         .expect("solvable")
 }
@@ -195,7 +195,7 @@ fn theorem_3_fails_with_a_relation_that_is_too_large() {
     let games = [&nominal, &other].map(|world| Game::of(cells(world).world()));
     let within = Bisimulation::within(&games[0], &games[1], 0.4);
     let row =
-        theorem_3(cells(&nominal), ("3 x 3", cells(&other)), &policy, &within).expect("solvable");
+        theorem_3(cells(&nominal), "3 x 3", cells(&other), &policy, &within).expect("solvable");
     assert!(row.outcome.is_refuted(), "{row:?}");
 }
 

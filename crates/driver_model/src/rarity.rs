@@ -259,9 +259,9 @@ impl TrafficModel {
     /// Use it as a tie-breaker only. One step from 0 to −3 m/s² costs seven decades,
     /// so coarse actions dominate it. Returns `None` without a decision.
     pub fn surprise(&self, behaviour: &DrivingBehaviour) -> Option<Surprise> {
-        let accelerations = behaviour.series().accelerations_mps2();
+        let all = behaviour.series().accelerations_mps2();
         // The first decision is the one before the start.
-        let accelerations = accelerations.get(1..).filter(|it| !it.is_empty())?;
+        let accelerations = all.get(1..).filter(|it| !it.is_empty())?;
         let own = self.driver.log_likelihood(accelerations);
         let natural = natural_likelihoods(&self.driver, accelerations.len());
         let median = natural[natural.len() / 2];

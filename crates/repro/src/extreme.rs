@@ -2,7 +2,7 @@
 
 use brakecheck::experiment::Watch;
 use brakecheck::scene::Start;
-use brakecheck::testbench::{Aftermath, Episode, Replay, Testbench};
+use brakecheck::testbench::{Aftermath, Episode, NoisyStart, Replay, Testbench};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
@@ -30,7 +30,8 @@ pub(crate) fn extreme(
     let sequences = sequences(space, cheap.bench().clock().decisions(), switches);
     let act = |bench: &mut Testbench, actions: &[usize]| {
         let mut ado = Replay::holding(actions);
-        watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Play)
+        let from = NoisyStart { start, noise };
+        watch.play(bench, from, 0, &mut ado, Aftermath::Play)
     };
     let all = EpisodeLoop::uncounted(watch);
     let scored = all.each(

@@ -12,7 +12,7 @@ use brakecheck::rl::Policy;
 use brakecheck::scene::{Axis, Start};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stats::wilson;
-use brakecheck::testbench::{Aftermath, PolicyActor, Testbench};
+use brakecheck::testbench::{Aftermath, NoisyStart, PolicyActor, Testbench};
 use brakecheck::world::Scenario;
 use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
 
@@ -84,7 +84,8 @@ pub fn near_starts(
         bench.observe(&mut obs);
         let value = f64::from(trained.policy.value(&obs));
         let mut ado = PolicyActor(trained.policy);
-        let episode = watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Skip);
+        let from = NoisyStart { start, noise };
+        let episode = watch.play(bench, from, 0, &mut ado, Aftermath::Skip);
         (value, episode.verdict.is_success())
     };
     // The failing start itself is evaluated first, as the centre of the neighbourhoods.

@@ -192,8 +192,8 @@ impl Notation {
             last_comment = Some(first);
             first = lines.next().unwrap_or_default();
         }
-        let given = delimiter.and_then(|it| u8::try_from(it).ok());
-        let given = given.or(announced);
+        let of_file = delimiter.and_then(|it| u8::try_from(it).ok());
+        let given = of_file.or(announced);
         let commented = last_comment.and_then(|it| commented_names(it, first, given));
         let delimiter = match &commented {
             Some((delimiter, _)) => *delimiter,

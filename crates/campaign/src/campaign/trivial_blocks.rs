@@ -66,7 +66,7 @@ impl TrivialBlocks {
                 };
                 let starts = plan.starts.of(world, block.clone());
                 let (ego, seed) = (EgoUnderTest::nominal(world), plan.starts.seed());
-                let stored = TrivialStarts::stored(Some(&self.dir), &ego, (seed, &starts), &apart);
+                let stored = TrivialStarts::stored(Some(&self.dir), &ego, seed, &starts, &apart);
                 if let Some(stored) = &stored {
                     found.played += stored.played;
                     found.cpu_s += stored.cpu_s;

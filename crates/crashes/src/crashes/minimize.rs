@@ -266,10 +266,8 @@ impl Shrinking<'_> {
             }
             WalkControl::Continue
         };
-        let from = ((self.from.start, self.from.noise), 0);
         let root = &mut self.bench;
-        // Effort counts up to the failure, so the walk ends there.
-        let mut tree = Tree::new(root, from, Aftermath::Skip, &mut note, self.watch);
+        let mut tree = Tree::new(root, self.from, 0, &mut note, self.watch);
         tree.budget = TREE_STEPS;
         // The neutral action comes first, because sequences that begin with it are
         // smaller, in case the budget ends early.

@@ -283,9 +283,9 @@ impl Regressions {
             checked.push(log.clone());
             let scenario = &all[at].scenario;
             let program = scenario.program().map(|it| command_line(&it.command));
-            let name = program.or_else(|| scenario.own_ego().map(str::to_owned));
-            let about = (scenario, name.as_deref().unwrap_or("nominal"));
-            let Some(found) = unrepeatable(about, |_| None, &Watch::unwatched()) else {
+            let foreign = program.or_else(|| scenario.own_ego().map(str::to_owned));
+            let name = foreign.as_deref().unwrap_or("nominal");
+            let Some(found) = unrepeatable(scenario, name, |_| None, &Watch::unwatched()) else {
                 continue;
             };
             let fault = Fault::new(found.kind, found.message);

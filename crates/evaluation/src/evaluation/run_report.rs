@@ -149,7 +149,8 @@ impl<'a> ReportRequest<'a> {
         };
         consent(self.scenario, &egos)?;
         let (dir, world) = (self.run.path(), EgoUnderTest::nominal(&self.run.world()?));
-        let Some(starts) = TestStarts::stored(Some(dir), &world, self.starts, watch) else {
+        let (count, seed) = self.starts;
+        let Some(starts) = TestStarts::stored(Some(dir), &world, count, seed, watch) else {
             return Ok(None);
         };
         let own = EgoUnderTest::nominal(self.scenario);
@@ -193,7 +194,7 @@ impl<'a> ReportRequest<'a> {
             let own = if ego.scenario().axes() == self.scenario.axes() {
                 few.clone()
             } else {
-                match TestStarts::stored(Some(self.run.path()), ego, (count, seed), watch) {
+                match TestStarts::stored(Some(self.run.path()), ego, count, seed, watch) {
                     Some(own) => own,
                     None => return Ok(None),
                 }

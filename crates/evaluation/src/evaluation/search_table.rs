@@ -77,7 +77,8 @@ impl SearchCampaign<'_> {
             EgoUnderTest::nominal(self.world),
             self.run.map(RunDir::path),
         );
-        let Some(starts) = TestStarts::stored(dir, &own, self.starts, watch) else {
+        let (count, seed) = self.starts;
+        let Some(starts) = TestStarts::stored(dir, &own, count, seed, watch) else {
             return Ok(None);
         };
         let (mut rows, mut evens, mut cells) = (Vec::new(), Vec::new(), Vec::new());

@@ -103,7 +103,8 @@ impl<'a> Evaluation<'a> {
     }
 
     fn starts(&self, ego: &EgoUnderTest, watch: &Watch<'_>) -> Option<TestStarts> {
-        TestStarts::stored(Some(self.run.path()), ego, self.starts, watch)
+        let (count, seed) = self.starts;
+        TestStarts::stored(Some(self.run.path()), ego, count, seed, watch)
     }
 }
 

@@ -106,7 +106,8 @@ pub fn bisimulations(
 /// The unchanged grid cannot be solved.
 pub fn theorem_3(
     nominal: GridScenario<'_>,
-    (name, changed): (&str, GridScenario<'_>),
+    name: &str,
+    changed: GridScenario<'_>,
     policy: &dyn Policy,
     relation: &Bisimulation,
 ) -> Result<Theorem3, TheoremsError> {

@@ -64,9 +64,9 @@ pub fn grid_theorems(
         policy: None,
     };
     // The learned values are read from the policy at the states of the exact table.
-    let learned = truth.learned(scenario.world(), policy);
+    let values = truth.learned(scenario.world(), policy);
     let learned = Approximation {
-        values: &learned,
+        values: &values,
         certified: None,
         policy: Some(policy),
     };
@@ -84,7 +84,7 @@ pub fn grid_theorems(
             unchecked.push(name.clone());
         }
         for relation in &relations {
-            rows.push(theorem_3(scenario, (name, changed), policy, relation)?);
+            rows.push(theorem_3(scenario, name, changed, policy, relation)?);
         }
     }
     Ok(GridTheorems {

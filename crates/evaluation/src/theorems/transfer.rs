@@ -8,7 +8,9 @@ use super::{TheoremsError, TheoremsRequest};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Actor, Aftermath, Constant, Episode, PolicyActor, Replay, Testbench};
+use crate::testbench::{
+    Actor, Aftermath, Constant, Episode, NoisyStart, PolicyActor, Replay, Testbench,
+};
 use crate::world::Scenario;
 
 /// Ways in which the ado acts against the changed ego, in the order of results.
@@ -153,12 +155,13 @@ pub fn carry_over(
     if watch.stopped() {
         return Ok(None);
     }
+    let sets = CounterexampleSets { tests, calibration };
     let mut rows = Vec::new();
     for (ego, (name, _)) in changed.iter().enumerate() {
         for (ado, word) in ADOS.into_iter().enumerate() {
             // Invariant: the order matches `Played::compared`, ego by ego and way by way.
             let column = ego * ADOS.len() + ado;
-            rows.push(row(name, word, column, (&tests, &calibration), request));
+            rows.push(row(name, word, column, &sets, request));
         }
     }
     let refused = refused.into_iter().map(|(ego, _)| Refused {
@@ -166,9 +169,9 @@ pub fn carry_over(
         why: TheoremsError::Stochastic { world: ego.clone() }.to_string(),
     });
     Ok(Some(CarryOver {
-        counterexamples: tests.len(),
-        tau_at_verdict: Spread::of(tests.iter().map(|test| test.tau_at_verdict)),
-        tau: Spread::of(tests.iter().map(|test| test.tau)),
+        counterexamples: sets.tests.len(),
+        tau_at_verdict: Spread::of(sets.tests.iter().map(|test| test.tau_at_verdict)),
+        tau: Spread::of(sets.tests.iter().map(|test| test.tau)),
         alpha: request.alpha,
         rows,
         refused: refused.collect(),
@@ -191,6 +194,14 @@ struct ComparedCounterexample {
     runs: Vec<TransferRun>,
 }
 
+/// Counterexamples of the two disjoint sets of starts.
+struct CounterexampleSets {
+    /// Those that a row counts.
+    tests: Vec<ComparedCounterexample>,
+    /// Those from which it forecasts.
+    calibration: Vec<ComparedCounterexample>,
+}
+
 struct TransferRun {
     carried: bool,
     epsilon: f64,
@@ -200,7 +211,10 @@ struct TransferRun {
 }
 
 /// Bench of the nominal ego and a bench per changed ego.
-type Benches = (Testbench, Vec<Testbench>);
+struct Benches {
+    nominal: Testbench,
+    changed: Vec<Testbench>,
+}
 
 struct TransferReplay<'a> {
     request: &'a TheoremsRequest<'a>,
@@ -214,13 +228,13 @@ impl TransferReplay<'_> {
     fn all(&self, purpose: Purpose) -> Vec<ComparedCounterexample> {
         let starts = self.request.starts;
         let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &WorkItem| {
-            let (start, noise) = match purpose {
+            let from = match purpose {
                 // The ego fails there by itself, so the ado has no part in the failure.
                 Purpose::Test if starts.trivial[turn.index] => return None,
                 Purpose::Test => test.clone(),
-                _ => self.calibration_start(benches, turn.index)?,
+                _ => self.calibration_start(&mut benches.nominal, turn.index)?,
             };
-            self.compared(benches, (&start, noise), turn.index)
+            self.compared(benches, NoisyStart::from(&from), turn.index)
         };
         let compared = self.all.run(&starts.starts, || self.benches(), compare_one);
         compared.into_iter().flatten().collect()
@@ -228,34 +242,37 @@ impl TransferReplay<'_> {
 
     fn benches(&self) -> Benches {
         let changed = self.changed.iter().map(|(_, scenario)| scenario.bench());
-        (self.request.nominal.bench(), changed.collect())
+        Benches {
+            nominal: self.request.nominal.bench(),
+            changed: changed.collect(),
+        }
     }
 
     /// Returns a calibration start, or `None` if the ego fails there by itself.
-    fn calibration_start(&self, (nominal, _): &mut Benches, index: usize) -> Option<(Start, u64)> {
+    fn calibration_start(&self, nominal: &mut Testbench, index: usize) -> Option<(Start, u64)> {
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed: self.request.starts.seed,
             index: index as u64,
         };
-        let (start, noise) = (nominal.draw(key), nominal.noise_of(key));
+        let start = (nominal.draw(key), nominal.noise_of(key));
         let mut coasting = Constant(nominal.spaces().neutral);
-        let from = (&start, noise);
+        let from = NoisyStart::from(&start);
         let episode = self
             .watch
             .play(nominal, from, index, &mut coasting, Aftermath::Skip);
-        (!episode.verdict.is_success()).then_some((start, noise))
+        (!episode.verdict.is_success()).then_some(start)
     }
 
     fn compared(
         &self,
-        (nominal, changed): &mut Benches,
-        (start, noise): (&Start, u64),
+        Benches { nominal, changed }: &mut Benches,
+        from: NoisyStart<'_>,
         index: usize,
     ) -> Option<ComparedCounterexample> {
         let horizon = nominal.clock().samples();
         let mut ado = PolicyActor(self.request.policy);
-        let (watch, from) = (self.watch, (start, noise));
+        let watch = self.watch;
         // The run continues after the verdict, because later samples may have a larger τ.
         let first = watch.play(nominal, from, index, &mut ado, Aftermath::Play);
         let witness = Witness::of(nominal.rulebook(), &first, horizon)?;
@@ -296,7 +313,7 @@ fn row(
     ego: &str,
     ado: &'static str,
     column: usize,
-    (tests, calibration): (&[ComparedCounterexample], &[ComparedCounterexample]),
+    CounterexampleSets { tests, calibration }: &CounterexampleSets,
     request: &TheoremsRequest<'_>,
 ) -> CarriedOver {
     let alpha = request.alpha;

@@ -5,7 +5,7 @@
 
 use crate::run_dir::Stored;
 use crate::scene::Start;
-use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Episode, NoisyStart, Testbench, play};
 
 /// Replay of the stored counterexample of a rank by distance to the start.
 pub(super) struct NearestReplay<'a> {
@@ -49,13 +49,13 @@ impl Actor for NearestReplay<'_> {
 /// physics steps of all replays.
 pub(super) fn replay_nearest(
     bench: &mut Testbench,
-    (start, noise): (&Start, u64),
+    from: NoisyStart<'_>,
     stored: &Stored,
     nearest: usize,
 ) -> (Episode, u64, u64) {
     let mut one = |rank: usize| {
         let mut actor = NearestReplay::new(stored, rank);
-        play(bench, start, noise, &mut actor, Aftermath::Play)
+        play(bench, from.start, from.noise, &mut actor, Aftermath::Play)
     };
     let mut first = one(0);
     let (mut simulations, mut physics_steps) = (1, first.physics_steps);

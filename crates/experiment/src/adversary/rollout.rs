@@ -13,10 +13,9 @@ use crate::run_dir::{
     AdversaryId, BrokenRule, ClosingSpeed, ContactSeverity, FailureCount, Partial, Repeated, Row,
     StartRepeated, SuccessContacts,
 };
-use crate::scene::Start;
 use crate::severity::Impact;
 use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
-use crate::testbench::{Aftermath, Episode, Replay, Testbench, count_faults, play};
+use crate::testbench::{Aftermath, Episode, NoisyStart, Replay, Testbench, count_faults, play};
 use crate::world::{Repeats, Scenario};
 
 /// Request of an evaluation.
@@ -101,7 +100,7 @@ impl RecordedSuccess {
         &self,
         scenario: &Scenario,
         bench: &mut Testbench,
-        (start, noise): (&Start, u64),
+        NoisyStart { start, noise }: NoisyStart<'_>,
     ) -> Episode {
         let mut ado = Replay::holding(&self.actions);
         if self.commands.is_empty() {
@@ -270,19 +269,19 @@ impl EvalRequest<'_> {
 
     /// Plays one run and returns it with its simulations and physics steps.
     fn attempt(&self, bench: &mut Testbench, index: usize, run: u64) -> (Episode, u64, u64) {
-        let (start, noise) = &self.starts.starts[index];
+        let from = NoisyStart::from(&self.starts.starts[index]);
         if let Ado::Replays(stored, nearest) = self.ado {
-            return replay_nearest(bench, (start, *noise), stored, nearest);
+            return replay_nearest(bench, from, stored, nearest);
         }
         let spaces = bench.spaces().clone();
         let mut actor = self.ado.actor(&spaces, run);
-        let episode = play(bench, start, *noise, &mut *actor, Aftermath::Play);
+        let episode = play(bench, from.start, from.noise, &mut *actor, Aftermath::Play);
         let physics_steps = episode.physics_steps;
         (episode, 1, physics_steps)
     }
 
     pub(super) fn row(&self, played: &[Option<EpisodeResult>]) -> Row {
-        let mut row = blank_row(self.scenario, (self.ego, self.ado.id()), self.starts);
+        let mut row = blank_row(self.scenario, self.ego, self.ado.id(), self.starts);
         row.method = self.ado.method(self.scenario);
         if let Ado::Trained(_, seed) | Ado::Sampled(_, seed, _) | Ado::Without(_, seed, _) =
             self.ado
@@ -379,7 +378,7 @@ pub fn naturalness(
 }
 
 /// Returns a row without results.
-pub fn blank_row(scenario: &Scenario, (ego, ado): (&str, AdversaryId), starts: &TestStarts) -> Row {
+pub fn blank_row(scenario: &Scenario, ego: &str, ado: AdversaryId, starts: &TestStarts) -> Row {
     Row {
         world: scenario.name.clone(),
         plant: scenario.plant(),

@@ -17,7 +17,7 @@ use crate::scene::Start;
 use crate::seed;
 use crate::seed::{Purpose, StartKey};
 use crate::stats::pick;
-use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, HeldRandom, Testbench};
+use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, HeldRandom, NoisyStart, Testbench};
 use crate::world::Scenario;
 
 /// Training starts on which every rule is played.
@@ -108,7 +108,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         (watch.progress)(generation, GENERATIONS);
         let rules: Vec<QuantileRule> = (0..POPULATION).map(|_| chances.draw(&mut rng)).collect();
         let try_one = |bench: &mut Testbench, rule: &QuantileRule, turn: &WorkItem| {
-            Some(try_out(bench, rule, &values, (seed, watch, turn)))
+            Some(try_out(bench, rule.zones(&values), seed, watch, turn))
         };
         let all = EpisodeLoop::uncounted(watch);
         let tried = all.run(&rules, || scenario.bench(), try_one);
@@ -160,8 +160,8 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
     let mut cost = Cost::default();
     for index in 0..STARTS {
         let key = key(seed, index);
-        let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        let (from, at) = ((&start, noise), index as usize);
+        let start = (bench.draw(key), bench.noise_of(key));
+        let (from, at) = (NoisyStart::from(&start), index as usize);
         let episode = watch.play(&mut bench, from, at, &mut seen, Aftermath::Skip);
         cost.simulations += 1;
         cost.physics_steps += episode.physics_steps;
@@ -255,16 +255,16 @@ struct RuleScore {
 
 fn try_out(
     bench: &mut Testbench,
-    rule: &QuantileRule,
-    values: &[Vec<f32>],
-    (seed, watch, turn): (u64, &Watch<'_>, &WorkItem),
+    mut zones: Zones,
+    seed: u64,
+    watch: &Watch<'_>,
+    turn: &WorkItem,
 ) -> RuleScore {
-    let mut zones = rule.zones(values);
     let (mut score, mut physics_steps) = (Score::default(), 0);
     for index in 0..STARTS {
         let key = key(seed, index);
-        let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        let (from, at) = ((&start, noise), index as usize);
+        let start = (bench.draw(key), bench.noise_of(key));
+        let (from, at) = (NoisyStart::from(&start), index as usize);
         let episode = watch.play(bench, from, at, &mut zones, Aftermath::Skip);
         // An invalid episode is worth nothing to either side.
         let reward = bench.rulebook().reward_of(&episode.verdict);

@@ -35,7 +35,7 @@ impl EgoUnderTest {
     /// # Errors
     /// The name is unknown, or the ego does not fit the world.
     pub fn find(world: &Scenario, requested: &str) -> Result<Vec<EgoUnderTest>, EgoError> {
-        let reused = |(name, change): (&String, &Change)| {
+        let reused = |name: &str, change: &Change| {
             EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
         };
         let nominal = EgoUnderTest::nominal(world);
@@ -43,11 +43,12 @@ impl EgoUnderTest {
             return Ok(vec![nominal]);
         }
         if requested == "all" {
-            let changed = world.reuse.iter().map(reused);
+            let each = world.reuse.iter();
+            let changed = each.map(|(name, change)| reused(name, change));
             return std::iter::once(Ok(nominal)).chain(changed).collect();
         }
-        if let Some(named) = world.reuse.get_key_value(requested) {
-            return Ok(vec![reused(named)?]);
+        if let Some(change) = world.reuse.get(requested) {
+            return Ok(vec![reused(requested, change)?]);
         }
         let path = Path::new(requested);
         if path.extension().is_some_and(|extension| extension == "ron") {

@@ -72,7 +72,8 @@ impl<'a> EpisodeLoop<'a> {
         worker: impl Fn() -> W + Sync + Send,
         work: impl Fn(&mut W, &I, &WorkItem) -> Option<R> + Sync + Send,
     ) -> Vec<Option<R>> {
-        let one = |kept: &mut W, (index, item): (usize, &I)| {
+        let items = items.par_iter().enumerate();
+        let results = items.map_init(worker, |kept, (index, item)| {
             if self.watch.stopped() {
                 return None;
             }
@@ -81,9 +82,8 @@ impl<'a> EpisodeLoop<'a> {
             // An unfinished item is not counted.
             self.tick();
             done
-        };
-        let items = items.par_iter().enumerate();
-        items.map_init(worker, one).collect()
+        });
+        results.collect()
     }
 
     /// Returns what `work` makes of every item and its position, in their order.

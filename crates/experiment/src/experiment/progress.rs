@@ -3,8 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::audience::{Audience, ShownEpisode};
-use crate::scene::Start;
-use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Episode, FaultLog, NoisyStart, Testbench, play};
 use crate::world::Scenario;
 
 /// Message about progress, for a person. No result depends on it.
@@ -197,12 +196,12 @@ impl<'a> Watch<'a> {
     pub fn play(
         &self,
         bench: &mut Testbench,
-        (start, noise): (&Start, u64),
+        from: NoisyStart<'_>,
         index: usize,
         actor: &mut dyn Actor,
         aftermath: Aftermath,
     ) -> Episode {
-        let episode = play(bench, start, noise, actor, aftermath);
+        let episode = play(bench, from.start, from.noise, actor, aftermath);
         self.faults.note(index as u64, episode.fault.as_ref());
         episode
     }

@@ -20,7 +20,7 @@ pub fn check_repeatability<'a>(
     watch: &Watch<'_>,
 ) {
     let position = |seed| starts.starts.iter().position(|(_, noise)| *noise == seed);
-    let found = unrepeatable((ego.scenario(), ego.name()), position, watch);
+    let found = unrepeatable(ego.scenario(), ego.name(), position, watch);
     if let Some(found) = found {
         for row in rows {
             row.faults.insert(0, found.clone());
@@ -32,7 +32,8 @@ pub fn check_repeatability<'a>(
 ///
 /// `position` returns the start of a seed. A finding is reported to `watch`.
 pub fn unrepeatable(
-    (scenario, name): (&Scenario, &str),
+    scenario: &Scenario,
+    name: &str,
     position: impl Fn(u64) -> Option<usize>,
     watch: &Watch<'_>,
 ) -> Option<FaultCount> {

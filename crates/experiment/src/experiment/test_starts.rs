@@ -129,11 +129,12 @@ impl TestStarts {
     pub fn stored(
         dir: Option<&Path>,
         ego: &EgoUnderTest,
-        (count, seed): (usize, u64),
+        count: usize,
+        seed: u64,
         watch: &Watch<'_>,
     ) -> Option<TestStarts> {
         let starts = listed_or_drawn(ego.scenario(), seed, count);
-        let trivial = TrivialStarts::stored(dir, ego, (seed, &starts), watch)?;
+        let trivial = TrivialStarts::stored(dir, ego, seed, &starts, watch)?;
         Some(TestStarts::new(seed, starts, trivial))
     }
 
@@ -179,7 +180,7 @@ impl TestStarts {
             faults: FaultLog::default(),
             ..watch.later(0)
         };
-        let Some(own) = TrivialStarts::stored(dir, ego, (self.seed, &self.starts), &apart) else {
+        let Some(own) = TrivialStarts::stored(dir, ego, self.seed, &self.starts, &apart) else {
             let mut all = self.clone();
             if left_out {
                 all.trivial.fill(false);

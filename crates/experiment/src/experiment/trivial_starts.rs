@@ -11,7 +11,7 @@ use crate::content_hash::{fingerprint, sha256};
 use crate::run_dir::CachedResult;
 use crate::scene::Start;
 use crate::stats::{Outcomes, StartOutcome};
-use crate::testbench::{Aftermath, Constant};
+use crate::testbench::{Aftermath, Constant, NoisyStart};
 use crate::world::Scenario;
 
 /// Directory of the stored outcomes in a run or a campaign.
@@ -46,14 +46,14 @@ impl TrivialStarts {
         let outcomes = all.run(
             starts,
             || None,
-            |bench, (start, noise), turn| {
+            |bench, start, turn| {
                 if let Some(known) = known(turn.index) {
                     // The allowed share of faults refers to all episodes, known or not.
                     watch.faults.note(turn.index as u64, None);
                     return Some((Some(known), None));
                 }
                 let bench = bench.get_or_insert_with(|| idle.bench());
-                let (from, mut coasting) = ((start, *noise), Constant(neutral));
+                let (from, mut coasting) = (NoisyStart::from(start), Constant(neutral));
                 let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
                 let ran = episode.fault.is_none();
                 let fails = ran.then(|| episode.verdict.is_success());
@@ -78,7 +78,8 @@ impl TrivialStarts {
     pub fn stored(
         dir: Option<&Path>,
         ego: &EgoUnderTest,
-        (seed, starts): (u64, &[(Start, u64)]),
+        seed: u64,
+        starts: &[(Start, u64)],
         watch: &Watch<'_>,
     ) -> Option<TrivialStarts> {
         let file = dir.and_then(|dir| file_of(dir, ego, seed, starts));
@@ -186,7 +187,7 @@ mod tests {
         // All questions are about the same starts, so that only their keys differ.
         let starts = untried_starts(&world(WORLD), 7, COUNT).starts;
         let found =
-            TrivialStarts::stored(Some(dir), ego, (seed, &starts), &watch).expect("not stopped");
+            TrivialStarts::stored(Some(dir), ego, seed, &starts, &watch).expect("not stopped");
         let notes = notes.lock().expect("unpoisoned").clone();
         (found.known, found.played, notes)
     }

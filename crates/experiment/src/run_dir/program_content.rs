@@ -189,12 +189,12 @@ fn is_python_script(bytes: &[u8]) -> bool {
 /// Returns the first names of the modules that a Python text imports.
 fn imported(text: &str) -> BTreeSet<String> {
     let lines = text.lines().map(str::trim_start);
-    let names = lines.filter_map(|line| match line.split_once(char::is_whitespace) {
+    let imports = lines.filter_map(|line| match line.split_once(char::is_whitespace) {
         Some(("import", names)) => Some(names),
         Some(("from", rest)) => Some(rest.split_once(" import").map_or(rest, |(name, _)| name)),
         _ => None,
     });
-    let names = names.flat_map(|names| names.split(','));
+    let names = imports.flat_map(|names| names.split(','));
     let first = names.filter_map(|name| {
         let name = name.trim().trim_start_matches('.');
         let end = name.find(|c: char| !(c.is_alphanumeric() || c == '_'));

@@ -65,13 +65,13 @@ impl RunDir {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
             Ok(scenario) => {
-                let scenario = scenario.allow_programs(self.programs_allowed);
-                let scenario = if self.fresh_egos {
-                    scenario.with_fresh_egos()
+                let allowed = scenario.allow_programs(self.programs_allowed);
+                let own = if self.fresh_egos {
+                    allowed.with_fresh_egos()
                 } else {
-                    scenario
+                    allowed
                 };
-                let world = self.as_learned(scenario)?;
+                let world = self.as_learned(own)?;
                 self.as_limited(world)
             }
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
@@ -100,12 +100,12 @@ impl RunDir {
         let against = self.manifest.against;
         if !against.is_nominal() {
             let left_out = self.manifest.left_out.as_deref();
-            let world = match left_out {
+            let whole_or_less = match left_out {
                 Some(structure) => world.leaving_out(structure),
                 None => Some(world),
             };
-            let world = world.and_then(|world| world.training_against(against));
-            return world.ok_or_else(|| RunError::Damaged {
+            let learned = whole_or_less.and_then(|world| world.training_against(against));
+            return learned.ok_or_else(|| RunError::Damaged {
                 path: self.path.join("manifest.json"),
                 why: format!("its world lacks the family that the {against} ado was trained on"),
             });

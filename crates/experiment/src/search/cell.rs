@@ -10,7 +10,7 @@ use crate::scene::drive::EgoDrive;
 use crate::severity::Impact;
 use crate::stats::StartOutcome;
 use crate::stl::Explanation;
-use crate::testbench::{Episode, Testbench};
+use crate::testbench::{Episode, NoisyStart, Testbench};
 
 /// Most successes of a row to which the reference drivers are applied.
 pub(super) const JUDGED: usize = 20;
@@ -179,11 +179,11 @@ impl ExperimentCell {
     /// specification that held.
     pub fn outcomes(&self) -> Vec<StartOutcome> {
         let marks = self.row.solved.iter().zip(&self.results);
-        let outcome = |(mark, result): (&StartOutcome, &Option<StartResult>)| match result {
+        let outcomes = marks.map(|(mark, result)| match result {
             Some(result) => result.outcome,
             None => *mark,
-        };
-        marks.map(outcome).collect()
+        });
+        outcomes.collect()
     }
 
     /// Returns the positions of the starts from which a success is recorded.
@@ -200,9 +200,9 @@ impl ExperimentCell {
     ///
     /// A start without a success is played with action 0 throughout.
     pub fn replay(&self, bench: &mut Testbench, index: usize) -> Episode {
-        let (start, noise) = &self.starts.starts[index];
+        let from = NoisyStart::from(&self.starts.starts[index]);
         let success = self.success(index).cloned().unwrap_or_default();
-        success.play(self.ego.scenario(), bench, (start, *noise))
+        success.play(self.ego.scenario(), bench, from)
     }
 
     /// Explains ρ(ψ_ego) in the first success, with the position of its start.

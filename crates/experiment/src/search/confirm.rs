@@ -3,8 +3,8 @@
 use crate::adversary::RecordedFailure;
 use crate::ego::Fault;
 use crate::experiment::Watch;
-use crate::scene::{ContactEvent, Start};
-use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::scene::ContactEvent;
+use crate::testbench::{Aftermath, NoisyStart, Replay, Testbench, play};
 use crate::world::{Repeats, Scenario};
 
 /// Player of sequences on the requested plant, which reuses shared prefixes.
@@ -13,8 +13,7 @@ use crate::world::{Repeats, Scenario};
 /// times as much as points.
 pub struct Confirmer<'a> {
     scenario: &'a Scenario,
-    start: &'a Start,
-    noise: u64,
+    from: NoisyStart<'a>,
     index: usize,
     watch: &'a Watch<'a>,
     /// First fault of the ego or the physics.
@@ -30,14 +29,13 @@ impl Confirmer<'_> {
     /// Creates a confirmer for the `index`th start, without any played sequence.
     pub fn new<'a>(
         scenario: &'a Scenario,
-        (start, noise): (&'a Start, u64),
+        from: NoisyStart<'a>,
         index: usize,
         watch: &'a Watch<'a>,
     ) -> Confirmer<'a> {
         Confirmer {
             scenario,
-            start,
-            noise,
+            from,
             index,
             watch,
             fault: None,
@@ -57,7 +55,7 @@ impl Confirmer<'_> {
         if self.benches.is_empty() {
             let mut root = self.scenario.bench();
             // The episode continues after the verdict, because the contact is reported too.
-            root.begin(self.start, self.noise, Aftermath::Play);
+            root.begin(self.from.start, self.from.noise, Aftermath::Play);
             self.benches.push(root);
         }
         // A sequence without actions cannot succeed.
@@ -91,7 +89,7 @@ impl Confirmer<'_> {
     /// `None` if the ego did not fail, or if it cannot be copied and was replayed.
     pub fn failure(&self) -> Option<RecordedFailure> {
         let last = self.benches.last().filter(|bench| bench.is_done())?;
-        let episode = last.episode(self.start, self.noise, self.actions.clone());
+        let episode = last.episode(self.from.start, self.from.noise, self.actions.clone());
         RecordedFailure::of(self.scenario, &episode)
     }
 
@@ -106,7 +104,13 @@ impl Confirmer<'_> {
                 return Confirmed::default();
             };
             let mut replay = Replay::holding(actions);
-            let episode = play(bench, self.start, self.noise, &mut replay, Aftermath::Play);
+            let episode = play(
+                bench,
+                self.from.start,
+                self.from.noise,
+                &mut replay,
+                Aftermath::Play,
+            );
             self.physics_steps += episode.physics_steps;
             let played = Confirmed::on(bench);
             failures += u32::from(played.success);
@@ -115,7 +119,7 @@ impl Confirmer<'_> {
                 shown = played;
             }
             // The root is reset, because later sequences may start from it again.
-            bench.begin(self.start, self.noise, Aftermath::Play);
+            bench.begin(self.from.start, self.from.noise, Aftermath::Play);
             self.note(episode.fault);
         }
         if gate.max(1) <= failures {

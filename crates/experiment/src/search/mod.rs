@@ -43,10 +43,9 @@ use crate::experiment::Watch;
 use crate::run_dir::{
     AdversaryId, Anytime, ClosingSpeed, ContactSeverity, Row, SuccessContacts, Unconfirmed,
 };
-use crate::scene::Start;
 use crate::severity::Impact;
 use crate::stats::{StartOutcome, wilson};
-use crate::testbench::{Testbench, count_faults};
+use crate::testbench::{NoisyStart, Testbench, count_faults};
 use crate::world::Scenario;
 use method::StartSearch;
 pub use tree::{Tree, WalkControl};
@@ -91,16 +90,16 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
     let searcher = || Searcher::new(request);
     let found = request
         .starts
-        .each(watch, searcher, |searcher, from, turn| {
-            let (start, noise) = from;
-            let mut found = searcher.solve((start, *noise), turn.index, watch)?;
+        .each(watch, searcher, |searcher, start, turn| {
+            let from = NoisyStart::from(start);
+            let mut found = searcher.solve(from, turn.index, watch)?;
             found.cpu_s = turn.cpu_s();
             // A program would have to play the episode again.
             let can_replay = request.scenario.program().is_none();
             if let Some(actions) = found.actions.as_ref().filter(|_| can_replay) {
                 let caption = || success_caption(request.ego, &AdversaryId::SEARCH, turn.index);
                 let found = RecordedSuccess::of_actions(actions.clone());
-                let again = || found.play(request.scenario, &mut searcher.bench, (start, *noise));
+                let again = || found.play(request.scenario, &mut searcher.bench, from);
                 watch.show_success(request.scenario, &caption, again);
             }
             Some(found)
@@ -156,7 +155,7 @@ impl SearchRequest<'_> {
     }
 
     fn row(&self, found: &[Option<SearchResult>]) -> Row {
-        let mut row = blank_row(self.scenario, (self.ego, AdversaryId::SEARCH), self.starts);
+        let mut row = blank_row(self.scenario, self.ego, AdversaryId::SEARCH, self.starts);
         let searched = found.iter().flatten();
         row.unconfirmed = self.prescreens().then(|| Unconfirmed {
             sequences: searched.clone().map(|found| found.unconfirmed).sum(),
@@ -248,11 +247,11 @@ impl<'a> Searcher<'a> {
     /// Searches one start. `None`: stopped from outside before a result.
     fn solve(
         &mut self,
-        from: (&Start, u64),
+        from: NoisyStart<'_>,
         index: usize,
         watch: &Watch<'_>,
     ) -> Option<SearchResult> {
-        let (start, noise) = from;
+        let NoisyStart { start, noise } = from;
         let request = self.request;
         request.method.solve(StartSearch {
             scenario: request.scenario,

@@ -7,7 +7,7 @@ use super::method::{
 };
 use super::tree::{Tree, WalkControl};
 use crate::run_dir::Unconfirmed;
-use crate::testbench::{Aftermath, Testbench};
+use crate::testbench::{NoisyStart, Testbench};
 
 /// Pre-screened sequences per start that are tried on the requested plant.
 const MAX_CONFIRMATIONS: u64 = 300;
@@ -61,7 +61,8 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
         ..
     } = one;
     let scenario = cheap.unwrap_or(original);
-    let mut confirmer = Confirmer::new(original, (start, noise), index, watch);
+    let from = NoisyStart { start, noise };
+    let mut confirmer = Confirmer::new(original, from, index, watch);
     let mut found = SearchResult::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
         let played = confirmer.confirm(actions);
@@ -87,8 +88,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
     let mut root = scenario.bench();
     // No sequence has more switches than decisions, whatever was asked for.
     let most = most.min(root.clock().decisions());
-    let from = ((start, noise), index);
-    let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, watch);
+    let mut tree = Tree::new(&mut root, from, index, &mut accept, watch);
     let mut next = WalkControl::Continue;
     for switches in 0..=most {
         // Fewest switches first, so the simplest success is found.

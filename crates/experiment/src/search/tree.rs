@@ -7,8 +7,10 @@
 
 use crate::ego::Fault;
 use crate::experiment::Watch;
-use crate::scene::Start;
-use crate::testbench::{Aftermath, Testbench};
+use crate::testbench::{Aftermath, NoisyStart, Testbench};
+
+/// The verdict ends a sequence: what follows it is not searched.
+const AFTERMATH: Aftermath = Aftermath::Skip;
 
 /// Decision to continue or to stop.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -25,10 +27,8 @@ pub enum WalkControl {
 /// An ego that cannot be copied, such as a program, plays every sequence from the start.
 /// The sequences run one after another, so one program is enough.
 pub struct Tree<'a> {
-    start: &'a Start,
-    noise: u64,
+    from: NoisyStart<'a>,
     index: usize,
-    aftermath: Aftermath,
     forks: bool,
     actions: usize,
     /// Invariant: the actions played so far on the explored bench.
@@ -60,17 +60,15 @@ impl<'a> Tree<'a> {
     /// Creates a tree on `root` for the `index`th start, without any played sequence.
     pub fn new(
         root: &mut Testbench,
-        ((start, noise), index): ((&'a Start, u64), usize),
-        aftermath: Aftermath,
+        from: NoisyStart<'a>,
+        index: usize,
         accept: Accept<'a>,
         watch: &'a Watch<'a>,
     ) -> Tree<'a> {
-        root.begin(start, noise, aftermath);
+        root.begin(from.start, from.noise, AFTERMATH);
         Tree {
-            start,
-            noise,
+            from,
             index,
-            aftermath,
             // Copying is tried once, because the ego decides if it is possible.
             forks: root.fork().is_some(),
             actions: root.spaces().actions,
@@ -90,7 +88,7 @@ impl<'a> Tree<'a> {
 
     /// Plays every sequence with exactly `switches` switches, beginning with `action`.
     pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> WalkControl {
-        root.begin(self.start, self.noise, self.aftermath);
+        root.begin(self.from.start, self.from.noise, AFTERMATH);
         for &before in &self.after {
             root.decide(before);
         }
@@ -201,7 +199,7 @@ impl<'a> Tree<'a> {
         let switchable = (depth + 1..whole.len()).filter(|&at| self.may_switch(at));
         for at in switchable.collect::<Vec<_>>() {
             for other in (0..self.actions).filter(|&other| other != action) {
-                bench.begin(self.start, self.noise, self.aftermath);
+                bench.begin(self.from.start, self.from.noise, AFTERMATH);
                 for &again in &whole[..at] {
                     bench.decide(again);
                 }
@@ -249,13 +247,13 @@ mod tests {
                 seed: 1,
                 index,
             };
-            let (start, noise) = (root.draw(key), root.noise_of(key));
+            let start = (root.draw(key), root.noise_of(key));
             let mut accept = |actions: &[usize], _: &Testbench| {
                 played.push(actions.to_vec());
                 WalkControl::Continue
             };
-            let from = ((&start, noise), 0);
-            let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, &watch);
+            let from = NoisyStart::from(&start);
+            let mut tree = Tree::new(&mut root, from, 0, &mut accept, &watch);
             tree.after.clone_from(&before);
             tree.stride = 4;
             for action in 0..3 {

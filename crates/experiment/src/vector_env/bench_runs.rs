@@ -2,10 +2,9 @@
 
 use super::StepInto;
 use super::run::EnvRun;
-use crate::scene::Start;
 use crate::seed::StartKey;
 use crate::stl::Scratch;
-use crate::testbench::{Aftermath, Testbench};
+use crate::testbench::{Aftermath, NoisyStart, Testbench};
 use crate::world::Scenario;
 
 /// Environments with a test bench each.
@@ -30,20 +29,15 @@ impl BenchRuns {
 
     pub(super) fn begin(&mut self, at: usize, key: StartKey, observation: &mut [f32]) {
         let bench = &mut self.benches[at];
-        let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        self.begin_at(at, (&start, noise), observation);
+        let start = (bench.draw(key), bench.noise_of(key));
+        self.begin_at(at, NoisyStart::from(&start), observation);
         self.runs[at].key = Some(key);
     }
 
-    pub(super) fn begin_at(
-        &mut self,
-        at: usize,
-        (start, noise): (&Start, u64),
-        observation: &mut [f32],
-    ) {
+    pub(super) fn begin_at(&mut self, at: usize, from: NoisyStart<'_>, observation: &mut [f32]) {
         let (bench, run) = (&mut self.benches[at], &mut self.runs[at]);
         run.begin(None);
-        bench.begin(start, noise, Aftermath::Skip);
+        bench.begin(from.start, from.noise, Aftermath::Skip);
         run.verdict = bench.verdict();
         bench.observe(observation);
     }

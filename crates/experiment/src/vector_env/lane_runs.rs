@@ -14,7 +14,6 @@ use super::run::EnvRun;
 use crate::ego::{Actuator, Command, Controller, Percept};
 use crate::road::OnRoad;
 use crate::rulebook::{NewSamples, RunsJudge, Stop, Verdict};
-use crate::scene::Start;
 use crate::scene::drive::{
     Drive, LaneKeeper, Maneuver, SceneState, Sensing, blank_percept, fill_percept,
 };
@@ -22,6 +21,7 @@ use crate::seed::StartKey;
 use crate::sim::kinematic::KinematicLanes;
 use crate::sim::{BodyId, BodyState};
 use crate::stl::SampleColumns;
+use crate::testbench::NoisyStart;
 
 /// Runs of one world side by side.
 ///
@@ -126,15 +126,15 @@ impl LaneRuns {
 
     pub(super) fn begin(&mut self, run: usize, key: StartKey, observation: &mut [f32]) {
         let noise = key.generator("", "noise").next_u64();
-        let start = self.world.layout.draw(key);
-        self.begin_at(run, (&start, noise), observation);
+        let start = (self.world.layout.draw(key), noise);
+        self.begin_at(run, NoisyStart::from(&start), observation);
         self.runs[run].key = Some(key);
     }
 
     pub(super) fn begin_at(
         &mut self,
         run: usize,
-        (start, noise): (&Start, u64),
+        NoisyStart { start, noise }: NoisyStart<'_>,
         observation: &mut [f32],
     ) {
         let layout = Arc::clone(&self.world.layout);

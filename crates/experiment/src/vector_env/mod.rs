@@ -42,9 +42,8 @@ mod run;
 
 use crate::rl::{End, Spaces};
 use crate::rulebook::Verdict;
-use crate::scene::Start;
 use crate::seed::StartKey;
-use crate::testbench::{Aftermath, Testbench};
+use crate::testbench::{Aftermath, NoisyStart, Testbench};
 use crate::world::Scenario;
 
 use bench_runs::BenchRuns;
@@ -155,7 +154,7 @@ impl VectorEnv {
     /// Begins an episode from a start, with the seed of its noise.
     ///
     /// It has no key, so [`VectorEnv::play_again`] cannot play it.
-    pub fn begin_at(&mut self, at: usize, from: (&Start, u64), observation: &mut [f32]) {
+    pub fn begin_at(&mut self, at: usize, from: NoisyStart<'_>, observation: &mut [f32]) {
         match &mut self.groups[at / LANES] {
             Group::Lanes(lanes) => lanes.begin_at(at % LANES, from, observation),
             Group::Benches(benches) => benches.begin_at(at % LANES, from, observation),
@@ -328,12 +327,12 @@ mod tests {
             let mut env = VectorEnv::new(&world, 2);
             let width = env.spaces().observation;
             let mut bench = world.bench();
-            let (start, noise) = (bench.draw(key(5)), bench.noise_of(key(5)));
+            let start = (bench.draw(key(5)), bench.noise_of(key(5)));
             let mut observations = vec![0.0; 2 * width];
             // An earlier episode with a key leaves nothing behind.
             env.begin(1, key(4), &mut observations[width..]);
             env.begin(0, key(5), &mut observations[..width]);
-            env.begin_at(1, (&start, noise), &mut observations[width..]);
+            env.begin_at(1, NoisyStart::from(&start), &mut observations[width..]);
             assert_eq!(env.played(1), None);
             assert!(!env.play_again(1, &mut bench));
             assert_eq!(observations[..width], observations[width..]);

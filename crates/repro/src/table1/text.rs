@@ -115,7 +115,7 @@ fn randoms(study: &GridStudy, text: &mut String) {
         "random actions %",
         "random fixed tables %",
     ];
-    let of = |(share, ci95): (f64, [f64; 2])| format!("{} {}", percent(share), interval(ci95));
+    let of = |(share, ci95)| format!("{} {}", percent(share), interval(ci95));
     let lines = study.random_ados.iter().map(|random| {
         [
             random.ados.to_string(),
@@ -207,7 +207,7 @@ fn refined(study: &GridStudy, text: &mut String) {
         .chain(learners)
         .chain(after);
     let lines = study.refined.iter().map(|map| {
-        let of = |(whole, part): (usize, usize)| format!("{part} of {whole}");
+        let of = |whole: usize, part: usize| format!("{part} of {whole}");
         let trained: Vec<String> = map
             .trained
             .iter()
@@ -215,16 +215,16 @@ fn refined(study: &GridStudy, text: &mut String) {
                 [
                     share(&ado.by_cell),
                     share(&ado.own_view),
-                    of(ado.related),
-                    of(ado.unrelated),
+                    of(ado.related.0, ado.related.1),
+                    of(ado.unrelated.0, ado.unrelated.1),
                 ]
             })
             .collect();
         let before = [
             map.refine.to_string(),
             percent(map.paper),
-            of((map.candidates, map.related)),
-            of((map.starts, map.related_starts)),
+            of(map.candidates, map.related),
+            of(map.starts, map.related_starts),
             percent(map.references.optimum),
         ];
         before

@@ -276,7 +276,7 @@ fn captured(known: &[Known]) -> f64 {
 
 /// Returns the share of failing δ-near starts, over counterexamples and seeds.
 fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearShare {
-    let share = |(fail, count): (usize, usize)| fail as f64 / count.max(1) as f64;
+    let share = |fail: usize, count: usize| fail as f64 / count.max(1) as f64;
     let (mut shares, mut all, mut satisfied) = (Vec::new(), (0, 0), (0, 0));
     let (mut centres, mut satisfying) = (0, 0);
     for one in seeds {
@@ -299,7 +299,7 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
             }
         }
         // Shares are formed per seed, because seeds are the independent samples.
-        shares.push(share(own));
+        shares.push(share(own.0, own.1));
         all = (all.0 + own.0, all.1 + own.1);
         centres += one.centres.len();
     }
@@ -309,6 +309,6 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
         min: spread.min,
         near: all.1 as f64 / centres.max(1) as f64,
         satisfying,
-        where_satisfied: (satisfying > 0).then(|| share(satisfied)),
+        where_satisfied: (satisfying > 0).then(|| share(satisfied.0, satisfied.1)),
     }
 }

@@ -93,7 +93,7 @@ impl RiskRequest<'_> {
         let mut report = estimation.report();
         for (ego, risk) in self.egos.iter().zip(&mut report.egos) {
             // After all runs, because only a used program shows that it keeps state.
-            risk.unrepeatable = unrepeatable((ego.scenario(), ego.name()), |_| None, watch);
+            risk.unrepeatable = unrepeatable(ego.scenario(), ego.name(), |_| None, watch);
         }
         Ok(Some(report))
     }

@@ -9,6 +9,7 @@ use super::record::{RiskRun, RunEnd};
 use super::run::{Order, RiskWorld, draw};
 use crate::rulebook::Verdict;
 use crate::seed::generator;
+use crate::testbench::NoisyStart;
 use crate::vector_env::{EnvLayout, VectorEnv};
 
 /// Runs side by side.
@@ -49,7 +50,8 @@ impl RiskWorld {
             let start = self.start_of(order, &run);
             if let Some(start) = &start {
                 let row = &mut observations[at * width..][..width];
-                env.begin_at(at, (start, run.noise), row);
+                let noise = run.noise;
+                env.begin_at(at, NoisyStart { start, noise }, row);
             }
             lanes.push(LaneRun {
                 rng,

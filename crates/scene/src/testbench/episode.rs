@@ -69,6 +69,15 @@ pub struct NoisyStart<'a> {
     pub noise: u64,
 }
 
+impl<'a> From<&'a (Start, u64)> for NoisyStart<'a> {
+    fn from((start, noise): &'a (Start, u64)) -> NoisyStart<'a> {
+        NoisyStart {
+            start,
+            noise: *noise,
+        }
+    }
+}
+
 /// Option to continue a decided episode, to record contact and closing speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aftermath {

@@ -154,7 +154,7 @@ fn recorded<'a>(
             RecordingActor::Sequence(actions) => Box::new(Replay::holding(actions)),
         };
         let skip = Aftermath::Skip;
-        let episode = watch.play(bench, (start, noise), turn.index, &mut *actor, skip);
+        let episode = watch.play(bench, NoisyStart::from(from), turn.index, &mut *actor, skip);
         let mut motion = Vec::new();
         reader.follow(bench, &mut motion);
         // A fault of the ego says nothing about its behaviour, so the run is dropped.

@@ -260,13 +260,7 @@ impl<'a> Planner<'a> {
         };
         let root = &mut tree.bench;
         let actions = root.spaces().actions;
-        let mut walk = Tree::new(
-            root,
-            ((from.start, from.noise), 0),
-            Aftermath::Skip,
-            &mut accept,
-            &quiet,
-        );
+        let mut walk = Tree::new(root, from, 0, &mut accept, &quiet);
         walk.after = so_far.actions.clone();
         walk.stride = stride;
         for action in 0..actions {

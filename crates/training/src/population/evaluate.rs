@@ -122,7 +122,8 @@ impl PopulationTest<'_> {
         // Starts are chosen by the nominal ego, so that several egos are comparable.
         let nominal = EgoUnderTest::nominal(&world);
         let dir = Some(first.path());
-        let Some(starts) = TestStarts::stored(dir, &nominal, self.starts, watch) else {
+        let (count, seed) = self.starts;
+        let Some(starts) = TestStarts::stored(dir, &nominal, count, seed, watch) else {
             return Ok(None);
         };
         let Some((starts, _)) = starts.for_ego(&world, self.ego, dir, watch) else {

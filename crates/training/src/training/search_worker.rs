@@ -160,9 +160,8 @@ impl<'a> SearchWorker<'a> {
                 WalkControl::Continue
             }
         };
-        let root = ((from.start, from.noise), index as usize);
         let first = &mut self.first;
-        let mut tree = Tree::new(first, root, Aftermath::Skip, &mut accept, self.watch);
+        let mut tree = Tree::new(first, from, index as usize, &mut accept, self.watch);
         tree.most = simulations;
         let mut next = WalkControl::Continue;
         for stride in strides {

@@ -225,7 +225,7 @@ impl TrainSession {
         // The evaluation is the last step, after the training and its searches.
         let watch = &watch.first_of(steps).later(steps - 1);
         let nominal = EgoUnderTest::nominal(&self.run.world()?);
-        let stored = TestStarts::stored(Some(self.run.path()), &nominal, (starts, 0), watch);
+        let stored = TestStarts::stored(Some(self.run.path()), &nominal, starts, 0, watch);
         let Some(starts) = stored else {
             return Ok(None);
         };

@@ -67,11 +67,14 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     // With many axes only the corners of the first axes are tried.
     let corners = 1u32 << axes.len().min(MAX_CORNERS.ilog2() as usize);
     let corner = |bits: u32| {
-        let pick = |(i, axis): (usize, &crate::scene::Axis)| match bits >> i & 1 {
-            0 => axis.lo,
-            _ => axis.hi,
-        };
-        Start(axes.iter().enumerate().map(pick).collect())
+        let picked = axes
+            .iter()
+            .enumerate()
+            .map(|(i, axis)| match bits >> i & 1 {
+                0 => axis.lo,
+                _ => axis.hi,
+            });
+        Start(picked.collect())
     };
     let drawn = (0..TRIED_STARTS).map(|index| {
         bench.draw(StartKey {

@@ -145,12 +145,9 @@ fn driven_m(spec: &DriveSpec, road: usize, course: &Course) -> (f64, f64) {
 }
 
 fn refuse_overlap(problems: &mut Problems, place: &ValuePath, overlap: SelfOverlap) {
-    let stretch = |(from_m, to_m): (f64, f64)| format!("s = {from_m:.0} to {to_m:.0} m");
-    let what = format!(
-        "the road comes back onto itself: at {} it lies on {}",
-        stretch(overlap.here_m),
-        stretch(overlap.there_m)
-    );
+    let [here, there] = [overlap.here_m, overlap.there_m]
+        .map(|(from_m, to_m)| format!("s = {from_m:.0} to {to_m:.0} m"));
+    let what = format!("the road comes back onto itself: at {here} it lies on {there}");
     let help = "a position has one `s`: let the turns lead past each other, or end the road \
                 before it comes back; it goes straight on before the first and after the last \
                 piece";

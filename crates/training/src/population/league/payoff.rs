@@ -9,7 +9,7 @@ use crate::search::{SearchRequest, Switches, search};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::PlantKind;
 use crate::stats::StartOutcome;
-use crate::testbench::{Aftermath, Constant};
+use crate::testbench::{Aftermath, Constant, NoisyStart};
 use crate::world::Scenario;
 use crate::world::family::{EgoSample, Family};
 
@@ -102,9 +102,9 @@ impl<'a> PayoffStarts<'a> {
         let neutral = scenario.world().spaces().neutral;
         let bench = || scenario.bench();
         let all = EpisodeLoop::uncounted(watch);
-        let driven = all.run(&self.starts.starts, bench, |bench, (start, noise), turn| {
+        let driven = all.run(&self.starts.starts, bench, |bench, start, turn| {
             let mut coasting = Constant(neutral);
-            let from = (start, *noise);
+            let from = NoisyStart::from(start);
             let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
             let speeds = episode.trace.signal(&signal).unwrap_or_default();
             let speed_mps = speeds.iter().sum::<f64>() / speeds.len().max(1) as f64;
