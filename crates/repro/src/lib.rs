@@ -23,15 +23,11 @@ mod case_studies;
 mod cli;
 mod crashes;
 mod extreme;
-mod league;
 mod letter;
 mod milestones;
 mod near;
 mod paper_rows;
-mod plants;
-mod protocols;
 mod reuse_study;
-mod risk;
 mod structures;
 mod table1;
 #[cfg(test)]
@@ -43,19 +39,12 @@ pub use behaviours::{
 pub use case_studies::{CaseStudies, case_studies_markdown, case_study, trained_run};
 pub use cli::main;
 pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
-pub use league::{LeagueRow, LeagueStudy, LeagueTraining, league_markdown, rounds_markdown};
 pub use letter::{
     JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow, LetterStudy,
     LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
 pub use near::{NearFailing, TrainedPolicy, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
-pub use plants::{PlantOutcomes, PlantRow, plant_row, plants_markdown, with_validated_bodies};
-pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
 pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
-pub use risk::{
-    COUNTED_PIECE, CountedRuns, RiskCase, RiskSeed, RiskStudy, counted_piece, risk_markdown,
-    risk_seed,
-};
 pub use structures::{RUNS, StructureRow, StructureStudy, other_structures, structures_markdown};
 pub use table1::{PaperScale, Table1, Table1Error, table1, table1_markdown};

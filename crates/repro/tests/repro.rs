@@ -1,14 +1,10 @@
 //! Tables that are made from nothing, and what is kept of them on the way.
 
-#[path = "../../../tests/support/program.rs"]
-mod program;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use assert_cmd::cargo::CommandCargoExt;
-use program::{code, json, path, run_in, scratch, stderr};
 use quick_xml::events::Event;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -19,7 +15,31 @@ fn root() -> PathBuf {
 
 /// Runs the program in a directory without worlds: they are inside it.
 fn repro(args: &[&str]) -> Output {
-    run_in(Path::new(env!("CARGO_TARGET_TMPDIR")), "repro", args)
+    let mut program = Command::cargo_bin("repro").expect("the program");
+    program.current_dir(env!("CARGO_TARGET_TMPDIR"));
+    program.env("NO_COLOR", "1").args(args);
+    program.output().expect("it runs")
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("an exit code")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|e| panic!("no JSON ({e}): {}", stderr(output)))
+}
+
+fn scratch() -> tempfile::TempDir {
+    tempfile::tempdir().expect("a scratch directory")
+}
+
+fn path(dir: &tempfile::TempDir, name: &str) -> String {
+    dir.path().join(name).display().to_string()
 }
 
 /// ACC on the kinematic plant with a training of a second.
@@ -129,50 +149,6 @@ fn an_interrupted_table_says_how_to_go_on() {
     assert!(!dir.path().join("out/parts").exists());
 }
 
-#[test]
-fn points_of_protocols_are_passed_or_not_ego_by_ego() {
-    let dir = scratch();
-    let out = path(&dir, "out");
-    let table = ["r157", "--world", "r157/cut_in_near", "-o", &out];
-    let egos = ["--ego", "coasts", "--ego", "nominal", "--json"];
-    let output = repro(&[&table[..], &egos].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
-    let rows = json(&output)["r157"].clone();
-    let passed = |at: usize| (rows[at]["ego"].clone(), rows[at]["passed"].clone());
-    assert_eq!(passed(0), ("coasts".into(), 0.into()));
-    assert_eq!(passed(1), ("nominal".into(), 1.into()));
-    assert_eq!(
-        (&rows[0]["points"], &rows[0]["strayed"]),
-        (&1.into(), &0.into())
-    );
-    let table = fs::read_to_string(dir.path().join("out/r157.md")).expect("a table");
-    assert!(
-        table.contains("| r157/cut_in_near | 1 | 0 | 1 |"),
-        "{table}"
-    );
-
-    // An ego of one's own is a file with a change.
-    let mine = path(&dir, "mine.ron");
-    fs::write(&mine, "Change(ego: (trigger_mps2: 12.0))").expect("written");
-    let own = ["r157", "--world", "r157/pedestrian_offset"];
-    let output = repro(&[&own[..], &["-o", &out, "--ego", &mine, "--json"]].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
-    let row = json(&output)["r157"][0].clone();
-    assert_eq!(
-        (&row["passed"], &row["strayed"]),
-        (&1.into(), &1.into()),
-        "{row}"
-    );
-
-    let output = repro(&["table1", "--ego", "coasts"]);
-    assert_eq!(code(&output), 2);
-    assert!(
-        stderr(&output).contains("repro ncap"),
-        "{}",
-        stderr(&output)
-    );
-}
-
 /// The names of all elements of an XML text.
 fn elements(text: &str) -> Vec<String> {
     let mut reader = quick_xml::Reader::from_str(text);
@@ -226,7 +202,7 @@ fn the_figures_of_the_paper_are_drawn_from_our_worlds() {
 fn wrong_input_is_refused_with_its_fix() {
     for (args, says) in [
         (&["case-studies", "--world", "nowhere"][..], "merge_fair"),
-        (&["table1", "--seed", "3"], "--first-seed"),
+        (&["table1", "--seed", "3"], "--seeds"),
         (&["table2"], "table1"),
     ] {
         let output = repro(args);

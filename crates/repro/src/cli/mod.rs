@@ -3,16 +3,11 @@
 mod crashes;
 mod driving;
 mod figures;
-mod fitted;
 mod grids;
-mod league;
 mod letter;
 mod near;
 mod paper;
-mod plants;
-mod protocols;
 mod reuse;
-mod risk;
 mod structures;
 
 use std::path::{Path, PathBuf};
@@ -56,10 +51,6 @@ struct ReproduceArgs {
     /// Only this driving world, by name; repeat for several.
     #[arg(long, value_name = "NAME")]
     world: Vec<String>,
-    /// Only this ego, of `ncap` and `r157`: a name under their `reuse`, or a RON file with a
-    /// `Change`; repeat for several.
-    #[arg(long, value_name = "NAME|FILE.ron")]
-    ego: Vec<String>,
     /// Training seeds per world.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
@@ -72,12 +63,6 @@ struct ReproduceArgs {
     /// Test starts per world, by default as many as the published tables have.
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
     starts: usize,
-    /// Play the leagues on the world's own variants of its ego instead, to tune settings.
-    #[arg(long)]
-    variants: bool,
-    /// Refused, with what to use instead.
-    #[arg(long, hide = true, value_name = "N")]
-    seed: Option<u64>,
     #[command(flatten)]
     common: Common,
 }
@@ -127,19 +112,6 @@ enum What {
     /// Controllers of structures that no ado met in training, each learned from 100 runs of it
     /// (at most 2 trainings and 100 starts).
     Structures,
-    /// Leagues of egos and ados on controllers of structures that no ado met in training
-    /// (kinematic plant, at most 10 leagues and 200 starts).
-    League,
-    /// Euro NCAP's frontal collisions of 2026: points each ego passes, and lawful variations of
-    /// them that make it fail.
-    Ncap,
-    /// The same of UN R157's scenarios for lane keeping systems.
-    R157,
-    /// Risks in declared traffic, beside counted natural runs: 20,000 for each of the starts.
-    Risk,
-    /// Starts whose outcome depends on the plant, with stock and with validated bodies (at most
-    /// 100 starts).
-    Plants,
     /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
     Figures,
     /// Everything, one after the other.
@@ -166,19 +138,6 @@ impl CommandLine for ReproduceArgs {
 }
 
 fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
-    // The option is common to all verbs, and would be ambiguous here.
-    if args.seed.is_some() {
-        return Err(Failure::input(
-            "`repro` has trainings and test starts, so `--seed` does not say whose",
-            "use `--first-seed` or `--start-seed`",
-        ));
-    }
-    if !args.ego.is_empty() && ![What::Ncap, What::R157].contains(&args.what) {
-        return Err(Failure::input(
-            "`--ego` is of the tables of test protocols",
-            "ask for `repro ncap` or `repro r157`, or leave it out",
-        ));
-    }
     let mut results = serde_json::Map::new();
     for part in args.what.parts() {
         let Some(made) = part(args)? else {
@@ -188,7 +147,7 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
         // Saved before it is printed, so a broken pipe does not cost the part.
         made.save(&args.output)?;
         if !args.common.json {
-            terminal::data(&fitted::fitted(&made.markdown))?;
+            terminal::data(made.markdown.trim_end())?;
         }
         if let Value::Object(part) = made.json {
             results.extend(part);
@@ -211,11 +170,6 @@ impl What {
             What::NearStarts => &[near::run],
             What::Crashes => &[crashes::run],
             What::Structures => &[structures::run],
-            What::League => &[league::run],
-            What::Ncap => &[protocols::ncap],
-            What::R157 => &[protocols::r157],
-            What::Risk => &[risk::run],
-            What::Plants => &[plants::run],
             What::Figures => &[figures::run],
             What::All => &[
                 grids::run,
@@ -226,10 +180,6 @@ impl What {
                 near::run,
                 crashes::run,
                 structures::run,
-                league::run,
-                protocols::ncap,
-                protocols::r157,
-                plants::run,
                 figures::run,
             ],
         }

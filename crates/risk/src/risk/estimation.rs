@@ -148,7 +148,7 @@ impl<'a> Estimation<'a> {
             .map(|ego| ego.name().to_owned())
             .collect();
         let (kind, seed) = (request.settings.value, request.settings.seed);
-        let learning = Learning::begin(&players[0].world, names, kind, request.fault, seed);
+        let learning = Learning::begin(&players[0].world, names, kind, seed);
         Estimation {
             natural: Vec::new(),
             faults: vec![RunFaults::default(); players.len()],

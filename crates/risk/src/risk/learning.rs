@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use super::mixture::Mixture;
 use super::pool::RiskEstimate;
 use super::record::RiskRun;
-use super::request::ProposalFault;
 use super::run::RiskWorld;
 use super::start_tree::StartTree;
 use super::value::{Value, ValueKind};
@@ -39,8 +38,6 @@ pub(super) struct Learning {
     sizes: (usize, usize),
     dimensions: usize,
     kind: ValueKind,
-    /// Fault on purpose.
-    fault: Option<ProposalFault>,
     seed: u64,
 }
 
@@ -50,7 +47,6 @@ impl Learning {
         world: &RiskWorld,
         egos: Vec<String>,
         kind: ValueKind,
-        fault: Option<ProposalFault>,
         seed: u64,
     ) -> Learning {
         let law = &world.starts;
@@ -72,7 +68,6 @@ impl Learning {
             sizes: (world.inputs(), world.scenario.spaces().actions),
             dimensions: law.dimensions(),
             kind,
-            fault,
             seed,
         }
     }
@@ -132,18 +127,11 @@ impl Learning {
         let (inputs, actions) = self.sizes;
         let heads = 1 + self.modes.len();
         let sizes = [inputs, heads, actions];
-        let fresh = || match self.fault {
-            Some(ProposalFault::StateBlind) => Value::over_time(sizes),
-            _ => Value::new(self.kind, sizes, self.seed),
-        };
+        let fresh = || Value::new(self.kind, sizes, self.seed);
         // The last network is close already, so a fit continues from it.
         let mut value = self.value.clone().unwrap_or_else(fresh);
         value.fit(&fitted, self.seed.wrapping_add(stage));
-        let mut mixture = Mixture::of(value.clone(), self.start_trees(&value));
-        // With its guards, a mixture finds what its V misses.
-        if self.fault.is_some() {
-            mixture = mixture.unguarded();
-        }
+        let mixture = Mixture::of(value.clone(), self.start_trees(&value));
         self.value = Some(value);
         Some(mixture)
     }
@@ -177,14 +165,9 @@ impl Learning {
         }
     }
 
-    /// Returns the kind of a run's failure. `None` without one that V learns.
+    /// Returns the kind of a run's failure. `None` without one.
     fn label(&self, ego: usize, run: &RiskRun) -> Option<String> {
         let mode = &run.failure()?.mode;
-        if let Some(ProposalFault::Only(seen)) = self.fault
-            && !mode.contains(seen)
-        {
-            return None;
-        }
         // Egos fail in different states, so their kinds are learned apart.
         Some(match &self.egos[..] {
             [_] => mode.clone(),
@@ -248,7 +231,7 @@ mod tests {
     use super::super::record::{EgoFailure, RunEnd};
     use super::*;
 
-    fn learning(egos: &[&str], fault: Option<ProposalFault>) -> Learning {
+    fn learning(egos: &[&str]) -> Learning {
         Learning {
             data: Vec::new(),
             egos: egos.iter().map(|it| (*it).to_owned()).collect(),
@@ -258,7 +241,6 @@ mod tests {
             sizes: (1, 2),
             dimensions: 1,
             kind: ValueKind::Table,
-            fault,
             seed: 0,
         }
     }
@@ -290,10 +272,10 @@ mod tests {
 
     #[test]
     fn the_four_most_frequent_kinds_have_a_proposal_of_their_own() {
-        let few = with(learning(&["ego"], None), &[("a", 9), ("b", 10)]);
+        let few = with(learning(&["ego"]), &[("a", 9), ("b", 10)]);
         assert_eq!(few.modes, ["b"]);
         let all = [("a", 11), ("b", 12), ("c", 13), ("d", 14), ("e", 15)];
-        let mut most = with(learning(&["ego"], None), &all);
+        let mut most = with(learning(&["ego"]), &all);
         assert_eq!(most.modes, ["e", "d", "c", "b"]);
         // Known kinds stay, and there is no room for others.
         most.value = Some(Value::new(ValueKind::Table, [1, 5, 2], 0));
@@ -310,23 +292,19 @@ mod tests {
 
     #[test]
     fn heads_are_of_all_failures_and_of_each_kind() {
-        let one = with(learning(&["ego"], None), &[("a", 20), ("b", 10)]);
+        let one = with(learning(&["ego"]), &[("a", 20), ("b", 10)]);
         assert_eq!(one.heads_of(0, &run(Some("b"))), [true, false, true]);
         assert_eq!(one.heads_of(0, &run(Some("c"))), [true, false, false]);
         assert_eq!(one.heads_of(0, &run(None)), [false; 3]);
         // Kinds of two egos are different kinds.
-        let two = with(learning(&["new", "old"], None), &[("a", 20)]);
+        let two = with(learning(&["new", "old"]), &[("a", 20)]);
         assert_eq!(two.modes, ["new: a"]);
         assert_eq!(two.heads_of(1, &run(Some("a"))), [true, false]);
-        let only = Some(ProposalFault::Only("a"));
-        let blind = with(learning(&["ego"], only), &[("a", 20), ("b", 20)]);
-        assert_eq!(blind.modes, ["a"]);
-        assert_eq!(blind.heads_of(0, &run(Some("b"))), [false; 2]);
     }
 
     #[test]
     fn the_earliest_runs_without_a_failure_are_forgotten() {
-        let mut all = learning(&["ego"], None);
+        let mut all = learning(&["ego"]);
         all.add(0, RiskRun::ending(RunEnd::Outside));
         assert!(all.data.is_empty());
         all.add(0, run(Some("a")));
@@ -339,12 +317,12 @@ mod tests {
         assert_eq!(all.data.len(), FITTED.0 + 1);
         assert!(all.data[0].1.failure().is_some());
         assert_eq!(all.data[1].1.noise, 2);
-        assert!(learning(&["ego"], None).refit(0).is_none());
+        assert!(learning(&["ego"]).refit(0).is_none());
     }
 
     #[test]
     fn a_limit_is_the_greatest_weight_of_an_ego_s_own_possible_failures() {
-        let mut all = learning(&["new", "old"], None);
+        let mut all = learning(&["new", "old"]);
         let mixture = Mixture::natural(1);
         all.add(1, run(Some("a")));
         all.add(0, run(None));
@@ -359,7 +337,7 @@ mod tests {
     fn the_share_of_starts_inside_is_exact_if_all_are() {
         let state = |inside: bool| inside.then(|| (vec![0.0], vec![1.0]));
         let inside = |count: usize| {
-            let mut all = learning(&["ego"], None);
+            let mut all = learning(&["ego"]);
             all.pool = (0..POOL).map(|at| (vec![0.5], state(at < count))).collect();
             all.inside()
         };

@@ -27,8 +27,6 @@ pub(super) struct Mixture {
     trees: Vec<StartTree>,
     /// Share of each component.
     shares: Vec<f64>,
-    /// Share of the law in every tilted decision.
-    law: f64,
 }
 
 impl Mixture {
@@ -38,7 +36,6 @@ impl Mixture {
             value: None,
             trees: vec![StartTree::natural(dimensions)],
             shares: vec![1.0],
-            law: LAW,
         }
     }
 
@@ -60,19 +57,7 @@ impl Mixture {
             value: Some(value),
             trees: std::iter::once(natural).chain(trees).collect(),
             shares,
-            law: LAW,
         }
-    }
-
-    /// Returns the mixture without the parts that forgive a wrong V.
-    pub(super) fn unguarded(mut self) -> Mixture {
-        let guards = self.shares[0] + self.shares[1];
-        self.shares[..2].fill(0.0);
-        self.shares[2..]
-            .iter_mut()
-            .for_each(|it| *it /= 1.0 - guards);
-        self.law = 0.0;
-        self
     }
 
     /// Returns the share of each component.
@@ -102,9 +87,9 @@ impl Mixture {
         if let Some(value) = &self.value {
             let values = value.values(input);
             let softened = softened(&values[..law.len()]);
-            all.push(tilted(law, &softened, self.law));
+            all.push(tilted(law, &softened, LAW));
             let heads = values.chunks(law.len());
-            all.extend(heads.map(|own| tilted(law, own, self.law)));
+            all.extend(heads.map(|own| tilted(law, own, LAW)));
         }
         all
     }
@@ -234,13 +219,6 @@ mod tests {
         near(mixture(3).shares(), &[0.1, 0.3, 0.2, 0.2, 0.2]);
         assert!((one.greatest_weight() - 10.0).abs() < 1e-9);
         assert_eq!(Mixture::natural(1).greatest_weight(), 1.0);
-        // Without its guards, only the proposals for failures are left.
-        let unguarded = mixture(3).unguarded();
-        near(
-            unguarded.shares(),
-            &[0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
-        );
-        assert_eq!(unguarded.law, 0.0);
     }
 
     #[test]

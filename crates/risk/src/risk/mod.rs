@@ -43,8 +43,6 @@ pub use record::KnownFailure;
 #[doc(hidden)]
 pub use report::unchecked_estimate;
 pub use report::{EgoRisk, ModeRisk, RiskBounds, RiskCost, RiskReadings, RiskReport};
-#[doc(hidden)]
-pub use request::ProposalFault;
 pub use request::{RiskRequest, RiskSettings};
 pub use run_faults::RunFaults;
 pub use traffic::{RiskTraffic, RiskTrafficError};

@@ -37,21 +37,8 @@ pub struct RiskRequest<'a> {
     pub settings: RiskSettings,
     /// Policy of a trained ado, by which a surrogate sees more dangerous situations.
     pub policy: Option<&'a dyn Policy>,
-    /// Fault of the proposals on purpose, to measure the checks.
-    #[doc(hidden)]
-    pub fault: Option<ProposalFault>,
     /// Directory of finished runs, to be resumed from.
     pub dir: Option<PathBuf>,
-}
-
-/// Fault of proposals that the checks have to find, with no share of the law to bound weights.
-#[doc(hidden)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub enum ProposalFault {
-    /// V depends on the remaining time alone.
-    StateBlind,
-    /// V takes all failures but those of a kind for runs without one.
-    Only(&'static str),
 }
 
 /// Numbers of runs of a risk.
@@ -126,7 +113,6 @@ impl<'a> RiskRequest<'a> {
             known: &[],
             settings: RiskSettings::default(),
             policy: None,
-            fault: None,
             dir: None,
         }
     }
@@ -155,7 +141,6 @@ impl<'a> RiskRequest<'a> {
             "known": known.collect::<Vec<_>>(),
             "settings": settings,
             "before_rounds": self.settings.before_rounds(),
-            "fault": self.fault,
         }))
     }
 
@@ -240,7 +225,6 @@ mod tests {
             digest(&|it| it.settings.learn_on = Some(PlantKind::Kinematic)),
             digest(&|it| it.settings.surrogate = Some(100)),
             digest(&|it| it.settings.value = ValueKind::Table),
-            digest(&|it| it.fault = Some(ProposalFault::StateBlind)),
         ];
         all.extend(
             others

@@ -61,11 +61,6 @@ impl Value {
         }
     }
 
-    /// Creates a V over the remaining time alone, which shows what the checks refuse.
-    pub(super) fn over_time([inputs, heads, actions]: [usize; 3]) -> Value {
-        Value::Table(TableOfV::over(inputs - 1, heads, actions))
-    }
-
     /// Returns the number of heads.
     pub(super) fn heads(&self) -> usize {
         match self {

@@ -20,8 +20,6 @@ const PRIOR: f64 = 2.0;
 pub(super) struct TableOfV {
     heads: usize,
     actions: usize,
-    /// Input that is the only one, if any.
-    only: Option<usize>,
     columns: Vec<TableColumn>,
     /// V `[cells, heads, actions]`. The first column is the highest digit of a cell.
     cells: Vec<f64>,
@@ -58,17 +56,8 @@ impl TableOfV {
         TableOfV {
             heads,
             actions,
-            only: None,
             columns: Vec::new(),
             cells: vec![LEAST; heads * actions],
-        }
-    }
-
-    /// Creates a table over one input.
-    pub(super) fn over(input: usize, heads: usize, actions: usize) -> TableOfV {
-        TableOfV {
-            only: Some(input),
-            ..TableOfV::new(heads, actions)
         }
     }
 
@@ -157,9 +146,6 @@ impl TableOfV {
                 (run.input(*decision), fails.contains(&true))
             })
             .collect();
-        if let Some(input) = self.only {
-            return vec![column(input, &sample)];
-        }
         let width = sample[0].0.len();
         let mut rated: Vec<(f64, TableColumn)> = (0..width)
             .map(|input| {
@@ -288,11 +274,6 @@ mod tests {
         assert!(high[1] > 0.8 && high[0] < 1e-3, "{high:?}");
         let low = table.values(&[5.0, 0.0]);
         assert!(low[1] < 0.2 * high[1], "{low:?}");
-        // The first input says nothing, so a table over it alone knows only the action.
-        let blind = fitted(TableOfV::over(0, 1, 2));
-        let (high, low) = (blind.values(&[5.0, 3.0]), blind.values(&[5.0, 0.0]));
-        assert_eq!(high, low);
-        assert!(high[1] > 0.1 && high[1] < 0.4, "{high:?}");
     }
 
     #[test]
