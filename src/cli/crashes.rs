@@ -6,9 +6,6 @@
 //! verb fail, chosen by a seeded draw. `BRAKECHECK_CRASHES=all cargo test --release
 //! crashes` makes every step fail (docs/background/testing.md).
 
-#[path = "../../tests/support/disk_faults.rs"]
-mod disk_faults;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,8 +16,8 @@ use rand::RngExt;
 
 use super::terminal::with_jobs;
 use super::{Cli, Exit, carry_out};
+use crate::run_files::disk_faults::{StepFailure, failing};
 use crate::seed::generator;
-use disk_faults::{How, failing};
 
 /// Intervals at which a short training has several lines and checkpoints.
 const FREQUENT: &str = "--report-every 7 --checkpoint-every 400";
@@ -66,13 +63,13 @@ impl KilledVerb<'_> {
     fn undisturbed(&self) -> (BTreeMap<PathBuf, Vec<u8>>, u64) {
         let dir = tempfile::tempdir().expect("scratch");
         let command = self.now(dir.path());
-        let (done, steps) = failing(dir.path(), u64::MAX, How::Killed, || run(&command));
+        let (done, steps) = failing(dir.path(), u64::MAX, StepFailure::Killed, || run(&command));
         assert!(done, "{}", self.name);
         (files(dir.path()), steps)
     }
 
     /// Killed or refused at a step, and once more while it goes on.
-    fn disturbed(&self, at: u64, how: How, again: u64) -> BTreeMap<PathBuf, Vec<u8>> {
+    fn disturbed(&self, at: u64, how: StepFailure, again: u64) -> BTreeMap<PathBuf, Vec<u8>> {
         let dir = tempfile::tempdir().expect("scratch");
         for at in [at, again] {
             let command = self.now(dir.path());
@@ -92,7 +89,7 @@ impl KilledVerb<'_> {
         assert_eq!(files_differing(&whole, &again), [""; 0], "{}", self.name);
         let mut dice = generator("crash points", &[steps]);
         let all = std::env::var("BRAKECHECK_CRASHES").is_ok_and(|asked| asked == "all");
-        for how in [How::Killed, How::Refused] {
+        for how in [StepFailure::Killed, StepFailure::Refused] {
             let mut at: Vec<u64> = (1..=steps).collect();
             if !all {
                 at = (0..FEW).map(|_| dice.random_range(1..=steps)).collect();

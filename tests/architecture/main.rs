@@ -1,9 +1,7 @@
 //! The rules of ARCHITECTURE.md that neither Cargo nor a lint holds, checked from the sources.
 
 mod circles;
-#[path = "../../examples/crates.rs"]
 mod crates_graph;
-#[path = "../support/files.rs"]
 mod files;
 mod habits;
 mod names;

@@ -15,7 +15,6 @@ mod memory;
 mod natural;
 mod picture;
 mod points;
-#[path = "../support/program.rs"]
 mod program;
 mod programs;
 mod replayed;

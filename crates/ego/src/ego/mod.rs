@@ -38,7 +38,6 @@ mod coast;
 mod courteous_acc;
 mod curve_speed;
 #[cfg(test)]
-#[path = "../../../../tests/support/example_ego.rs"]
 mod example_ego;
 mod fault;
 mod following;

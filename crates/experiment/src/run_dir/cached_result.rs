@@ -204,14 +204,14 @@ mod tests {
     /// Tables are made again from such files, so a killed one must not leave half a result.
     #[test]
     fn work_that_is_killed_at_any_step_is_old_or_new_and_goes_on() {
-        use super::super::disk_faults::{How, failing};
+        use crate::run_files::disk_faults::{StepFailure, failing};
 
         let write = |dir: &Path, made: f64| of(&dir.join("parts"), WORLD, 3).write(&made).is_ok();
         let undisturbed = tempfile::tempdir().expect("scratch");
         let all = || write(undisturbed.path(), 1.0) && write(undisturbed.path(), 2.0);
-        let (done, steps) = failing(undisturbed.path(), u64::MAX, How::Killed, all);
+        let (done, steps) = failing(undisturbed.path(), u64::MAX, StepFailure::Killed, all);
         assert!(done && steps > 4, "{steps} steps");
-        for how in [How::Killed, How::Refused] {
+        for how in [StepFailure::Killed, StepFailure::Refused] {
             for at in 1..=steps {
                 let dir = tempfile::tempdir().expect("scratch");
                 let all = || write(dir.path(), 1.0) && write(dir.path(), 2.0);

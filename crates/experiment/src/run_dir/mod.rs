@@ -39,10 +39,6 @@ mod trained_policy;
 pub use trained_policy::trained_naturally;
 mod training_counterexamples;
 
-#[cfg(test)]
-#[path = "../../../../tests/support/disk_faults.rs"]
-mod disk_faults;
-
 use std::fmt;
 use std::fs::File;
 use std::path::{Path, PathBuf};

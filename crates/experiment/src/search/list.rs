@@ -91,7 +91,7 @@ methods! {
     switches::Switches;
     /// Method of the tests, which shows that a file and a line are enough.
     #[cfg(test)]
-    example_search::Constants;
+    example_search::EachAction;
 }
 
 impl Method<'_> {
@@ -185,7 +185,7 @@ mod tests {
 
     fn is_shipped(method: &&MethodInfo) -> bool {
         // The table in the guide lists only methods that users can call.
-        method.name != Constants::INFO.name
+        method.name != EachAction::INFO.name
     }
 
     #[test]

@@ -7,7 +7,6 @@ mod cell;
 mod cem;
 mod confirm;
 #[cfg(test)]
-#[path = "../../../../tests/support/example_search.rs"]
 mod example_search;
 mod experiment;
 mod found;

@@ -1,37 +1,22 @@
 //! Files that appear completely or not at all, growing files, and locks.
 //!
 //! All changes of the disk pass through this module, one step at a time, so
-//! that tests can make any step fail ([`before_each_step`]). After a function returns, its
+//! that tests can make any step fail (`disk_faults`). After a function returns, its
 //! effect is on the disk: files and their directories are flushed.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 
 use sha2::Digest;
 
 use super::RunError;
+use super::disk_faults::step;
 use crate::content_hash::in_digits;
 use crate::ron_file::file_bytes;
 
 /// Prefix of incomplete files. Leftovers are removed.
 const UNFINISHED: &str = ".brakecheck-";
-
-/// Hook before every step that changes the disk.
-static BEFORE_STEP: OnceLock<fn(&Path) -> io::Result<()>> = OnceLock::new();
-
-/// Sets a hook before every step that changes the disk, for tests that make one fail.
-///
-/// The first hook stays.
-#[doc(hidden)]
-pub fn before_each_step(hook: fn(&Path) -> io::Result<()>) {
-    BEFORE_STEP.get_or_init(|| hook);
-}
-
-fn step(path: &Path) -> io::Result<()> {
-    BEFORE_STEP.get().map_or(Ok(()), |hook| hook(path))
-}
 
 /// Makes a directory and its parents.
 ///

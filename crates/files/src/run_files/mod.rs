@@ -5,6 +5,8 @@
 
 pub mod append_log;
 pub mod disk;
+#[doc(hidden)]
+pub mod disk_faults;
 mod error;
 pub mod sealed;
 

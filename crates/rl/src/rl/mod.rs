@@ -31,7 +31,6 @@ mod dice;
 mod dqfd;
 mod dqn;
 #[cfg(test)]
-#[path = "../../../../tests/support/example_learner.rs"]
 mod example_learner;
 pub(crate) mod kernel;
 mod learner;

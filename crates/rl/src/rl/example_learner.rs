@@ -47,17 +47,17 @@ impl LearnerKind for PaidSettings {
 
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let paid = Paid::knowing(spaces.observation, vec![0.0; spaces.actions]);
-        Box::new(Learning::of(self, paid, LearnerRng::new(seed)))
+        Box::new(PaidLearner::of(self, paid, LearnerRng::new(seed)))
     }
 
     fn build_from(&self, _: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         let paid = Paid::load(policy)?;
-        Ok(Box::new(Learning::of(self, paid, LearnerRng::new(seed))))
+        Ok(Box::new(PaidLearner::of(self, paid, LearnerRng::new(seed))))
     }
 
     fn restore(&self, _: &Spaces, checkpoint: &TensorFile) -> Built {
         let paid = Paid::load(checkpoint)?;
-        let mut learning = Learning::of(self, paid, LearnerRng::restore(checkpoint)?);
+        let mut learning = PaidLearner::of(self, paid, LearnerRng::restore(checkpoint)?);
         learning.tally.restore(checkpoint)?;
         Ok(Box::new(learning))
     }
@@ -104,7 +104,7 @@ impl Policy for Paid {
     }
 }
 
-struct Learning {
+struct PaidLearner {
     rate: f32,
     paid: Paid,
     dice: LearnerRng,
@@ -114,9 +114,9 @@ struct Learning {
     total: f32,
 }
 
-impl Learning {
-    fn of(settings: &PaidSettings, paid: Paid, dice: LearnerRng) -> Learning {
-        Learning {
+impl PaidLearner {
+    fn of(settings: &PaidSettings, paid: Paid, dice: LearnerRng) -> PaidLearner {
+        PaidLearner {
             rate: settings.rate as f32,
             paid,
             dice,
@@ -127,7 +127,7 @@ impl Learning {
     }
 }
 
-impl Learner for Learning {
+impl Learner for PaidLearner {
     fn plan(&mut self) -> EpisodePlan {
         EpisodePlan::of(self.tally.begun())
     }

@@ -3,7 +3,6 @@
 //! The targets come from projects that are easy to read. A figure that misses
 //! its target names a text to rewrite, never a word to replace.
 
-#[path = "support/files.rs"]
 mod files;
 
 use files::{below, read, root};

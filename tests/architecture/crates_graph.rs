@@ -1,7 +1,7 @@
-//! Prints the crates of the workspace as the graph of ARCHITECTURE.md.
+//! Graph of the crates of the workspace, from `cargo metadata`.
 //!
-//! `cargo run --release --example crates` reads `cargo metadata`. An arrow leads from a
-//! crate to one that it uses, and is left out where a longer path leads there too.
+//! An arrow leads from a crate to one that it uses, and is left out where a longer path
+//! leads there too.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
@@ -13,11 +13,6 @@ type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates that only tests, benchmarks or Python use.
 const ABOVE: [&str; 2] = ["brakecheck-python", "brakecheck-repro"];
-
-#[allow(dead_code, reason = "a test includes this file for the graph alone")]
-fn main() {
-    print!("{}", mermaid());
-}
 
 /// Returns the graph in Mermaid's language.
 pub fn mermaid() -> String {

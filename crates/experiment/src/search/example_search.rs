@@ -6,13 +6,13 @@ use super::trials::Trials;
 
 /// Method that plays each action for a whole episode, in order.
 #[derive(Clone, Copy, Debug)]
-pub struct Constants;
+pub struct EachAction;
 
-impl SearchMethod<'_> for Constants {
+impl SearchMethod<'_> for EachAction {
     const INFO: MethodInfo = MethodInfo::sampling("constants", "Each action for a whole episode");
 
-    fn with(_: &MethodSettings<'_>) -> Result<Constants, SearchError> {
-        Ok(Constants)
+    fn with(_: &MethodSettings<'_>) -> Result<EachAction, SearchError> {
+        Ok(EachAction)
     }
 
     fn solve(&self, one: StartSearch<'_>) -> Option<SearchResult> {

@@ -2,7 +2,6 @@
 //!
 //! `cargo bench -p brakecheck-traffic` prints the throughput on synthetic rows.
 
-#[path = "../tests/traffic/synthetic.rs"]
 #[expect(dead_code, reason = "tests use the rest")]
 mod synthetic;
 

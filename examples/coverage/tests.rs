@@ -1,6 +1,5 @@
 //! Do 95 % intervals hold the truth? A small version of `examples/coverage`.
 
-#[path = "../examples/coverage/simulation.rs"]
 mod simulation;
 
 use std::collections::BTreeMap;

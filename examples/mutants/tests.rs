@@ -1,8 +1,6 @@
 //! What `examples/mutants` changes in a source, and how its switches look.
 
-#[path = "../examples/mutants/find.rs"]
 mod find;
-#[path = "../examples/mutants/switch.rs"]
 mod switch;
 
 use std::path::Path;
