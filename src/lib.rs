@@ -118,6 +118,8 @@ pub use brakecheck_training::training;
 pub use brakecheck_view::view;
 #[doc(inline)]
 pub use brakecheck_world::world;
+#[doc(inline)]
+pub use brakecheck_world_file::world_file;
 
 #[doc(inline)]
 pub use cli::ErrorReport;

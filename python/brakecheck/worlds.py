@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from typing import Any
 
@@ -72,6 +73,24 @@ class World:
             asked = {name: value for name, value in changes.items() if value not in (None, False)}
             return cls(world.file, **{**world._given, **asked}) if asked else world
         return cls(world, **changes)
+
+    @classmethod
+    def write(cls, value: dict[str, Any], file: str | os.PathLike[str], **changes: Any) -> World:
+        """Writes a world that you built or changed as a value, and returns it, checked.
+
+        `value` has the form of `brakecheck check --schema`, as `World.value` has. A file that
+        exists is replaced, and a value that is no world writes nothing.
+        """
+        text = RawWorld.text_of(json.dumps(value))
+        RawWorld.parse(os.fspath(file), text)
+        with open(file, "w", encoding="utf-8") as written:
+            written.write(text)
+        return cls(file, **changes)
+
+    @property
+    def value(self) -> dict[str, Any]:
+        """The world as dictionaries and lists, in the form of `brakecheck check --schema`."""
+        return dict(json.loads(self._raw.value()))
 
     @property
     def name(self) -> str:

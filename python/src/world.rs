@@ -7,12 +7,13 @@ use brakecheck::scene::World;
 use brakecheck::serving::actions_of;
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
+use brakecheck::world_file::{self, WorldFile};
 use pyo3::prelude::*;
 use serde_json::json;
 
 use crate::convert::objects;
 use crate::ego::egos;
-use crate::error::{failed, wrong};
+use crate::error::{failed, raised, wrong};
 
 /// A checked world; `brakecheck.World` is built on it.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
@@ -42,6 +43,25 @@ impl RawWorld {
     #[staticmethod]
     fn parse(name: &str, text: &str) -> PyResult<RawWorld> {
         Ok(RawWorld(Scenario::parse(name, text).map_err(failed)?))
+    }
+
+    /// The text of a world that is given as JSON in the form of the schema.
+    #[staticmethod]
+    fn text_of(value: &str) -> PyResult<String> {
+        let world: WorldFile = serde_json::from_str(value).map_err(|error| {
+            wrong(
+                format!("the value is no world: {error}"),
+                "`brakecheck check --schema` prints the form of worlds",
+            )
+        })?;
+        let text = world_file::text(&world);
+        text.map_err(|error| raised("FaultError", error.to_string()))
+    }
+
+    /// The world as JSON in the form of the schema, in the order of the file.
+    fn value(&self) -> PyResult<String> {
+        let world = world_file::parse(self.0.name(), self.0.text()).map_err(failed)?;
+        serde_json::to_string(&world).map_err(|error| raised("FaultError", error.to_string()))
     }
 
     /// Names of the shipped worlds.

@@ -174,3 +174,18 @@ def test_natural_ados_are_limited_in_worlds_that_can_have_them():
             World("acc", **wrong)
     with pytest.raises(InputError, match="no ado drives a vehicle"):
         World("pedestrian", natural=1.0)
+
+
+def test_a_world_is_changed_as_a_value(tmp_path):
+    acc = World("acc")
+    value = acc.value
+    value["Scenario"]["name"] = "mine"
+    mine = World.write(value, tmp_path / "mine.ron")
+    assert (mine.name, mine.actions, mine.observation) == ("mine", acc.actions, acc.observation)
+    assert mine.value == value
+    value["Scenario"]["agents"][0]["Vehicle"]["body"] = "sedna"
+    with pytest.raises(InputError, match="sedna"):
+        World.write(value, tmp_path / "broken.ron")
+    with pytest.raises(InputError, match="the value is no world"):
+        World.write({"Scenario": {}}, tmp_path / "broken.ron")
+    assert not (tmp_path / "broken.ron").exists()

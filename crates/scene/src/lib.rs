@@ -26,7 +26,7 @@ pub mod scene;
 pub mod testbench;
 
 use brakecheck_ego::ego;
-use brakecheck_files::content_hash;
+use brakecheck_files::{content_hash, ron_file};
 use brakecheck_rl::rl;
 use brakecheck_road::road;
 use brakecheck_sim::{severity, sim};

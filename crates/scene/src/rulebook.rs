@@ -23,6 +23,7 @@ pub use runs::{NewSamples, RunsJudge};
 pub use state_judge::{NoState, StateJudge};
 pub use verdict::{RulesUntilContact, Verdict};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::Display;
 
@@ -31,7 +32,7 @@ use crate::trace::Trace;
 use run_monitor::RunMonitor;
 
 /// End of an episode, and the part of it that is judged.
-#[derive(Clone, Copy, Debug, Default, Display, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Display, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum JudgeKind {
     /// Judges the prefix up to the first decided sample, where the episode ends.
     #[default]

@@ -15,11 +15,12 @@ use crate::experiment::NeutralRule;
 use crate::risk::{RiskTraffic, RiskTrafficError};
 use crate::ron_file::LoadError;
 use crate::world::Scenario;
+use crate::world_file;
 
 #[derive(Args, Debug)]
 pub(super) struct CheckArgs {
     /// The world: a file, or the name of a shipped one.
-    #[arg(required_unless_present = "program")]
+    #[arg(required_unless_present_any = ["program", "schema"])]
     world: Option<PathBuf>,
     /// A program, after `--`, to be tried against the ego protocol.
     #[arg(last = true, value_name = "COMMAND")]
@@ -30,6 +31,9 @@ pub(super) struct CheckArgs {
     /// Start the programs that the world names as egos, and try them.
     #[arg(long)]
     allow_programs: bool,
+    /// Print the JSON schema of world files, for editors and other programs.
+    #[arg(long, conflicts_with_all = ["world", "program", "allow_programs"])]
+    schema: bool,
 }
 
 impl CheckArgs {
@@ -43,6 +47,10 @@ impl CheckArgs {
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
+    if args.schema {
+        print_json(&world_file::schema())?;
+        return Ok(Exit::Done);
+    }
     let exit = match &args.world {
         Some(world) => check_world(args, world)?,
         None => Exit::Done,

@@ -23,7 +23,7 @@ impl<C> Actuated<C> {
     }
 }
 
-/// Reads and writes `Actuated<$of>` in the form `$file`.
+/// Reads, writes and describes `Actuated<$of>` in the form `$file`.
 ///
 /// The form holds the lag among the controller's own fields.
 macro_rules! written_as {
@@ -37,6 +37,16 @@ macro_rules! written_as {
         impl<'de> serde::Deserialize<'de> for $crate::ego::Actuated<$of> {
             fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
                 <$file>::deserialize(from).map(Self::from)
+            }
+        }
+
+        impl schemars::JsonSchema for $crate::ego::Actuated<$of> {
+            fn schema_name() -> std::borrow::Cow<'static, str> {
+                <$file as schemars::JsonSchema>::schema_name()
+            }
+
+            fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+                <$file as schemars::JsonSchema>::json_schema(generator)
             }
         }
     };

@@ -58,6 +58,7 @@ mod stock;
 pub mod takeover;
 mod traffic_light_acc;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use crate::road::RoadPiece;
@@ -150,7 +151,7 @@ pub struct Seen {
 }
 
 /// Phase of a traffic light.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Phase {
     /// Go.
     #[default]

@@ -90,10 +90,12 @@ macro_rules! parameters {
             use $crate::ego::Actuated;
             type Law = self::$name;
 
-            #[derive(serde::Serialize, serde::Deserialize)]
+            $(#[$meta])*
+            #[derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
             #[serde($($form)*)]
             struct $name {
-                $( $field: f64, )*
+                $( $(#[doc = $about])+ $field: f64, )*
+                /// Time constant of the actuator behind the command, s. 0 is none.
                 lag_s: f64,
             }
 

@@ -40,10 +40,11 @@ macro_rules! egos {
             }
         )*
 
-        #[derive(Serialize, Deserialize)]
+        /// Controller with its parameters and the lag of the car's actuator.
+        #[derive(Serialize, Deserialize, schemars::JsonSchema)]
         #[serde(rename = "ControllerSpec")]
         enum ControllerFile {
-            $( $kind(Actuated<$kind>), )*
+            $( $(#[doc = $about])+ $kind(Actuated<$kind>), )*
         }
 
         impl From<ControllerFile> for Actuated<ControllerSpec> {

@@ -8,6 +8,7 @@ mod named_file;
 mod ordered;
 mod problems;
 pub mod read;
+mod short_or_long;
 
 pub use error::{LoadError, Problem, ScenarioError};
 pub use error::{did_you_mean, guessed, known_names};
@@ -17,3 +18,4 @@ pub use ordered::Ordered;
 pub use ordered::Patch;
 pub use problems::Problems;
 pub use read::{parse as parse_ron, read_file};
+pub use short_or_long::short_or_long;

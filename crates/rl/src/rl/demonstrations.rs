@@ -8,6 +8,7 @@
 //!
 //! Deviations: docs/background/learners.md.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
@@ -17,7 +18,7 @@ use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, check};
 use super::starts::{EpisodeStart, StartPool};
 
 /// Use of demonstrations by a learner.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Imitation {
     /// Share of every batch drawn from successes alone (0.25).

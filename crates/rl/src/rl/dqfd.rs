@@ -8,6 +8,7 @@
 //! search cannot do, an immediate action on a new start. All hyperparameters not
 //! named here are those of [`super::dqn`].
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Spaces;
@@ -21,7 +22,7 @@ const CHECKPOINT: &str = "brakecheck dqfd checkpoint 1";
 const KINDS: [&str; 2] = [dqn::POLICY, CHECKPOINT];
 
 /// Settings of deep Q-learning from demonstrations.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "DqfdConfig", deny_unknown_fields, default)]
 pub struct DqfdSettings {
     /// Decisions to train for (160000).

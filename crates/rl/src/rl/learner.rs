@@ -1,5 +1,6 @@
 //! Common interface of all learners and of their settings.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
@@ -355,7 +356,7 @@ pub(super) type Shaped = Result<(Box<dyn Policy>, [usize; 2]), BundleError>;
 ///
 /// It tries action sequences with few switches on training starts that no
 /// episode of the learner begins from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Seeding {
     /// Greatest number of starts searched (200).

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
@@ -16,7 +17,7 @@ use super::{DqfdSettings, DqnSettings, PartSpaces, Policy, PpoSettings, QTableSe
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
         /// Settings of a learner as written, to be checked by [`LearnerConfig::new`].
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields)]
         pub enum LearnerSettings {
             $($(#[doc = $doc])+ $(#[cfg($when)])? $name($settings),)+
@@ -89,7 +90,7 @@ learners! {
 }
 
 /// Which ados learn from an episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum PerAdoTraining {
     /// All of them, each from its own reward.
     #[default]
@@ -102,7 +103,7 @@ pub enum PerAdoTraining {
 }
 
 /// Signals that each ado observes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum PerAdoObservation {
     /// Those of all ados, as a common learner.
     #[default]
@@ -112,7 +113,7 @@ pub enum PerAdoObservation {
 }
 
 /// Settings of a learner per ado.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "PerAdoConfig", deny_unknown_fields, default)]
 pub struct PerAdoSettings {
     /// Decisions to train for (160000).

@@ -5,14 +5,16 @@
 use core::f64::consts::PI;
 
 use nalgebra::Vector2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::leg_index::{LegBox, LegDisc, LegIndex};
 use crate::pose::{GroundFrame, Pose, rotation_by};
 
 /// A piece of a curved road.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(rename = "FixedPiece")]
 pub enum Piece {
     /// A straight piece.
     Line {

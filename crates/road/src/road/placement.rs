@@ -1,6 +1,7 @@
 //! Further roads of a world: their place in the plane and their priority.
 
 use indexmap::IndexMap;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::course::{Course, CourseError, Piece};
@@ -13,7 +14,7 @@ pub type PlacedRoads = IndexMap<String, PlacedRoad>;
 /// Origin of a road: the middle of its lane 0 at s = 0.
 ///
 /// In the frame of the world's own road.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoadPlace {
     /// Position along world x.
@@ -29,7 +30,9 @@ pub struct RoadPlace {
 }
 
 /// Right of way where a road crosses the world's own.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 pub enum Priority {
     /// Traffic on this road yields.
     Yields,
@@ -41,7 +44,7 @@ pub enum Priority {
 }
 
 /// Driving direction on a road.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Direction {
     /// Towards greater s.
     #[default]

@@ -1,5 +1,6 @@
 //! Violations of ψ_ego that count as counterexamples.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ego::reference::ReferenceDriver;
@@ -10,7 +11,7 @@ use crate::ego::reference::ReferenceDriver;
 ///
 /// A contact of the ego with any road user counts, trained or not. The ego must
 /// move faster than 0.5 m/s and must not be struck from behind.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum Counts {
     /// Every violation.

@@ -1,5 +1,6 @@
 //! Reward of Definition 4, as a number per verdict.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::verdict::Verdict;
@@ -7,7 +8,7 @@ use super::verdict::Verdict;
 /// Map from a verdict to a number.
 ///
 /// It increases strictly in ρ(¬ψ) and puts every rule violation below the rest.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum Reward {
     /// Definition 4 as printed, with the penalty −M ρ_max.

@@ -23,6 +23,7 @@ pub use record::{BodySample, Motion};
 pub use world::Derived;
 pub use world::{Availability, Dynamics, Observed, World};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ego::{Command, Fault, Phase};
@@ -31,7 +32,7 @@ use crate::seed::StartKey;
 use crate::trace::Schema;
 
 /// The three clocks of an episode: samples, decisions and the horizon.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Clock {
     /// Length of an episode, T in the paper.

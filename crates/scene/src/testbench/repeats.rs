@@ -1,9 +1,9 @@
 //! Repeats of starts: `repeats: 5` plays every start several times.
 
-use std::fmt;
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
 
-use serde::de::{self, Deserializer, MapAccess, Visitor};
-use serde::{Deserialize, Serialize};
+use crate::ron_file::short_or_long;
 
 /// Greatest number of runs per start.
 pub const MAX_REPEATS: u32 = 1000;
@@ -13,7 +13,8 @@ pub const MAX_REPEATS: u32 = 1000;
 /// It serves egos that are not deterministic, with other hardware or threads
 /// inside. The notation is `repeats: 5`, where one failure in five runs counts,
 /// or `repeats: (runs: 5, gate: 3)`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[schemars(from = "RepeatsFile")]
 pub struct Repeats {
     /// k: runs of each start, 1 or more.
     pub runs: u32,
@@ -27,10 +28,22 @@ impl Default for Repeats {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+/// Forms of repeats in a file, for the schema.
+#[derive(JsonSchema)]
+#[schemars(untagged)]
+#[expect(dead_code, reason = "only its schema is used")]
+enum RepeatsFile {
+    Short(u32),
+    Long(Long),
+}
+
+/// Repeats with a gate.
+#[derive(Deserialize, JsonSchema)]
+#[serde(rename = "Repeats", deny_unknown_fields)]
 struct Long {
+    /// Runs of each start, 1 or more.
     runs: u32,
+    /// Number of failing runs from which the start is a failure of the ego.
     #[serde(default = "one")]
     gate: u32,
 }
@@ -39,31 +52,26 @@ fn one() -> u32 {
     1
 }
 
+impl From<u64> for Repeats {
+    fn from(runs: u64) -> Repeats {
+        // A number beyond 32 bits is refused like every number above the limit.
+        let runs = u32::try_from(runs).unwrap_or(u32::MAX);
+        Repeats { runs, gate: 1 }
+    }
+}
+
+impl From<Long> for Repeats {
+    fn from(long: Long) -> Repeats {
+        Repeats {
+            runs: long.runs,
+            gate: long.gate,
+        }
+    }
+}
+
 impl<'de> Deserialize<'de> for Repeats {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Repeats, D::Error> {
-        struct RepeatsVisitor;
-        impl<'de> Visitor<'de> for RepeatsVisitor {
-            type Value = Repeats;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "a number such as 5, or (runs: 5, gate: 3)")
-            }
-
-            fn visit_u64<E: de::Error>(self, runs: u64) -> Result<Repeats, E> {
-                // A number beyond 32 bits is refused like every number above
-                // the limit.
-                let runs = u32::try_from(runs).unwrap_or(u32::MAX);
-                Ok(Repeats { runs, gate: 1 })
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Repeats, A::Error> {
-                let long = Long::deserialize(de::value::MapAccessDeserializer::new(map))?;
-                Ok(Repeats {
-                    runs: long.runs,
-                    gate: long.gate,
-                })
-            }
-        }
-        deserializer.deserialize_any(RepeatsVisitor)
+        let forms = "a number such as 5, or (runs: 5, gate: 3)";
+        short_or_long::<D, u64, Long, Repeats>(deserializer, forms)
     }
 }

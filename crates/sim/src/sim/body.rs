@@ -6,6 +6,7 @@
 
 use brakecheck_assets::VEHICLES;
 use ron::extensions::Extensions;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -23,7 +24,7 @@ use super::walker::Walker;
 /// let sedan = Body::shipped("sedan").unwrap().unwrap();
 /// assert_eq!(sedan.length_m, 4.54);
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
     /// Common name of the body.
@@ -60,7 +61,7 @@ pub struct Body {
 }
 
 /// Way of moving, with one file per kind and one match in each plant.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum BodyKind {
     /// Wheeled body, commanded by [`super::BodyCommand::Drive`].
     Vehicle(Vehicle),

@@ -4,6 +4,7 @@
 //! kinematic plant and everything that places bodies on roads use the bounding
 //! box.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::body_model::{BodyDimensions, InvalidBody, within};
@@ -20,7 +21,7 @@ const MOST: usize = 32;
 /// let compact = Body::shipped("compact").unwrap().unwrap();
 /// assert_eq!(compact.shape, BodyShape::Rounded { corner_radius_m: 0.35 });
 /// ```
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum BodyShape {
     /// Bounding box.
@@ -41,7 +42,7 @@ pub enum BodyShape {
 ///
 /// `ahead_m` and `left_m` count from the middle of the bounding box, `up_m` from
 /// the ground.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum BodyPart {
     /// Box between two values of each coordinate.

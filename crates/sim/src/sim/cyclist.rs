@@ -1,5 +1,6 @@
 //! Bicyclists: legs for an engine, and a balance that must lean before it turns.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::BodyControl;
@@ -13,7 +14,7 @@ pub(super) const LOCK_PER_M: f64 = 0.6;
 /// Below [`Cyclist::balance_mps`] the path has a radius of 10 m at least. The
 /// least radius falls to 1.7 m at twice that speed. A cyclist at rest stands with
 /// a foot on the ground.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cyclist {
     /// Distance from the front axle to the rear axle.

@@ -3,6 +3,7 @@
 //! Only the rigid plant reads them. A body without them obeys its commands at once,
 //! and the kinematic plant is the ideal of every body.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::body_model::{InvalidBody, within};
@@ -16,7 +17,7 @@ const MOST_WET_LOSS: f64 = 0.8;
 ///
 /// A command to brake has no effect for [`Brakes::delay_s`]. The deceleration then
 /// grows at a constant rate. Brakes release at once.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Brakes {
     /// Time from the command to the first deceleration.
@@ -33,7 +34,7 @@ pub struct Brakes {
 /// A wheel's force follows the magic formula in the combined slip of both directions
 /// (Pacejka, Tire and Vehicle Dynamics, Sect. 4.3). Antilock brakes keep the wheel at
 /// its peak.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tyres {
     /// Greatest force along the wheel, as a share of its load, on a road of friction 1.

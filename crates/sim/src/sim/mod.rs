@@ -40,6 +40,7 @@ mod vehicle;
 mod walker;
 mod wind;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
@@ -103,6 +104,7 @@ pub struct BodyId(pub usize);
     EnumString,
     IntoStaticStr,
     EnumMessage,
+    JsonSchema,
 )]
 #[strum(serialize_all = "kebab-case")]
 pub enum PlantKind {

@@ -1,5 +1,6 @@
 //! Wheeled bodies: chassis, engine and tyres. Their limits are in `limits`.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
@@ -7,7 +8,7 @@ use super::handling::{Brakes, Tyres};
 use super::{BodyControl, GRAVITY_MPS2};
 
 /// Chassis, engine and tyres of a wheeled vehicle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
     /// Distance from the front axle to the rear axle.

@@ -1,12 +1,13 @@
 //! Bodies on foot, evenly accelerated to the commanded velocity.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::BodyControl;
 use super::body_model::{BodyDimensions, BodyModel, InvalidBody, within};
 
 /// Limits of a body on foot.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
     /// Greatest speed.

@@ -1,11 +1,11 @@
 //! Actions of an ado and the kinds of bodies that they suit.
 
 use super::check::within;
-use super::file::AdoFile;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::Actions;
 use crate::sim::BodyControl;
+use crate::world_file::AdoFile;
 
 /// Checks the actions of an ado: their range, and their fit for its body.
 pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, body: ActsAs) {

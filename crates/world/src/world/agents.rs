@@ -8,7 +8,6 @@ use super::RuleSpec;
 use super::ado_actions::{self, ActsAs};
 use super::bodies;
 use super::check;
-use super::file::{AdoFile, AgentFile, DriveFile, Facing, NumberOrRange, ScenarioFile, StartFile};
 use super::language::rule_of;
 use super::obstacles;
 use super::plans;
@@ -17,7 +16,6 @@ use super::roads;
 use super::runs::WorldOrigin;
 use super::trained;
 use super::trained::rules::JudgedAdo;
-use super::trained::run::TrainedFile;
 use super::weather;
 use crate::rl::LearnerSettings;
 use crate::road::{Direction, PlacedRoads, Road};
@@ -26,6 +24,9 @@ use crate::ron_file::ValuePath;
 use crate::scene::drive::{
     Agent, Drive, EgoDrive, Light, MotionPlan, Range, RoadAdo, StartPlace, TrainedAdo, TurnsAdo,
     Weather,
+};
+use crate::world_file::{
+    AdoFile, AgentFile, DriveFile, Facing, NumberOrRange, ScenarioFile, StartFile, TrainedFile,
 };
 
 /// Greatest start offset of a vehicle from the middle of its lane, in metres.

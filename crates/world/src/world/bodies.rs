@@ -1,12 +1,12 @@
 //! Bodies of a driving world: its own and the shipped ones.
 
 use super::check::within;
-use super::file::DriveFile;
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::StartPlace;
 use crate::sim::Body;
+use crate::world_file::DriveFile;
 
 /// Reports the mistakes of a world's own bodies.
 pub(super) fn check(problems: &mut Problems, own: &Ordered<Body>) {

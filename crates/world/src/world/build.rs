@@ -3,9 +3,7 @@
 use std::sync::Arc;
 
 use super::agents::Agents;
-use super::environment_file::{WindFile, nominal_grades};
 use super::family::TrainingEgos;
-use super::file::ScenarioFile;
 use super::language::{Judging, Language, constants, rulebook};
 use super::runs::{Assembled, InnerWorld, RunSource, WorldOrigin};
 use super::scenario_kind::DriveScenario;
@@ -23,6 +21,7 @@ use crate::ron_file::read;
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 use crate::stl::Names;
+use crate::world_file::{ScenarioFile, WindFile, nominal_grades};
 
 /// Returns a checked scenario after trial runs.
 pub(super) fn build(

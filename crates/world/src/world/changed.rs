@@ -2,11 +2,11 @@
 
 use super::ChangeError;
 use super::check::sensor_flaw;
-use super::file::Change;
 use crate::ego::Process;
 use crate::ron_file::{did_you_mean, known_names};
 use crate::scene::drive::{Drive, DriveSpec, EnvironmentQuantity};
 use crate::sim::Body;
+use crate::world_file::Change;
 
 /// Applies a change to a spec.
 ///

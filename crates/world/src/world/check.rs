@@ -2,7 +2,6 @@
 
 use indexmap::IndexMap;
 
-use super::file::ScenarioFile;
 use super::{ChangeError, Scenario};
 use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
 use crate::rl::{LearnerConfig, LearnerSettings};
@@ -15,6 +14,7 @@ use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, Range, Script, Sensors};
 use crate::stl::Expr;
 use crate::testbench::{MAX_REPEATS, Repeats};
+use crate::world_file::ScenarioFile;
 
 /// Greatest number of samples of an episode.
 const MAX_SAMPLES: f64 = 1e5;

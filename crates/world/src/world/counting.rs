@@ -1,11 +1,10 @@
 //! Checks of `counts` and `goals` against the judge, the reward and the road users.
 
 use super::check;
-use super::file::{AgentFile, DriveFile, ScenarioFile};
-use super::training_goal::TrainingGoal;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::world_file::{AgentFile, DriveFile, ScenarioFile, TrainingGoal};
 
 /// Greatest closing speed that `counts` may require, in m/s.
 const MAX_CLOSING_MPS: f64 = 150.0;

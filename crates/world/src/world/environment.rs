@@ -1,8 +1,6 @@
 //! Checks of the road and the sensors of a world, whose numbers may be ranges.
 
 use super::check;
-use super::environment_file::RangePoint;
-use super::file::{AgentFile, NumberOrRange, ScenarioFile};
 use super::roads;
 use super::slope_and_wind;
 use super::starts;
@@ -11,6 +9,7 @@ use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, EnvironmentQuantity, EnvironmentRange, Range, Sensors};
+use crate::world_file::{AgentFile, NumberOrRange, RangePoint, ScenarioFile};
 
 /// Returns the ranges of a file with their places, the road's first.
 fn ranges(file: &ScenarioFile) -> Vec<(EnvironmentQuantity, ValuePath, Range)> {

@@ -14,7 +14,6 @@ use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
-use super::file::Change;
 use super::quantity::{Quantity, Varied, parameter};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Process};
@@ -24,6 +23,7 @@ use crate::scene::drive::EgoVariant;
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
 use crate::stats::pick;
+use crate::world_file::Change;
 
 /// Share of the members that are nominal in every quantity.
 const PURE: f64 = 0.15;

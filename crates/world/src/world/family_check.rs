@@ -4,8 +4,6 @@ use indexmap::IndexMap;
 
 use super::check;
 use super::family::Family;
-use super::family_file::FamilyFile;
-use super::file::Change;
 use super::quantity::{Quantity, Varied};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Parameter};
@@ -15,6 +13,7 @@ use crate::ron_file::ValuePath;
 use crate::ron_file::{did_you_mean, guessed, known_names};
 use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::sim::PlantKind;
+use crate::world_file::{Change, FamilyFile};
 
 /// Longest delay and widest noise of sensors, as for `sensors`.
 const MAX_DELAY_S: f64 = 5.0;

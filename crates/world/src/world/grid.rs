@@ -3,21 +3,17 @@
 use std::sync::Arc;
 
 use indexmap::IndexMap;
-use serde::Deserialize;
 
 use super::family::TrainingEgos;
-use super::file::{GridChange, RuleFile, SignalFile};
 use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::warnings::Warnings;
 use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits};
-use crate::rl::LearnerSettings;
-use crate::ron_file::Ordered;
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::World;
-use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
+use crate::scene::grid::{Arena, GridSpec, GridWorld, Starts, position};
+use crate::world_file::{GridAdoFile, GridEgoFile, GridFile, RuleFile};
 
 /// Greatest side of a map, in fine cells.
 const MAX_SIDE: u32 = 200;
@@ -27,71 +23,6 @@ const MAX_STEPS: u32 = 100_000;
 const MAX_MOVES: usize = 100;
 /// Greatest number of fine cells of a map whose pairs are listed by `AllPairs`.
 const MAX_LISTED_CELLS: usize = 400;
-
-#[derive(Deserialize)]
-#[serde(rename = "Grid", deny_unknown_fields)]
-pub(super) struct GridFile {
-    name: String,
-    question: String,
-    #[serde(default)]
-    source: String,
-    map: MapFile,
-    horizon: Horizon,
-    #[serde(default)]
-    judge: JudgeKind,
-    #[serde(default)]
-    counts: Counts,
-    ego: EgoFile,
-    ado: GridAdoFile,
-    #[serde(default)]
-    starts: Starts,
-    #[serde(default)]
-    signals: Ordered<SignalFile>,
-    #[serde(default)]
-    formulas: Ordered<String>,
-    ego_spec: String,
-    #[serde(default)]
-    requirement: Option<String>,
-    #[serde(default)]
-    constants: Ordered<f64>,
-    #[serde(default)]
-    reward: Reward,
-    #[serde(default)]
-    learner: LearnerSettings,
-    #[serde(default)]
-    learners: Ordered<LearnerSettings>,
-    #[serde(default)]
-    reuse: Ordered<GridChange>,
-    #[serde(default)]
-    allow: Vec<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(rename = "Map", deny_unknown_fields)]
-struct MapFile {
-    size: u32,
-    #[serde(default = "one")]
-    refine: u32,
-}
-
-fn one() -> u32 {
-    1
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-enum EgoFile {
-    Flees { step: u32, at_wall: AtWall },
-}
-
-#[derive(Deserialize)]
-#[serde(rename = "Ado", deny_unknown_fields)]
-struct GridAdoFile {
-    moves: Vec<(i32, i32)>,
-    neutral: usize,
-    observe: Vec<String>,
-    rulebook: Vec<RuleFile>,
-}
 
 /// Reports all counts above their limits.
 ///
@@ -136,7 +67,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         &top.to("ado").to("rulebook"),
         &file.ado.rulebook,
     );
-    let EgoFile::Flees { step, at_wall } = file.ego;
+    let GridEgoFile::Flees { step, at_wall } = file.ego;
     let mut spec = GridSpec {
         world: file.name.clone(),
         arena: Arena {

@@ -2,21 +2,11 @@
 
 use std::sync::Arc;
 
-use super::file::GridChange;
 use super::grid::fits;
 use super::language::{Judging, rulebook};
 use super::{Change, ChangeError, GridScenario, Scenario};
 use crate::scene::grid::{GridSpec, GridWorld};
 use crate::scene::{Observed, World};
-
-impl From<GridChange> for Change {
-    fn from(grid: GridChange) -> Change {
-        Change {
-            grid: Some(grid),
-            ..Change::default()
-        }
-    }
-}
 
 /// Returns the spec after a change, with T for the new horizon.
 ///

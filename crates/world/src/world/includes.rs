@@ -8,8 +8,6 @@ use std::sync::Arc;
 
 use brakecheck_driver_model::{TrafficModel, TrafficRuleFile};
 
-use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile};
-use super::natural_file::{NaturalFile, SHIPPED, TrafficFile};
 use super::open_drive;
 use super::runs::{IncludingFile, RunRefused, refused};
 use super::trained::{raw_text, with_values};
@@ -17,6 +15,10 @@ use crate::natural::{DeclaredTraffic, motorway};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
+use crate::world_file::{
+    AdoFile, AgentFile, DriveFile, LightFile, NaturalFile, RuleFile, SHIPPED, ScenarioFile,
+    TrafficFile,
+};
 
 /// Returns the text with the content of all included files, `None` without any.
 ///
@@ -33,7 +35,7 @@ pub(super) fn expanded(
         let drive = ValuePath::top().to("agents").at(i).to("drive");
         let rules = ado_of(agent).map_or(&[][..], |ado| &ado.rulebook);
         for (j, rule) in rules.iter().enumerate() {
-            let Some(name) = &rule.include else { continue };
+            let Some(name) = rule.include() else { continue };
             let place = drive.to("rulebook").at(j);
             // A formula in quotes is a more likely mistake than a file without an ending.
             if !name.ends_with(".ron") {
@@ -180,7 +182,7 @@ pub(super) fn traffic(problems: &mut Problems, file: &ScenarioFile) -> DeclaredT
 /// Refuses files among rules where nothing is included.
 pub(super) fn refuse(problems: &mut Problems, path: &ValuePath, rules: &[RuleFile]) {
     for (j, rule) in rules.iter().enumerate() {
-        if let Some(name) = &rule.include {
+        if let Some(name) = rule.include() {
             let what = format!("the rule file `{name}` cannot be included here");
             let help = "write `Rule(name: \"…\", stl: \"…\")`".to_owned();
             problems.add(&path.at(j), what, "a file", Some(help));

@@ -8,7 +8,6 @@ use indexmap::IndexMap;
 
 use super::RuleSpec;
 use super::check;
-use super::file::{RuleFile, SignalFile};
 use super::scenario::bound_rules;
 use crate::ron_file::Ordered;
 use crate::ron_file::Problem;
@@ -18,6 +17,7 @@ use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
 use crate::scene::{Derived, Observed};
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};
 use crate::trace::{Schema, Signal};
+use crate::world_file::{RuleFile, SignalFile};
 
 /// Names that formulas could not distinguish from the language.
 const RESERVED: [&str; 3] = ["T", "inf", "end"];
@@ -85,13 +85,13 @@ impl Language {
     ) -> Option<Derived> {
         let (name, later) = names.split_first()?;
         let name = *name;
-        let place = if signal.long {
-            key.to("expr")
-        } else {
-            key.clone()
+        let described = signal.described();
+        let place = match described {
+            Some(_) => key.to("expr"),
+            None => key.clone(),
         };
         check::signal_name(problems, key, name, self.ranges.contains_key(name));
-        let expr: Expr = match signal.expr.parse() {
+        let expr: Expr = match signal.expr().parse() {
             Ok(expr) => expr,
             Err(error) => {
                 problems.stl(&place, &error);
@@ -100,7 +100,7 @@ impl Language {
         };
         let so_far = self.schema()?;
         if let Err(error) = expr.bind(&so_far, &self.constants) {
-            let quoted = signal.expr.get(error.span()).unwrap_or_default();
+            let quoted = signal.expr().get(error.span()).unwrap_or_default();
             // The error may quote the name, which the list below does not.
             let refused = quoted.trim_matches(['"', '`', '\'']);
             if later.contains(&refused) || refused == name {
@@ -114,18 +114,20 @@ impl Language {
         let used = mentioned.iter().map(|name| (*name).to_owned());
         // Signals that a derived signal reads are published with it.
         self.used.extend(used);
-        let unit = match &signal.unit {
+        let unit = match described.and_then(|it| it.unit.as_ref()) {
             Some(unit) => unit.clone(),
             None => unit_of(&expr, &so_far),
         };
         // The range only scales observations. Values outside of it are valid.
-        let range = signal.range.unwrap_or_else(|| usual_range(&unit));
+        let stated = described.and_then(|it| it.range);
+        let range = stated.unwrap_or_else(|| usual_range(&unit));
         if range.1 <= range.0 {
             let what = format!("the range ({}, {}) is empty", range.0, range.1);
             problems.add(&key.to("range"), what, "low before high", None);
         }
         self.ranges.insert(name.to_owned(), range);
-        let about = signal.about.clone().unwrap_or_else(|| signal.expr.clone());
+        let stated = described.and_then(|it| it.about.clone());
+        let about = stated.unwrap_or_else(|| signal.expr().to_owned());
         let signal = Signal::real(name, unit, about);
         self.signals.push(signal.clone());
         Some(Derived { signal, expr })
@@ -375,10 +377,12 @@ fn usual_range(unit: &str) -> (f64, f64) {
 pub(super) fn rule_of(
     problems: &mut Problems,
     place: ValuePath,
-    rule: &RuleFile,
+    file: &RuleFile,
     ado: &str,
     rank: usize,
 ) -> Option<RuleSpec> {
+    // The rules of a file replace its name before, so a name here is a mistake already.
+    let rule = file.rule()?;
     Some(RuleSpec {
         name: rule.name.clone(),
         ado: ado.to_owned(),

@@ -2,11 +2,11 @@
 
 use super::ado_actions::{self, ActsAs};
 use super::agents::Agents;
-use super::file::{AgentFile, LightFile, ScenarioFile};
 use super::roads;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{Light, LightDrive};
+use crate::world_file::{AgentFile, LightFile, ScenarioFile};
 
 impl Agents<'_> {
     /// Reads a light, and reports its mistakes.

@@ -4,14 +4,13 @@
 //! physics step would take minutes, without a hint at the cause.
 //! `docs/reference/files.md` lists them.
 
-use super::environment_file::OwnRoad;
-use super::file::{
-    AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile, SignalFile,
-};
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, MotionPlan, Script};
+use crate::world_file::{
+    AdoFile, AgentFile, DriveFile, LightFile, OwnRoad, PlanFile, RuleFile, ScenarioFile, SignalFile,
+};
 
 /// Greatest count of something, with the words for messages.
 #[derive(Clone, Copy)]
@@ -122,7 +121,7 @@ pub(super) fn texts(
     let signals = signals
         .0
         .iter()
-        .map(|(name, signal)| ("signals", name, signal.expr.len()));
+        .map(|(name, signal)| ("signals", name, signal.expr().len()));
     for (field, name, bytes) in formulas.chain(signals) {
         let place = ValuePath::top().to(field).to(name);
         within(problems, &place, bytes, STL_BYTES);
@@ -192,7 +191,7 @@ pub(super) fn rules(problems: &mut Problems, path: &ValuePath, rules: &[RuleFile
     within(problems, path, rules.len(), RULES);
     // Rules beyond the limit are one mistake already.
     for (i, rule) in rules.iter().take(RULES.most).enumerate() {
-        within(problems, &path.at(i).to("stl"), rule.stl.len(), STL_BYTES);
+        within(problems, &path.at(i).to("stl"), rule.stl().len(), STL_BYTES);
     }
 }
 

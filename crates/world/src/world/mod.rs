@@ -20,14 +20,10 @@ mod build;
 mod changed;
 mod check;
 mod counting;
-mod declared_traffic_file;
 mod dry_run;
 mod environment;
-mod environment_file;
 pub mod family;
 mod family_check;
-mod family_file;
-mod file;
 mod grid;
 mod grid_change;
 mod includes;
@@ -35,8 +31,6 @@ mod kind_of_world;
 mod language;
 mod lights;
 mod limits;
-mod natural_file;
-mod number_or_range;
 mod obstacles;
 mod odd_starts;
 mod open_drive;
@@ -47,7 +41,6 @@ mod preventability;
 mod quantity;
 mod road_ado;
 mod roads;
-mod rule_file;
 mod rule_spec;
 mod run_lookup;
 mod runs;
@@ -59,7 +52,6 @@ mod starts;
 mod structure;
 mod traffic;
 mod trained;
-mod training_goal;
 mod turns;
 mod vacuous;
 mod variants;
@@ -69,25 +61,24 @@ mod weather;
 use std::path::Path as FilePath;
 
 use crate::ron_file::read;
+use crate::world_file::{self, WorldFile};
 
 pub use crate::ron_file::{LoadError, Patch, Problem, ScenarioError};
 pub use crate::scene::drive::Sensors;
 pub use crate::scene::grid::{AtWall, Horizon, Starts};
 pub use crate::sim::PlantKind;
 pub use crate::testbench::Repeats;
-pub use declared_traffic_file::EncounterRate;
-pub use declared_traffic_file::{
-    AdoLawFile, DeclaredTrafficFile, FittedFile, MarkovFile, OnsetFile, StartLawFile,
+pub use crate::world_file::{
+    AdoLawFile, Change, DeclaredTrafficFile, EncounterRate, FittedFile, GridChange, MarkovFile,
+    OnsetFile, StartLawFile, TrainingGoal,
 };
 pub use family::TrainingEgos;
-pub use file::{Change, GridChange};
 pub use rule_spec::RuleSpec;
 pub use run_lookup::RunsOnDisk;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;
 pub use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
-pub use training_goal::TrainingGoal;
 
 impl Scenario {
     /// Reads and checks a world file. `runs` finds the runs that it refers to.
@@ -100,6 +91,45 @@ impl Scenario {
         let text = read::text(&file, path)?;
         Scenario::parse_with(&file, &text, runs)
             .map_err(|error| LoadError::Scenario(Box::new(error)))
+    }
+
+    /// Checks a world that was built as a value. Errors have places in its text.
+    ///
+    /// No file is read, so a value that refers to a run directory is refused.
+    ///
+    /// # Errors
+    ///
+    /// Returns all mistakes, with their places and fixes.
+    ///
+    /// ```
+    /// # use brakecheck_world as brakecheck;
+    /// # use brakecheck_world_file::world_file;
+    /// use brakecheck::world::Scenario;
+    /// use world_file::WorldFile;
+    ///
+    /// let text = Scenario::shipped("acc").expect("it is shipped")?.text;
+    /// let WorldFile::Scenario(mut value) = world_file::parse("acc.ron", &text)? else {
+    ///     panic!("a driving world");
+    /// };
+    /// value.name = "slow_acc".to_owned();
+    /// assert_eq!(Scenario::of(&WorldFile::Scenario(value))?.name(), "slow_acc");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn of(world: &WorldFile) -> Result<Scenario, ScenarioError> {
+        let file = format!("{}.ron", world.name());
+        match world_file::text(world) {
+            Ok(text) => Scenario::parse(&file, &text),
+            Err(error) => Err(ScenarioError {
+                file,
+                text: String::new(),
+                problems: vec![Problem {
+                    what: error.to_string(),
+                    span: 0..0,
+                    label: "not written".to_owned(),
+                    help: None,
+                }],
+            }),
+        }
     }
 
     /// Checks the text of a world file. `file` is its name in errors.

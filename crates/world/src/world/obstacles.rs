@@ -4,11 +4,11 @@ use core::f64::consts::PI;
 
 use super::bodies;
 use super::check;
-use super::file::{AgentFile, ScenarioFile};
 use crate::road::Direction;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{Agent, Drive, Range, Script, StartPlace};
+use crate::world_file::{AgentFile, ScenarioFile};
 
 /// Reads an obstacle and reports its mistakes.
 pub(super) fn read(

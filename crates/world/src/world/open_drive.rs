@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::environment_file::{LanesFile, OwnRoad};
-use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::runs::IncludingFile;
 use crate::opendrive::{LaneRoad, LaneStart, bank_list, grade_list, lane_road};
 use crate::road::{Piece, Priority};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
+use crate::world_file::{AgentFile, LanesFile, OwnRoad, RoadFile, ScenarioFile};
 
 /// Length of the vertical curves between the grades of a file, which are short parts.
 const VERTICAL_CURVE_M: f64 = 4.0;

@@ -1,10 +1,10 @@
 //! Learners of single ados in a world file.
 
 use super::check;
-use super::file::ScenarioFile;
 use crate::rl::{LearnerConfig, LearnerSettings, PerAdoSettings};
 use crate::ron_file::{Problems, ValuePath};
 use crate::scene::drive::DriveSpec;
+use crate::world_file::ScenarioFile;
 
 /// Returns the learner of a world, in which some ados may have one of their own.
 ///

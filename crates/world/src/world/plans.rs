@@ -2,7 +2,6 @@
 
 use super::ado_actions::ActsAs;
 use super::check;
-use super::file::{NumberOrRange, PlanFile};
 use super::language::Language;
 use super::language::formula;
 use crate::ron_file::Problems;
@@ -12,6 +11,7 @@ use crate::scene::drive::{
     SteadyPart,
 };
 use crate::stl::{Formula, Names};
+use crate::world_file::{NumberOrRange, PlanFile};
 
 /// Greatest distance, duration and speed in a plan.
 const MOST: f64 = 5_000.0;

@@ -3,13 +3,13 @@
 use indexmap::IndexMap;
 
 use super::check;
-use super::file::{NumberOrRange, PointsFile};
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::ron_file::known_names;
 use crate::scene::Start;
 use crate::scene::drive::{DriveSpec, EnvironmentQuantity, Range, Sensors};
+use crate::world_file::{NumberOrRange, PointsFile};
 
 /// Greatest number of rows: a table contains points, and not a density.
 const MAX_ROWS: usize = 100_000;

@@ -1,12 +1,11 @@
 //! Reading of a road that an ado lays: its pieces and the agents on it.
 
 use super::check::within;
-use super::environment_file::{OwnRoad, RangePoint};
-use super::file::{RoadAgentFile, ScenarioFile};
 use super::starts::{self, EntryPositions};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, DriveSpec, MAX_HEADING_RAD, RoadAdo};
+use crate::world_file::{OwnRoad, RangePoint, RoadAgentFile, ScenarioFile};
 
 /// Bounds of the length of laid road ahead, in metres.
 ///

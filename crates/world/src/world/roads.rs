@@ -1,7 +1,6 @@
 //! Roads of a world file: placement of named roads, and the roads of agents.
 
 use super::check;
-use super::file::{AgentFile, RoadFile, ScenarioFile};
 use super::slope_and_wind;
 use super::starts;
 use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, RoadPlace, SelfOverlap};
@@ -9,6 +8,7 @@ use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::DriveSpec;
+use crate::world_file::{AgentFile, RoadFile, ScenarioFile};
 
 /// Greatest distance in metres of a road's start from the origin.
 const MAX_AWAY_M: f64 = 5_000.0;

@@ -4,11 +4,8 @@ use std::sync::Arc;
 
 use indexmap::IndexMap;
 
-use super::declared_traffic_file::DeclaredTrafficFile;
 use super::family::{Family, TrainingEgos};
-use super::file::Change;
 use super::rule_spec::RuleSpec;
-use super::training_goal::TrainingGoal;
 use crate::ego::{Actuated, ControllerSpec, Process, StockController};
 use crate::natural::DeclaredTraffic;
 use crate::rl::{LearnerConfig, Spaces};
@@ -21,6 +18,7 @@ use crate::stl::{Formula, Names};
 use crate::testbench::Repeats;
 use crate::testbench::Testbench;
 use crate::trace::Signal;
+use crate::world_file::{Change, DeclaredTrafficFile, TrainingGoal};
 
 /// Checked world, with everything that its test bench requires.
 #[derive(Clone)]

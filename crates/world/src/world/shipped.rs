@@ -77,3 +77,38 @@ impl Scenario {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Start;
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{Aftermath, Constant, play};
+    use crate::trace::Trace;
+    use crate::world_file;
+
+    /// Returns the start, the bits of the robustness and the trace of an episode.
+    fn played(world: &Scenario) -> (Start, u64, Trace) {
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: 0,
+            index: 0,
+        };
+        let mut bench = world.bench();
+        let start = bench.draw(key);
+        let episode = play(&mut bench, &start, 0, &mut Constant(0), Aftermath::Skip);
+        (start, episode.robustness.to_bits(), episode.trace)
+    }
+
+    #[test]
+    fn a_world_of_a_value_drives_as_that_of_its_text() {
+        for (name, text) in WORLDS {
+            let value = world_file::parse(name, text).expect("a value");
+            let of_value = Scenario::of(&value).unwrap_or_else(|error| panic!("{error}"));
+            let own = Scenario::shipped(name)
+                .expect("it is shipped")
+                .expect("a world");
+            assert!(played(&of_value) == played(&own), "{name}");
+        }
+    }
+}

@@ -1,11 +1,11 @@
 //! Checks of the grades and banks of roads and of the wind.
 
 use super::check::{range_within, within};
-use super::file::{NumberOrRange, RoadFile, ScenarioFile};
 use crate::road::{Bank, Grade, MAX_RISE};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{EnvironmentQuantity, Range};
+use crate::world_file::{NumberOrRange, RoadFile, ScenarioFile};
 
 /// Greatest speed of wind, in m/s.
 const MAX_WIND_MPS: f64 = 60.0;

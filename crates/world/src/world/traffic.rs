@@ -5,9 +5,9 @@ use std::sync::Arc;
 use brakecheck_driver_model::TrafficModel;
 
 use super::Scenario;
-use super::declared_traffic_file::DeclaredTrafficFile;
 use crate::natural::{DeclaredTraffic, Naturalness, SuccessRarity};
 use crate::testbench::Episode;
+use crate::world_file::DeclaredTrafficFile;
 
 impl Scenario {
     /// Returns the world in declared traffic, with which the ados are compared.

@@ -16,7 +16,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
 use self::rules::HomeRulebook;
-use self::run::{LoadedRun, RulesFile, RunFile, TrainedFile, opened};
+use self::run::{LoadedRun, opened};
 use super::ado_actions::{self, ActsAs};
 use super::check;
 use super::runs::{InnerWorld, RunRefused, WorldOrigin, refused};
@@ -26,6 +26,7 @@ use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::ron_file::{did_you_mean, known_names};
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
+use crate::world_file::{RulesFile, RunFile, TrainedFile};
 
 /// Trained ado of a world file.
 pub(super) struct OpenedAdo {

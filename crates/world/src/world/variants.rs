@@ -4,9 +4,7 @@ use std::path::Path as FilePath;
 use std::sync::Arc;
 
 use super::family::EgoSample;
-use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
-use super::training_goal::TrainingGoal;
 use super::{ChangeError, DriveScenario, Repeats, Scenario, ScenarioKind, TrainingEgos};
 use super::{changed, check, counting};
 use crate::ego::{Command, Transcripts};
@@ -17,6 +15,7 @@ use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoControlle
 use crate::scene::{Dynamics, World};
 use crate::sim::PlantKind;
 use crate::testbench::Episode;
+use crate::world_file::{Change, GridChange, TrainingGoal};
 
 impl Scenario {
     /// Returns the world with another learner.

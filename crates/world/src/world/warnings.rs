@@ -3,7 +3,6 @@
 use strum::{IntoStaticStr, VariantArray};
 
 use super::Scenario;
-use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile};
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
 use crate::ron_file::Problem;
@@ -12,6 +11,9 @@ use crate::ron_file::ValuePath;
 use crate::scene::Clock;
 use crate::sim::PlantKind;
 use crate::stl::{Formula, Monitor};
+use crate::world_file::{
+    AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile,
+};
 
 /// Greatest usual speed of a start or a controller on a road: 252 km/h.
 const FAST_MPS: f64 = 70.0;
@@ -166,17 +168,18 @@ impl Warnings {
         // Compared as formulas, since texts may differ in spaces or brackets.
         let formulas: Vec<Option<Formula>> = rules
             .iter()
-            .map(|rule| rule.stl.parse::<Formula>().ok())
+            .map(|rule| rule.stl().parse::<Formula>().ok())
             .collect();
         for (j, rule) in rules.iter().enumerate() {
             let same = |i: &usize| {
-                rules[*i].name == rule.name || formulas[j].is_some() && formulas[*i] == formulas[j]
+                rules[*i].name() == rule.name()
+                    || formulas[j].is_some() && formulas[*i] == formulas[j]
             };
             if let Some(i) = (0..j).find(same) {
-                let what = if rules[i].name == rule.name {
-                    format!("two rules are called `{}`", rule.name)
+                let what = if rules[i].name() == rule.name() {
+                    format!("two rules are called `{}`", rule.name())
                 } else {
-                    format!("`{}` asks what `{}` does", rule.name, rules[i].name)
+                    format!("`{}` asks what `{}` does", rule.name(), rules[i].name())
                 };
                 let words = ("second one", "leave one of them out, or name them apart");
                 self.note(

@@ -1,12 +1,10 @@
 //! Reading of the weather of a world: its bounds, its start and its actions.
 
 use super::check::{range_within, within};
-use super::environment_file::SensorsFile;
-use super::file::{ScenarioFile, WeatherBoundsFile, WeatherFile};
-use super::number_or_range::NumberOrRange;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::{Actions, Range, Weather};
+use crate::world_file::{NumberOrRange, ScenarioFile, SensorsFile, WeatherBoundsFile, WeatherFile};
 
 /// Bounds of a road's coefficient of friction.
 const FRICTIONS: Range = Range { lo: 0.01, hi: 2.0 };

@@ -28,6 +28,7 @@ mod unsupported_platform;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use exercise::{Exercise, Finding, exercise};
@@ -75,14 +76,18 @@ pub struct Process {
     pool: Pool,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Process", deny_unknown_fields)]
 struct ProcessFile {
+    /// Program and its arguments.
     command: Vec<String>,
+    /// Greatest time of an answer, s.
     #[serde(default = "default_timeout_s")]
     timeout_s: f64,
+    /// Starts the program anew for every episode.
     #[serde(default, skip_serializing_if = "is_false")]
     fresh: bool,
+    /// Time constant of the actuator behind the command, s. 0 is none.
     #[serde(default)]
     lag_s: f64,
 }

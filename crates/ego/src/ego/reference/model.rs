@@ -1,5 +1,6 @@
 //! Reference drivers by name, with the values of the regulation.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
@@ -34,6 +35,7 @@ use super::{
     VariantArray,
     EnumString,
     IntoStaticStr,
+    JsonSchema,
 )]
 pub enum ReferenceDriver {
     /// [`CcDriver`].

@@ -1,11 +1,12 @@
 //! Hyperparameters of deep Q-learning.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::rl::learner::{ConfigError, within, within_widths};
 
 /// Loss of a single error δ = Q(s, a) − y.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Loss {
     /// ½ δ² up to the threshold `huber`, linear beyond it.
     #[default]
@@ -33,7 +34,7 @@ impl Loss {
 }
 
 /// Hyperparameters of deep Q-learning. The defaults are recipe R.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "DqnConfig", deny_unknown_fields, default)]
 pub struct DqnSettings {
     /// Decisions to train for (300000): the hardest stock world has converged.

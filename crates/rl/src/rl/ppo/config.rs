@@ -1,11 +1,12 @@
 //! Hyperparameters of proximal policy optimisation.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::rl::learner::{ConfigError, within, within_widths};
 
 /// Hyperparameters of proximal policy optimisation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "PpoConfig", deny_unknown_fields, default)]
 pub struct PpoSettings {
     /// Decisions to train for (300000): as many as the DQN's.

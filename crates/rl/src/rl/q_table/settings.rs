@@ -1,9 +1,10 @@
 //! Hyperparameters of tabular Q-learning.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Hyperparameters of tabular Q-learning.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "QTableConfig", deny_unknown_fields, default)]
 pub struct QTableSettings {
     /// Decisions to train for (300000): as many as the DQN's.
@@ -47,7 +48,7 @@ fn is_true(value: &bool) -> bool {
 }
 
 /// Step size of tabular updates.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum LearningRate {
     /// Constant step size.
     Constant(f64),
@@ -58,7 +59,7 @@ pub enum LearningRate {
 /// Cells of equal width for one observed number.
 ///
 /// Numbers outside fall into the first or the last cell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bins {
     /// Lower end (-1): observations are scaled to about [-1, 1].

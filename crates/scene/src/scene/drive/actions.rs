@@ -1,5 +1,6 @@
 //! Action sets from which ados choose at each decision.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::turn_action::TurnAction;
@@ -7,7 +8,7 @@ use super::weather_rates::WeatherRates;
 use crate::ego::Command;
 
 /// Action set of an ado.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Actions {
     /// Net accelerations in m/s² of a vehicle that keeps its lane.
     Accelerations(Vec<f64>),
@@ -28,7 +29,7 @@ pub enum Actions {
 }
 
 /// All pairs of an acceleration and a lateral speed, added to a plan.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Deviation {
     /// Accelerations along the heading, m/s².
@@ -54,8 +55,9 @@ impl Deviation {
 }
 
 /// All pairs of an acceleration and a lateral move.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(rename = "GridActions")]
 pub struct Grid {
     /// Net accelerations, m/s².
     pub accelerations: Vec<f64>,
@@ -78,7 +80,7 @@ fn lateral_lag_s() -> f64 {
 }
 
 /// A lateral move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Lateral {
     /// No lateral speed.
     Hold,
@@ -89,7 +91,7 @@ pub enum Lateral {
 }
 
 /// Action of a traffic light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum PhaseAction {
     /// Keep the phase.
     Hold,

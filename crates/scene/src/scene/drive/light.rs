@@ -1,5 +1,6 @@
 //! Traffic lights: their phases and the drives that change them.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::actions::{Actions, PhaseAction};
@@ -38,7 +39,7 @@ pub enum LightDrive {
 }
 
 /// Phases with their start times: `[(at_s, phase), …]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Schedule(pub Vec<(f64, Phase)>);
 
 impl Schedule {

@@ -5,13 +5,15 @@
 //! world, and a number once a start is drawn. The trigger of a step has a type
 //! `W`: a formula.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::road::ChangeShape;
 
 /// Planned motion of an agent.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
+#[schemars(bound = "N: JsonSchema + Serialize + From<f64>, W: JsonSchema + Serialize")]
 pub enum MotionPlan<N, W> {
     /// Steps in sequence.
     Script(Vec<ScriptStep<N, W>>),
@@ -23,18 +25,19 @@ pub enum MotionPlan<N, W> {
 ///
 /// It waits for the end of the preceding step, then for its formula, then for a
 /// delay. It then begins all its laws at once.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Step", deny_unknown_fields)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
+#[schemars(bound = "N: JsonSchema + Serialize + From<f64>, W: JsonSchema + Serialize")]
 pub struct ScriptStep<N, W> {
     /// Formula over present and past that triggers the step. Default: at once.
-    #[serde(default = "none")]
+    #[serde(default)]
     pub when: Option<W>,
     /// Delay after the trigger.
-    #[serde(default = "zero")]
+    #[serde(default = "zero::<N>")]
     pub after_s: N,
     /// Laws to begin: at most one along the path and one across it.
-    #[serde(default = "nothing")]
+    #[serde(default)]
     pub does: Vec<MotionLaw<N>>,
     /// Whether the next step may begin while the law across the path goes on.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
@@ -42,9 +45,10 @@ pub struct ScriptStep<N, W> {
 }
 
 /// Change of a motion.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>"))]
+#[schemars(bound = "N: JsonSchema + Serialize")]
 pub enum MotionLaw<N> {
     /// The speed v changes to a new value.
     Speed {
@@ -54,7 +58,7 @@ pub enum MotionLaw<N> {
         #[serde(default)]
         relative_to: Option<String>,
         /// Greatest rate |v̇|. Default: at once.
-        #[serde(default = "none")]
+        #[serde(default)]
         rate_mps2: Option<N>,
         /// Course of the change. Default: linear.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -106,7 +110,7 @@ pub enum MotionLaw<N> {
 /// The ego is assumed to keep its initial speed. The agent stands, accelerates
 /// evenly and keeps its speed for the last part of the distance and beyond. If
 /// the time is too short to stand first, it begins in motion.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Meet", deny_unknown_fields)]
 pub struct MeetEgo<N> {
     /// Front bumper of the ego at the meeting, along the world's own road.
@@ -120,20 +124,12 @@ pub struct MeetEgo<N> {
 }
 
 /// The last part of a path, driven at constant speed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum SteadyPart<N> {
     /// Part given by its length.
     Metres(N),
     /// Part given by its duration.
     Seconds(N),
-}
-
-fn none<T>() -> Option<T> {
-    None
-}
-
-fn nothing<T>() -> Vec<T> {
-    Vec::new()
 }
 
 fn zero<N: From<f64>>() -> N {

@@ -1,5 +1,6 @@
 //! Background traffic that follows a script.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use crate::ego::{Actuated, Idm};
@@ -8,7 +9,7 @@ pub use crate::ego::{Actuated, Idm};
 const HELD_MPS2: f64 = 3.0;
 
 /// Script of a background road user.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum Script {
     /// Keeps its initial speed.

@@ -3,14 +3,16 @@
 use std::collections::VecDeque;
 
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::ego::Percept;
 use crate::seed;
 
 /// Errors of the ego's sensors. The default has none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "FixedSensors")]
 pub struct Sensors {
     /// Delay of percepts of other agents, a multiple of the sample.
     pub delay_s: f64,

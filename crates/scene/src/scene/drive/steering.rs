@@ -1,6 +1,7 @@
 //! Lateral control: path curvature from a lateral offset.
 
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::ego::Actuator;
 use crate::road::{Course, Direction, OnRoad};
@@ -19,7 +20,7 @@ const MAX_SLIP: f64 = 0.4;
 ///
 /// On a straight road both points move alike. In a bend the front swings out of
 /// the line of the rear axle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 pub enum LaneKeeping {
     /// The middle of the front bumper.
     #[default]

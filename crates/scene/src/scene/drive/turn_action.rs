@@ -1,9 +1,10 @@
 //! Turns of placed ados, as actions.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Placed ados that act.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum TurnAction {
     /// None of them.
     Idle,

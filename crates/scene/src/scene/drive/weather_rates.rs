@@ -1,9 +1,10 @@
 //! Rates of change of the weather: the actions of its ado.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Rates of change of the weather.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct WeatherRates {
     /// Rate of the coefficient of friction, 1/s.

@@ -1,5 +1,6 @@
 //! Map and moves of the grid game.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A fine cell: column from the left, row from the bottom, both from 0.
@@ -35,7 +36,7 @@ pub struct Position {
 }
 
 /// Behaviour of the ego when its best move leaves the map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 pub enum AtWall {
     /// The ego stays (reading A).
     Stays,

@@ -1,5 +1,6 @@
 //! Data of a grid world: checked, without spans.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::arena::{Arena, AtWall, Cell, Position};
@@ -7,7 +8,7 @@ use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::stl::Constants;
 
 /// Number of steps of an episode, K in the paper.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Horizon {
     /// A fixed number of steps.
     Steps(u32),
@@ -26,7 +27,7 @@ impl Horizon {
 }
 
 /// Set of starts X_init.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Starts {
     /// Every ordered pair of cells at least one cell apart, each once.
     #[default]

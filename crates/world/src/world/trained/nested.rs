@@ -5,11 +5,11 @@
 //! too long (texts within texts). So the runs are traversed beforehand, down to
 //! a limit.
 
-use super::run::{LoadedRun, TrainedFile, opened};
+use super::run::{LoadedRun, opened};
 use crate::ron_file::read;
-use crate::world::file::{AgentFile, DriveFile, LightFile, ScenarioFile};
 use crate::world::kind_of_world;
 use crate::world::runs::{RunRefused, WorldOrigin, refused};
+use crate::world_file::{AgentFile, DriveFile, LightFile, ScenarioFile, TrainedFile};
 
 /// Greatest nesting depth of runs, because each level takes some of the stack.
 const MOST_NESTED: usize = 16;

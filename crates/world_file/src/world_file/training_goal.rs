@@ -1,5 +1,6 @@
 //! Which failures a training looks for, beyond any that counts.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use strum::{Display, EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
@@ -16,6 +17,7 @@ use strum::{Display, EnumMessage, EnumString, IntoStaticStr, VariantArray};
     Hash,
     Serialize,
     Deserialize,
+    JsonSchema,
     Display,
     EnumString,
     IntoStaticStr,

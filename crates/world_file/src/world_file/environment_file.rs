@@ -1,63 +1,91 @@
-//! Road and sensors of a world file, whose numbers may be ranges.
+//! Road, sensors and wind of a world file, whose numbers may be ranges.
 
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
+use super::default_field::is_default;
 use super::number_or_range::NumberOrRange;
 use crate::road::{Grade, Piece, Road};
 use crate::scene::drive::{Range, Sensors};
 use crate::sim::{Gust, Wind};
 
 /// The world's own road.
-#[derive(Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Road", deny_unknown_fields)]
-pub(super) enum OwnRoad {
+pub enum OwnRoad {
+    /// Straight road along world x, without end.
     Straight {
+        /// Number of lanes.
         lanes: usize,
+        /// Width of a lane, m.
         lane_width_m: NumberOrRange,
+        /// Coefficient of friction μ between tyre and road.
         friction: NumberOrRange,
-        #[serde(default)]
+        /// Speed limit, which egos receive, m/s. Default: none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
     },
+    /// Road of lines and arcs.
     Curved {
+        /// Number of lanes.
         lanes: usize,
+        /// Width of a lane, m.
         lane_width_m: NumberOrRange,
+        /// Coefficient of friction μ between tyre and road.
         friction: NumberOrRange,
-        #[serde(default)]
+        /// Speed limit, which egos receive, m/s. Default: none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
+        /// Lines and arcs of its course. It is straight before and after them.
         pieces: Vec<OwnPiece>,
     },
+    /// Road along points, with rounded corners.
     Polyline {
+        /// Number of lanes.
         lanes: usize,
+        /// Width of a lane, m.
         lane_width_m: NumberOrRange,
+        /// Coefficient of friction μ between tyre and road.
         friction: NumberOrRange,
-        #[serde(default)]
+        /// Speed limit, which egos receive, m/s. Default: none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
+        /// Points of its course as `(x, y)`, m.
         points_m: Vec<(f64, f64)>,
+        /// Radius of its corners, m.
         corner_radius_m: f64,
     },
     /// Way along lanes of an OpenDRIVE file, whose pieces replace it in the text.
     OpenDrive {
+        /// OpenDRIVE file.
         file: String,
+        /// Way along its lanes.
         along: LanesFile,
+        /// Coefficient of friction μ between tyre and road.
         friction: NumberOrRange,
-        #[serde(default)]
+        /// Speed limit, which egos receive, m/s. Default: none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
     },
 }
 
 /// Start on a lane of an OpenDRIVE file, and the way from there.
-#[derive(Clone, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Lanes", deny_unknown_fields)]
-pub(super) struct LanesFile {
-    pub(super) road: String,
-    pub(super) lane: i32,
-    #[serde(default)]
-    pub(super) s_m: f64,
-    /// Roads that the way visits, which decide at junctions.
-    #[serde(default)]
-    pub(super) via: Vec<String>,
+pub struct LanesFile {
+    /// Road of the file on which the way begins.
+    pub road: String,
+    /// Lane of the road, by its number in the file.
+    pub lane: i32,
+    /// Station of the beginning, m. Default: 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub s_m: f64,
+    /// Roads that the way visits, which decide at junctions. Default: none.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub via: Vec<String>,
+    /// Length of the way, m. Default: 500.
     #[serde(default = "usual_length")]
-    pub(super) length_m: f64,
+    pub length_m: f64,
 }
 
 fn usual_length() -> f64 {
@@ -68,20 +96,26 @@ fn usual_length() -> f64 {
 const UNREAD_WIDTH_M: f64 = 3.5;
 
 /// A piece of the world's own road.
-#[derive(Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Piece", deny_unknown_fields)]
-pub(super) enum OwnPiece {
+pub enum OwnPiece {
+    /// Straight piece.
     Line {
+        /// Length, m.
         length_m: f64,
     },
+    /// Piece along a circle.
     Arc {
+        /// Length, m.
         length_m: f64,
+        /// Radius, m. Positive turns left, negative right.
         radius_m: NumberOrRange,
     },
 }
 
 impl OwnPiece {
-    pub(super) fn at(&self, point: RangePoint) -> Piece {
+    /// Returns the piece at a point of its ranges.
+    pub fn at(&self, point: RangePoint) -> Piece {
         match *self {
             OwnPiece::Line { length_m } => Piece::Line { length_m },
             OwnPiece::Arc { length_m, radius_m } => Piece::Arc {
@@ -93,52 +127,54 @@ impl OwnPiece {
 }
 
 /// Sensors of the ego.
-#[derive(Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Sensors", deny_unknown_fields, default)]
-pub(super) struct SensorsFile {
-    pub(super) delay_s: NumberOrRange,
-    pub(super) position_sd_m: NumberOrRange,
-    pub(super) speed_sd_mps: NumberOrRange,
-    pub(super) range_m: Option<NumberOrRange>,
-    line_of_sight: bool,
-}
-
-impl Default for SensorsFile {
-    fn default() -> SensorsFile {
-        let none = NumberOrRange::from(0.0);
-        SensorsFile {
-            delay_s: none,
-            position_sd_m: none,
-            speed_sd_mps: none,
-            range_m: None,
-            line_of_sight: false,
-        }
-    }
+pub struct SensorsFile {
+    /// Delay of percepts of other agents, s, a multiple of the sample. Default: 0.
+    #[serde(skip_serializing_if = "is_default")]
+    pub delay_s: NumberOrRange,
+    /// Standard deviation of headways and lateral offsets, m. Default: 0.
+    #[serde(skip_serializing_if = "is_default")]
+    pub position_sd_m: NumberOrRange,
+    /// Standard deviation of other agents' speeds, m/s. Default: 0.
+    #[serde(skip_serializing_if = "is_default")]
+    pub speed_sd_mps: NumberOrRange,
+    /// Distance beyond which it perceives no road user, m. Default: unlimited.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_m: Option<NumberOrRange>,
+    /// Whether vehicles hide the agents behind them. Default: `false`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub line_of_sight: bool,
 }
 
 /// Wind, whose numbers may be ranges.
-#[derive(Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Wind", deny_unknown_fields)]
-pub(super) struct WindFile {
-    pub(super) speed_mps: NumberOrRange,
+pub struct WindFile {
+    /// Speed of the steady wind, m/s.
+    pub speed_mps: NumberOrRange,
     /// Direction from which it blows, counter-clockwise from world x.
-    pub(super) from_rad: f64,
-    #[serde(default)]
-    pub(super) gust: Option<GustFile>,
+    pub from_rad: f64,
+    /// Gust that adds to it. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gust: Option<GustFile>,
 }
 
 /// Gust of the wind.
-#[derive(Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Gust", deny_unknown_fields)]
-pub(super) struct GustFile {
-    pub(super) peak_mps: NumberOrRange,
-    pub(super) begin_s: NumberOrRange,
-    pub(super) duration_s: f64,
+pub struct GustFile {
+    /// Greatest added speed, m/s.
+    pub peak_mps: NumberOrRange,
+    /// Beginning, s.
+    pub begin_s: NumberOrRange,
+    /// Duration, s.
+    pub duration_s: f64,
 }
 
 impl WindFile {
     /// Returns the wind with the middle of each range.
-    pub(super) fn nominal(&self) -> Wind {
+    pub fn nominal(&self) -> Wind {
         let of = |number| RangePoint::Middle.of(number);
         Wind {
             speed_mps: of(self.speed_mps),
@@ -153,7 +189,7 @@ impl WindFile {
 }
 
 /// Returns the grades of a road with the middle of each range.
-pub(super) fn nominal_grades(grades: &[(f64, NumberOrRange)]) -> Vec<Grade> {
+pub fn nominal_grades(grades: &[(f64, NumberOrRange)]) -> Vec<Grade> {
     let grades = grades.iter().map(|&(from_s_m, rise)| Grade {
         from_s_m,
         rise: RangePoint::Middle.of(rise),
@@ -163,15 +199,18 @@ pub(super) fn nominal_grades(grades: &[(f64, NumberOrRange)]) -> Vec<Grade> {
 
 /// Point of a range at which a road or sensors are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum RangePoint {
+pub enum RangePoint {
+    /// Least value.
     Least,
+    /// Middle, which is exact for a fixed number.
     Middle,
+    /// Greatest value.
     Greatest,
 }
 
 impl RangePoint {
-    pub(super) const ALL: [RangePoint; 3] =
-        [RangePoint::Middle, RangePoint::Least, RangePoint::Greatest];
+    /// All points, the middle first.
+    pub const ALL: [RangePoint; 3] = [RangePoint::Middle, RangePoint::Least, RangePoint::Greatest];
 
     fn of(self, NumberOrRange(Range { lo, hi }): NumberOrRange) -> f64 {
         match self {
@@ -186,7 +225,7 @@ impl RangePoint {
 
 impl OwnRoad {
     /// Returns the friction, a number or a range.
-    pub(super) fn friction(&self) -> NumberOrRange {
+    pub fn friction(&self) -> NumberOrRange {
         match self {
             OwnRoad::Straight { friction, .. }
             | OwnRoad::Curved { friction, .. }
@@ -196,7 +235,7 @@ impl OwnRoad {
     }
 
     /// Returns the width of a lane, a number or a range.
-    pub(super) fn lane_width_m(&self) -> NumberOrRange {
+    pub fn lane_width_m(&self) -> NumberOrRange {
         match self {
             OwnRoad::Straight { lane_width_m, .. }
             | OwnRoad::Curved { lane_width_m, .. }
@@ -207,7 +246,7 @@ impl OwnRoad {
     }
 
     /// Returns the radii of its arcs with their positions among the pieces.
-    pub(super) fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
+    pub fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
         let pieces = (match self {
             OwnRoad::Curved { pieces, .. } => pieces.as_slice(),
             OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } | OwnRoad::OpenDrive { .. } => &[],
@@ -221,11 +260,12 @@ impl OwnRoad {
     }
 
     /// Returns the road with the middle of each range.
-    pub(super) fn nominal(&self) -> Road {
+    pub fn nominal(&self) -> Road {
         self.at(RangePoint::Middle)
     }
 
-    pub(super) fn at(&self, point: RangePoint) -> Road {
+    /// Returns the road at a point of its ranges.
+    pub fn at(&self, point: RangePoint) -> Road {
         let friction = point.of(self.friction());
         let lane_width_m = point.of(self.lane_width_m());
         match self {
@@ -278,7 +318,8 @@ impl OwnRoad {
 }
 
 impl SensorsFile {
-    pub(super) fn at(&self, point: RangePoint) -> Sensors {
+    /// Returns the sensors at a point of their ranges.
+    pub fn at(&self, point: RangePoint) -> Sensors {
         Sensors {
             delay_s: point.of(self.delay_s),
             position_sd_m: point.of(self.position_sd_m),

@@ -1,30 +1,32 @@
 //! Declared traffic as a RON file.
 
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
+use super::default_field::is_default;
 use crate::ron_file::Ordered;
 
 /// Traffic as you declare it: laws of the starts and of the ados' actions.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Traffic", deny_unknown_fields)]
 pub struct DeclaredTrafficFile {
     /// Origin of the laws, which is printed with every number.
     pub source: String,
     /// Number of encounters like a run.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<EncounterRate>,
     /// Model of recorded traffic for `Fitted` laws: `motorway`, or a file.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
     /// Laws by axis of X_init. The other axes are uniform.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub starts: Ordered<StartLawFile>,
     /// Laws by ado.
     pub ados: Ordered<AdoLawFile>,
 }
 
 /// Number of encounters, by which a risk per run becomes a rate.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum EncounterRate {
     /// Encounters per hour.
     PerHour(f64),
@@ -52,7 +54,7 @@ impl EncounterRate {
 /// Law of an axis: a draw, multiplied by `times`, plus `plus`.
 ///
 /// Both are expressions of other axes, such as `"ado.speed"` for a closing speed.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub enum StartLawFile {
     /// Shares of bins.
@@ -62,10 +64,10 @@ pub enum StartLawFile {
         /// Weight of each bin.
         weights: Vec<f64>,
         /// Factor of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         times: Option<String>,
         /// Summand of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         plus: Option<String>,
     },
     /// Normal distribution, cut to a range.
@@ -77,10 +79,10 @@ pub enum StartLawFile {
         /// Range of the draws.
         within: (f64, f64),
         /// Factor of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         times: Option<String>,
         /// Summand of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         plus: Option<String>,
     },
     /// Lognormal distribution, cut to a range.
@@ -92,10 +94,10 @@ pub enum StartLawFile {
         /// Range of the draws.
         within: (f64, f64),
         /// Factor of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         times: Option<String>,
         /// Summand of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         plus: Option<String>,
     },
     /// Uniform distribution.
@@ -103,10 +105,10 @@ pub enum StartLawFile {
         /// Range of the draws.
         within: (f64, f64),
         /// Factor of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         times: Option<String>,
         /// Summand of the draw, an expression.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         plus: Option<String>,
     },
 }
@@ -126,7 +128,7 @@ impl StartLawFile {
 }
 
 /// Law of an ado's actions at every decision.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum AdoLawFile {
     /// The next action depends on the last one, and on signals.
     Markov(MarkovFile),
@@ -135,25 +137,25 @@ pub enum AdoLawFile {
 }
 
 /// Markov law. The action before the first decision is the neutral one.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MarkovFile {
     /// Probability of repeating each action.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stay: Option<Vec<f64>>,
     /// Weights of the other actions if the last one is not repeated.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub leave: Option<Vec<f64>>,
     /// Weights of the next action, a row per last action, instead of both.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transitions: Option<Vec<Vec<f64>>>,
     /// Events that end the last action.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub onsets: Ordered<OnsetFile>,
 }
 
 /// Event with a rate that depends on signals.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OnsetFile {
     /// Expression of signals. A value below 0, or an undefined one, is no event.
@@ -163,10 +165,10 @@ pub struct OnsetFile {
 }
 
 /// Law by a model of recorded traffic.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FittedFile {
     /// Law of the lateral moves, in a set of accelerations and lateral moves.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lateral: Option<MarkovFile>,
 }

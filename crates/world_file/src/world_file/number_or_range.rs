@@ -2,18 +2,48 @@
 
 use std::fmt;
 
-use serde::Deserialize;
+use schemars::JsonSchema;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
 
 use crate::scene::drive::Range;
 
 /// Number or range: `5.0` or `(5.0, 25.0)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct NumberOrRange(pub(super) Range);
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+#[serde(into = "NumberForm")]
+#[schemars(from = "NumberForm")]
+pub struct NumberOrRange(pub Range);
+
+/// Number or range, `5.0` or `(5.0, 25.0)`, from which each start draws.
+#[derive(Serialize, JsonSchema)]
+#[serde(rename = "NumberOrRange", untagged)]
+enum NumberForm {
+    /// Number.
+    Number(f64),
+    /// Least and greatest value.
+    Range(f64, f64),
+}
+
+impl From<NumberOrRange> for NumberForm {
+    fn from(NumberOrRange(Range { lo, hi }): NumberOrRange) -> NumberForm {
+        // The bits, because a range from −0 to 0 would otherwise become a number.
+        if lo.to_bits() == hi.to_bits() {
+            NumberForm::Number(lo)
+        } else {
+            NumberForm::Range(lo, hi)
+        }
+    }
+}
 
 impl From<f64> for NumberOrRange {
     fn from(value: f64) -> NumberOrRange {
         NumberOrRange(Range::fixed(value))
+    }
+}
+
+impl Default for NumberOrRange {
+    fn default() -> NumberOrRange {
+        NumberOrRange::from(0.0)
     }
 }
 

@@ -1,0 +1,341 @@
+use brakecheck_worlds::WORLDS;
+use serde_json::{Value, json};
+
+use super::*;
+use crate::ron_file::parse_ron;
+
+/// Returns the shipped worlds with their names.
+fn shipped() -> impl Iterator<Item = (&'static str, WorldFile)> {
+    let read = |text: &str| parse_ron::<WorldFile>(text).expect("a world");
+    WORLDS.iter().map(move |(name, text)| (*name, read(text)))
+}
+
+#[test]
+fn a_written_world_reads_as_an_equal_value() {
+    for (name, world) in shipped() {
+        let written = text(&world).expect("a text");
+        let read: WorldFile = parse_ron(&written).unwrap_or_else(|problem| {
+            panic!("{name}: {problem:?}\n{written}");
+        });
+        assert_eq!(read, world, "{name}\n{written}");
+        let json = serde_json::to_value(&world).expect("JSON");
+        let read: WorldFile = serde_json::from_value(json).expect("a world of JSON");
+        // JSON objects have no order, which `Ordered` does not compare.
+        assert_eq!(read, world, "{name}");
+    }
+}
+
+/// Returns the place and the reason for which a schema refuses a value.
+fn refused(root: &Value, schema: &Value, value: &Value, place: &str) -> Result<(), String> {
+    let fail = |why: &str| Err(format!("{place}: {why}"));
+    let keywords = match schema {
+        Value::Bool(true) => return Ok(()),
+        Value::Bool(false) => return fail("never valid"),
+        Value::Object(keywords) => keywords,
+        _ => panic!("{place}: no schema"),
+    };
+    let each = |schemas: &Value| -> Vec<Result<(), String>> {
+        let schemas = schemas.as_array().expect("schemas").iter();
+        schemas.map(|it| refused(root, it, value, place)).collect()
+    };
+    for (keyword, stated) in keywords {
+        let holds = match keyword.as_str() {
+            // These say nothing about validity.
+            "$schema" | "$defs" | "title" | "description" | "default" | "format" => true,
+            "$ref" => {
+                let target = stated.as_str().and_then(|it| it.strip_prefix('#'));
+                let target = root.pointer(target.expect("a place in this schema"));
+                refused(root, target.expect("a definition"), value, place)?;
+                true
+            }
+            "type" => match stated {
+                Value::Array(types) => types.iter().any(|it| is_of_type(value, it)),
+                one => is_of_type(value, one),
+            },
+            "const" => value == stated,
+            "enum" => stated.as_array().expect("values").contains(value),
+            "minimum" => value.as_f64().is_none_or(|it| Some(it) >= stated.as_f64()),
+            "maximum" => value.as_f64().is_none_or(|it| Some(it) <= stated.as_f64()),
+            "minItems" => value
+                .as_array()
+                .is_none_or(|it| Some(it.len() as u64) >= stated.as_u64()),
+            "maxItems" => value
+                .as_array()
+                .is_none_or(|it| Some(it.len() as u64) <= stated.as_u64()),
+            "oneOf" => each(stated).iter().filter(|it| it.is_ok()).count() == 1,
+            "anyOf" => each(stated).iter().any(Result::is_ok),
+            "required" => value.as_object().is_none_or(|object| {
+                let names = stated.as_array().expect("names");
+                names
+                    .iter()
+                    .all(|it| object.contains_key(it.as_str().expect("a name")))
+            }),
+            "properties" => {
+                for (name, schema) in stated.as_object().expect("properties") {
+                    if let Some(inner) = value.get(name) {
+                        refused(root, schema, inner, &format!("{place}/{name}"))?;
+                    }
+                }
+                true
+            }
+            "additionalProperties" => {
+                let known = schema.get("properties").and_then(Value::as_object);
+                for (name, inner) in value.as_object().into_iter().flatten() {
+                    if known.is_none_or(|known| !known.contains_key(name)) {
+                        refused(root, stated, inner, &format!("{place}/{name}"))?;
+                    }
+                }
+                true
+            }
+            "propertyNames" => {
+                for name in value.as_object().into_iter().flat_map(|it| it.keys()) {
+                    refused(root, stated, &json!(name), place)?;
+                }
+                true
+            }
+            "prefixItems" => {
+                let schemas = stated.as_array().expect("schemas").iter();
+                for (i, (inner, schema)) in value
+                    .as_array()
+                    .into_iter()
+                    .flatten()
+                    .zip(schemas)
+                    .enumerate()
+                {
+                    refused(root, schema, inner, &format!("{place}/{i}"))?;
+                }
+                true
+            }
+            "items" => {
+                let first = schema.get("prefixItems").and_then(Value::as_array);
+                let rest = value.as_array().into_iter().flatten().enumerate();
+                for (i, inner) in rest.skip(first.map_or(0, Vec::len)) {
+                    refused(root, stated, inner, &format!("{place}/{i}"))?;
+                }
+                true
+            }
+            other => panic!("{place}: the schema has the keyword `{other}`"),
+        };
+        if !holds {
+            return fail(&format!("{keyword} {stated}"));
+        }
+    }
+    Ok(())
+}
+
+fn is_of_type(value: &Value, name: &Value) -> bool {
+    match name.as_str() {
+        Some("null") => value.is_null(),
+        Some("boolean") => value.is_boolean(),
+        Some("string") => value.is_string(),
+        Some("number") => value.is_number(),
+        Some("integer") => value.is_i64() || value.is_u64(),
+        Some("array") => value.is_array(),
+        Some("object") => value.is_object(),
+        other => panic!("a type {other:?}"),
+    }
+}
+
+#[test]
+fn every_shipped_world_satisfies_the_schema() {
+    let schema = schema();
+    for (name, world) in shipped() {
+        let json = serde_json::to_value(&world).expect("JSON");
+        refused(&schema, &schema, &json, name).expect("a valid world");
+    }
+}
+
+/// Calls `visit` with the path of every value inside.
+fn places(value: &Value, path: &str, visit: &mut dyn FnMut(&str)) {
+    visit(path);
+    match value {
+        Value::Object(fields) => fields
+            .iter()
+            .for_each(|(name, inner)| places(inner, &format!("{path}/{name}"), visit)),
+        Value::Array(items) => items
+            .iter()
+            .enumerate()
+            .for_each(|(i, inner)| places(inner, &format!("{path}/{i}"), visit)),
+        _ => {}
+    }
+}
+
+/// The reader is the measure: what it reads the schema admits, and nothing else.
+#[test]
+fn the_schema_and_the_reader_refuse_the_same_mistakes() {
+    let schema = schema();
+    let wrong = [
+        json!(null),
+        json!("text"),
+        json!(17.5),
+        json!(-1),
+        json!(true),
+        json!({}),
+    ];
+    let mut refusals = 0;
+    for (name, world) in shipped() {
+        let json = serde_json::to_value(&world).expect("JSON");
+        let mut paths = Vec::new();
+        places(&json, "", &mut |path| paths.push(path.to_owned()));
+        let mut compare = |mistaken: &Value, path: &str, mistake: &str| {
+            let admitted = refused(&schema, &schema, mistaken, "");
+            let read: Result<WorldFile, _> = serde_json::from_value(mistaken.clone());
+            assert_eq!(
+                admitted.is_ok(),
+                read.is_ok(),
+                "{name}{path}, {mistake}: {admitted:?}, {:?}",
+                read.err()
+            );
+            refusals += usize::from(admitted.is_err());
+        };
+        // Every seventh place suffices, because the worlds resemble each other.
+        for path in paths.iter().step_by(7) {
+            for value in &wrong {
+                let mut mistaken = json.clone();
+                *mistaken.pointer_mut(path).expect("a place") = value.clone();
+                compare(&mistaken, path, &value.to_string());
+            }
+            let object =
+                |world: &mut Value, change: &dyn Fn(&mut serde_json::Map<String, Value>)| {
+                    world
+                        .pointer_mut(path)
+                        .and_then(Value::as_object_mut)
+                        .map(change)
+                };
+            let mut mistaken = json.clone();
+            let extended = object(&mut mistaken, &|fields| {
+                fields.insert("unknown_field".into(), json!(1));
+            });
+            if extended.is_some() {
+                compare(&mistaken, path, "unknown field");
+            }
+            let mut mistaken = json.clone();
+            let shortened = object(&mut mistaken, &|fields| {
+                let first = fields.keys().next().cloned();
+                first.map(|it| fields.remove(&it));
+            });
+            if shortened.is_some() {
+                compare(&mistaken, path, "first field removed");
+            }
+        }
+    }
+    assert!(refusals > 1000, "{refusals}");
+}
+
+#[test]
+fn the_schema_describes_every_field_and_names_every_shape() {
+    let schema = schema();
+    let definitions = schema["$defs"].as_object().expect("definitions");
+    for (name, shape) in definitions {
+        // A number at the end is that of a second shape with the same name.
+        assert!(!name.ends_with(|it: char| it.is_ascii_digit()), "{name}");
+        assert!(!name.contains("_for_"), "{name}");
+        let mut silent = Vec::new();
+        places(shape, "", &mut |path| {
+            let value = shape.pointer(path).expect("a place");
+            let is_field = path.rsplit_once('/').is_some_and(|(above, field)| {
+                above.ends_with("/properties") && field.starts_with(|it: char| it.is_lowercase())
+            });
+            if is_field && value.get("description").is_none() {
+                silent.push(path.to_owned());
+            }
+        });
+        assert!(silent.is_empty(), "{name}: {silent:?}");
+    }
+}
+
+/// Page of the fields, whose tables have their words from the shapes.
+const PAGE: &str = include_str!("../../../../docs/reference/world-file.md");
+
+/// Returns a cell without links. A link in brackets only refers to a page.
+fn plain(cell: &str) -> String {
+    let mut text = String::new();
+    let mut rest = cell;
+    while let Some((before, link)) = rest.split_once('[') {
+        let parts = link.split_once("](");
+        // Lists such as `[Severe]` are no links.
+        let Some((label, after)) = parts.filter(|(label, _)| !label.contains(['[', ']'])) else {
+            text += before;
+            text.push('[');
+            rest = link;
+            continue;
+        };
+        let (_, after) = after.split_once(')').expect("the end of a link");
+        match (before.strip_suffix(" ("), after.strip_prefix(')')) {
+            (Some(before), Some(after)) => {
+                text += before;
+                rest = after;
+            }
+            _ => {
+                text += before;
+                text += label;
+                rest = after;
+            }
+        }
+    }
+    (text + rest).trim().to_owned()
+}
+
+/// Returns the meaning and the default of a description, as a table has them.
+fn words(description: &str) -> (String, String) {
+    let line = description.split_whitespace().collect::<Vec<_>>().join(" ");
+    let (meaning, default) = line.split_once(" Default: ").unwrap_or((&line, ""));
+    let mut letters = meaning.trim_end_matches('.').chars();
+    let first = letters.next().into_iter().flat_map(char::to_lowercase);
+    (
+        first.chain(letters).collect(),
+        default.trim_end_matches('.').to_owned(),
+    )
+}
+
+#[test]
+fn the_tables_of_the_page_have_the_fields_of_the_shapes_in_their_words() {
+    let schema = schema();
+    // The words of bodies and clocks are those of the physics, so only their names count.
+    let tables = [
+        ("| field | default | meaning |", "Scenario", true),
+        ("| field | unit | meaning |", "Clock", false),
+        ("| `Vehicle` | default | meaning |", "Vehicle", false),
+        ("| `Cyclist` | in `bicyclist` | meaning |", "Cyclist", false),
+        ("| field of `Ado(…)` | default | meaning |", "Ado", true),
+    ];
+    for (head, shape, has_words) in tables {
+        let (_, table) = PAGE.split_once(head).expect(head);
+        let (table, _) = table.split_once("\n\n").expect("its end");
+        let shape = &schema["$defs"][shape];
+        let fields = shape["properties"].as_object().expect("fields");
+        let required = shape["required"].as_array().expect("required fields");
+        let mut listed = std::collections::BTreeSet::new();
+        for row in table.lines().skip(2) {
+            let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+            let [names, default, meaning] = cells[..] else {
+                panic!("three cells: {row}");
+            };
+            let names: Vec<&str> = names.split('`').skip(1).step_by(2).collect();
+            listed.extend(names.iter().copied());
+            for name in &names {
+                assert!(fields.contains_key(*name), "{head} has no field `{name}`");
+            }
+            if let ([name], true) = (&names[..], has_words) {
+                let stated = fields[*name]["description"].as_str().expect("words");
+                let (meant, by_default) = words(stated);
+                assert_eq!(
+                    (plain(meaning), plain(default)),
+                    (meant, by_default),
+                    "`{name}`"
+                );
+                let is_required = required.contains(&json!(name));
+                assert_eq!(is_required, default.is_empty(), "`{name}`");
+            }
+        }
+        let missing: Vec<&String> = fields
+            .keys()
+            .filter(|it| !listed.contains(it.as_str()))
+            .collect();
+        // The plan of an ado is described where plans are.
+        assert!(
+            missing.iter().all(|it| *it == "base"),
+            "{head}: {missing:?}"
+        );
+    }
+}
