@@ -2,59 +2,20 @@
 
 use super::*;
 
-const LEAD_PLACE: &str = r#"laneId="-2" s="150""#;
-const LEAD_SPEED: &str = r#"<AbsoluteTargetSpeed value="10"/>"#;
-const UNKNOWN: &str = r#"<Condition name="u" delay="0" conditionEdge="none"><ByValueCondition><UserDefinedValueCondition name="x" rule="equalTo" value="1"/></ByValueCondition></Condition>"#;
-
-fn refused(edits: &[Edit]) -> ImportError {
-    import(&files(edits)).expect_err("it is refused")
-}
-
 /// The lead as an entry of a catalog that is not there.
 fn in_catalog() -> Edit {
-    let (_, lead) = BASE
-        .split_once(r#"<ScenarioObject name="Lead">"#)
-        .expect("the lead");
-    let (vehicle, _) = lead.split_once("<!--lead object-->").expect("its end");
-    let whole = format!(r#"<ScenarioObject name="Lead">{vehicle}"#);
-    // The text lives as long as the test.
-    let whole: &'static str = Box::leak(whole.into_boxed_str());
-    edit(
-        whole,
-        r#"<ScenarioObject name="Lead"><CatalogReference catalogName="Cars" entryName="sedan"/>"#,
-    )
-}
-
-/// Asserts that each problem is named once, with a line and a fix, in the order of the file.
-fn assert_names(error: &ImportError, says: &[&str]) {
-    let all: Vec<&ImportError> = error.all().collect();
-    assert_eq!(all.len(), says.len(), "{error}");
-    for says in says {
-        assert!(
-            all.iter().any(|it| it.what.contains(says)),
-            "{says}: {error}"
-        );
-    }
-    for it in &all {
-        assert!(it.help.is_some() && it.element.is_some(), "{it:?}");
-    }
-    let lines: Vec<_> = all
-        .iter()
-        .map(|it| (&it.file, it.element.as_ref().map(|it| it.1)))
-        .collect();
-    assert!(lines.is_sorted(), "{lines:?}");
+    let reference = r#"<CatalogReference catalogName="Cars" entryName="sedan"/>"#;
+    let object = format!(r#"<ScenarioObject name="Lead">{reference}"#);
+    edit(lead_object("<!--lead object-->"), object)
 }
 
 #[test]
 fn an_unknown_condition_a_missing_catalog_and_a_place_off_the_road_are_one_message() {
-    let edits = [
-        in_catalog(),
-        edit(LEAD_PLACE, r#"laneId="-2" s="5000""#),
-        edit(FIRST, UNKNOWN),
-    ];
+    let edits = [in_catalog(), lead_at(5000.0), first(UNKNOWN)];
     let error = refused(&edits);
     assert_names(
         &error,
+        3,
         &[
             "no catalog `Cars.xosc`",
             "5000 m along",
@@ -69,9 +30,9 @@ fn a_missing_road_file_hides_only_what_lies_on_its_roads() {
     let edits = [
         in_catalog(),
         edit(r#"filepath="straight.xodr""#, r#"filepath="lost.xodr""#),
-        edit(LEAD_PLACE, r#"laneId="-2" s="5000""#),
-        edit(FIRST, UNKNOWN),
-        edit(SLOWER, CHANGE.replace("sinusoidal", "odd")),
+        lead_at(5000.0),
+        first(UNKNOWN),
+        does(CHANGE.replace("sinusoidal", "odd")),
     ];
     let error = refused(&edits);
     let shown = error.to_string();
@@ -95,16 +56,15 @@ fn problems_of_events_beside_one_another_are_all_named() {
     let both = format!("{SLOWER}</PrivateAction><PrivateAction>{SLOWER}");
     let edits = [
         // An action with two parts and an unknown condition in one event, then another.
-        edit(SLOWER, both),
-        edit(FIRST, UNKNOWN),
+        does(both),
+        first(UNKNOWN),
         second(&time(9.0, "falling", 0.0), &odd),
         edit(
             "<!--global-->",
             "<GlobalAction><SetMonitorAction/></GlobalAction><UserDefinedAction/>",
         ),
-        edit(
-            "<!--lead init-->",
-            "<PrivateAction><LateralAction><LateralDistanceAction/></LateralAction></PrivateAction><PrivateAction><RoutingAction><AcquirePositionAction/></RoutingAction></PrivateAction>",
+        lead_init(
+            "<LateralAction><LateralDistanceAction/></LateralAction></PrivateAction><PrivateAction><RoutingAction><AcquirePositionAction/></RoutingAction>",
         ),
     ];
     let error = refused(&edits);
@@ -126,7 +86,7 @@ fn problems_of_events_beside_one_another_are_all_named() {
 #[test]
 fn problems_of_the_roads_stand_beside_those_of_the_storyboard() {
     let edits = [
-        edit(FIRST, UNKNOWN),
+        first(UNKNOWN),
         // Steeper than a world allows.
         edit(
             "<elevationProfile/>",
@@ -135,6 +95,7 @@ fn problems_of_the_roads_stand_beside_those_of_the_storyboard() {
     ];
     assert_names(
         &refused(&edits),
+        2,
         &["condition of this kind", "it rises by 0.90"],
     );
 }
@@ -146,10 +107,10 @@ fn without_an_ego_the_rest_is_not_read_and_that_is_said() {
             r#"<ScenarioObject name="Ego">"#,
             r#"<ScenarioObject name="Hero">"#,
         ),
-        edit(FIRST, UNKNOWN),
+        first(UNKNOWN),
     ];
     let error = refused(&edits);
-    assert_names(&error, &["no agent is called `Ego`"]);
+    assert_names(&error, 1, &["no agent is called `Ego`"]);
     assert_eq!(error.unread_part(), Some("the rest of the scenario"));
     assert!(
         error
@@ -167,7 +128,7 @@ fn every_point_with_a_problem_is_named() {
             "<ParameterDeclarations/>\n  <CatalogLocations/>",
             "<ParameterDeclarations><ParameterDeclaration name=\"s\" parameterType=\"double\" value=\"150\"/></ParameterDeclarations>\n  <CatalogLocations/>",
         ),
-        edit(LEAD_PLACE, r#"laneId="-2" s="$s""#),
+        edit(LEAD_S, r#"laneId="-2" s="$s""#),
     ]);
     let set = ["150", "2000", "160", "3000"].map(|it| format!(r#"<Element value="{it}"/>"#));
     files.push((
@@ -177,31 +138,16 @@ fn every_point_with_a_problem_is_named() {
             set.concat()
         ),
     ));
-    let mut import = Import {
-        scenario: Path::new("base.xosc"),
-        points: Some(Path::new("points.xosc")),
-        only: None,
-        skips_broken: false,
-        name: "small",
-        ado: None,
-        ego: None,
-        leaves_ego: false,
-        maps: &[],
-    };
-    let read = |path: &Path| {
-        let found = files.iter().find(|(name, _)| Path::new(name) == path);
-        let text = found.map(|(_, text)| text.clone());
-        text.ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotFound))
-    };
-    let error = import.read(&read).expect_err("two points");
-    assert_names(&error, &["2000 m along", "3000 m along"]);
+    let mut import = at_points();
+    let error = import_as(&import, &files).expect_err("two points");
+    assert_names(&error, 2, &["2000 m along", "3000 m along"]);
     let points: Vec<_> = error
         .all()
         .map(|it| it.point.as_ref().map(|it| it.0))
         .collect();
     assert_eq!(points, [Some(1), Some(3)]);
     import.skips_broken = true;
-    let imported = import.read(&read).expect("the other two");
+    let imported = import_as(&import, &files).expect("the other two");
     assert_eq!((imported.broken, imported.worlds[0].points.len()), (2, 2));
 }
 
@@ -215,13 +161,13 @@ fn what_a_world_does_not_allow_is_named_where_the_files_say_it() {
             "<!--ego vehicle-->",
         ),
         (
-            edit(FIRST, time(1e6, "none", 0.0)),
+            first(time(1e6, "none", 0.0)),
             "Event `first`",
             r#"<Event name="first""#,
         ),
     ];
     for (edit, element, text) in cases {
-        let imported = import(&files(&[edit])).expect("a text");
+        let imported = imported(&[edit]);
         let world = &imported.worlds[0];
         let error = Scenario::parse("small.ron", &world.text).expect_err("not allowed");
         let offset = error.problems[0].span.start;
@@ -247,11 +193,10 @@ fn what_a_world_does_not_allow_is_named_where_the_files_say_it() {
 
 #[test]
 fn an_entity_that_is_off_its_road_at_once_is_named() {
-    let edits = [
-        edit(LEAD_SPEED, r#"<AbsoluteTargetSpeed value="60"/>"#),
-        edit(LEAD_PLACE, r#"laneId="-2" s="999""#),
-    ];
-    let error = refused(&edits);
-    assert!(error.what.contains("leaves its road after"), "{error}");
-    assert!(error.to_string().contains("Private `Lead`"), "{error}");
+    let fast = || edit(LEAD_SPEED, r#"<AbsoluteTargetSpeed value="60"/>"#);
+    table! {
+        "a fast lead at the end of its road":
+            [fast(), lead_at(999.0)] => says("leaves its road after");
+        "its name": [fast(), lead_at(999.0)] => says("Private `Lead`");
+    }
 }

@@ -1,0 +1,195 @@
+//! Files of which no world has the motion: refused by line, with a fix.
+
+use super::*;
+
+#[test]
+fn storyboards_that_would_move_otherwise_are_refused_by_line_and_fix() {
+    let way_off = || way([[150.0, -5.25], [250.0, 5.0]]);
+    let stop = |condition: &str| {
+        let trigger =
+            format!("<StopTrigger><ConditionGroup>{condition}</ConditionGroup></StopTrigger>");
+        edit("<!--act-->", trigger)
+    };
+    let group = r#"name="group" maximumExecutionCount="1""#;
+    let late_speed = r#"<LongitudinalAction><SpeedProfileAction><SpeedProfileEntry speed="3" time="5"/></SpeedProfileAction></LongitudinalAction>"#;
+    let turned_off = r#"<RoutingAction><AssignRouteAction><Route name="r" closed="false"><Waypoint routeStrategy="shortest"><Position><RelativeObjectPosition entityRef="Ego" dx="50" dy="40"/></Position></Waypoint></Route></AssignRouteAction></RoutingAction>"#;
+    let itself = r#"<RelativeTargetSpeed entityRef="Lead" value="0.5" speedTargetValueType="factor" continuous="false"/>"#;
+    let gap = r#"<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" freespace="true" continuous="false" displacement="leadingReferencedEntity" distance="9"/></LongitudinalAction>"#;
+    table! {
+        "a group that repeats":
+            [
+                edit(group, group.replace('1', "3")),
+                aims_at(r#"<RelativeTargetSpeed entityRef="Ego" value="-4" speedTargetValueType="delta" continuous="false"/>"#),
+            ] => on("<ManeuverGroup", "carried out 3 times");
+        "actors that trigger their event":
+            [edit(r#"selectTriggeringEntities="false""#, r#"selectTriggeringEntities="true""#)]
+            => on("<Actors", "those that trigger it");
+        "a falling edge of a time":
+            [first(time(2.0, "falling", 0.0))] => on("falling", "falling edge");
+        "a falling edge of a distance":
+            [first(nearer(20.0, "falling"))] => on("falling", "falling edge");
+        "an edge before the act":
+            [act(time(3.0, "none", 0.0)), first(time(2.0, "rising", 0.0))]
+            => on("rising", "rising edge at 2 s is never seen");
+        "a delay below 0": [first(time(2.0, "none", -1.0))] => on("delay", "a delay of -1 s");
+        "an event that may come first":
+            [second(&nearer(20.0, "none"), FASTER)]
+            => on("second", "before the one before it has ended");
+        "an event after itself":
+            [second(&after("event", "other", 0.0), FASTER)]
+            => on("second", "before the one before it has ended");
+        "an event of two entities after another":
+            [
+                edit(
+                    r#"<EntityRef entityRef="Lead"/>"#,
+                    r#"<EntityRef entityRef="Lead"/><EntityRef entityRef="Other"/>"#,
+                ),
+                second(&after("event", "first", 0.0), FASTER),
+                third(),
+            ] => on("second", "before the one before it has ended");
+        "an act that stops after a distance of the lead":
+            [stop(&travelled("Lead", 50.0))] => on("<StopTrigger>", "an act that is stopped in this way");
+        "an act after an event":
+            [act(after("event", "first", 0.0))] => on("<Act", "an act that waits");
+        "a profile in the Init":
+            [lead_init(late_speed)] => on("SpeedProfileAction", "not read in Init");
+        "a controller of the lead":
+            [
+                lead_init(r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>"#),
+                edit("<!--lead object-->", r#"<ObjectController><Controller name="c"/></ObjectController>"#),
+            ] => on("ControllerAction", "that a controller moves");
+        "a trajectory of an agent that moves":
+            [does(way_off())] => on("FollowTrajectoryAction", "an agent that moves already");
+        "a trajectory that turns back":
+            [from_start(way([[150.0, -5.25], [250.0, 5.0], [160.0, -5.0]]))]
+            => on("FollowTrajectoryAction", "turns back at a place");
+        "a trajectory with other headings":
+            [from_start(
+                way([[150.0, -5.25], [180.0, -5.25], [220.0, 5.0]]).replace(r#"y="5"/>"#, r#"y="5" h="1.5"/>"#),
+            )] => on("FollowTrajectoryAction", "whose places face elsewhere");
+        "a trajectory that is cut":
+            [from_start(way_off()), second(&time(2.0, "none", 0.0), FASTER)]
+            => on("second", "that an event may cut");
+        "a profile that is too steep":
+            [does(profile(&[(1.0, 2.0)]))] => on("SpeedProfileAction", "a rate above 5 m/s²");
+        "a route that turns off":
+            [lead_init(turned_off)] => on("AssignRouteAction", "a route that turns off");
+        "a speed below 0":
+            [aims_at(r#"<AbsoluteTargetSpeed value="-4"/>"#)] => on("-4", "a speed of -4 m/s");
+        "a share of its own speed":
+            [second(&after("event", "first", 0.0), &FASTER.replace(LEAD_SPEED, itself))]
+            => on("second", "relative to its own is not read");
+        "a meeting of an agent that moves":
+            [does(MEETING), first(time(0.0, "none", 0.0))]
+            => on("Synchronize", "a meeting with an agent that moves");
+        "a gap after the start": [does(gap)] => on("LongitudinalDistanceAction", "not read here");
+        "a place behind the end of its road":
+            [lead_at(1200.0)] => on("LanePosition", "1200 m along road `0`, which has 1000 m");
+        "a place beside the ego, behind the end of its road":
+            [edit(LEAD, r#"<RelativeLanePosition entityRef="Ego" dLane="-1" ds="960"/>"#)]
+            => on("RelativeLanePosition", "1010 m along road `0`, which has 1000 m");
+        "rain that begins on the way":
+            [rain("0.3")] => on("EnvironmentAction", "friction that changes on the way");
+        "traffic around":
+            [global(r#"<TrafficAction trafficName="t"/>"#)] => on("TrafficAction", "not read in Init");
+    }
+}
+
+#[test]
+fn roads_that_no_world_has_are_refused_by_line_and_fix() {
+    let two = |second: &str| {
+        let first = PLAN.replace("1000", "400");
+        edit(PLAN, format!("{first}\n{second}"))
+    };
+    let axle = "<FrontAxle maxSteering=\"0.5\" wheelDiameter=\"0.6\" trackWidth=\"1.6\" positionX=\"2.8\" positionZ=\"0.3\"/>";
+    let materials =
+        r#"<material sOffset="0" friction="0.8"/><material sOffset="100" friction="0.4"/>"#;
+    let steep =
+        r#"<elevationProfile><elevation s="0" a="0" b="-0.4" c="0" d="0"/></elevationProfile>"#;
+    let along_lane = r#"<RelativeLanePosition entityRef="Ego" dLane="0" dsLane="100"/>"#;
+    table! {
+        "a fall of 40 %":
+            [edit("<elevationProfile/>", steep)] => on("<road", "it rises by -0.40 per metre");
+        "a piece off the end of another":
+            [two(r#"<geometry s="400" x="401" y="0" hdg="0" length="600"><line/></geometry>"#)]
+            => on("401", "it begins 1.000 m off the end of the piece before it");
+        "a piece turned against another":
+            [two(r#"<geometry s="400" x="400" y="0" hdg="0.1" length="600"><line/></geometry>"#)]
+            => on("0.1", "it begins turned by 0.1000 rad");
+        "a piece with another station":
+            [two(r#"<geometry s="410" x="400" y="0" hdg="0" length="590"><line/></geometry>"#)]
+            => on("410", "it begins at s = 410.000 m instead of 400.000 m");
+        "pieces shorter than their road":
+            [two(r#"<geometry s="400" x="400" y="0" hdg="0" length="500"><line/></geometry>"#)]
+            => on("<road", "that of its geometry 900.000 m");
+        "a lane that jumps":
+            [edit("<!--offsets-->", "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"300\" a=\"3.5\"/>")]
+            => on("Private", "lane -1 of road `0` jumps");
+        "a lane that slants":
+            [edit("<!--offsets-->", r#"<laneOffset s="0" a="0" b="0.02"/>"#)]
+            => on("Private", "its lane slants");
+        "friction that changes along a lane":
+            [edit("<!--lane-->", materials)] => on("material", "friction that changes");
+        "a body that is too long":
+            [edit(r#"length="4.4""#, r#"length="44""#)] => on("<BoundingBox", "a body of 44 m");
+        "a body with one axle": [edit(axle, "")] => on("<Axles", "a trailer is not read");
+        "an ego that drives off the road":
+            [edit(EGO, r#"<WorldPosition x="50" y="500"/>"#)] => on("Private", "the ego is on no lane");
+        "a limit in knots":
+            [edit("<!--types-->", r#"<type s="0" type="town"><speed max="50" unit="knots"/></type>"#)]
+            => on("knots", "a speed limit in `knots`");
+        "a distance along a lane on a bend":
+            [on_bend(), edit(LEAD, along_lane)] => on("dsLane", "`dsLane` on a bend");
+    }
+}
+
+#[test]
+fn what_another_player_reads_otherwise_is_refused() {
+    let gap = |more: &str| {
+        from_start(format!(
+            r#"<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" freespace="true" continuous="false" distance="30"{more}</LongitudinalDistanceAction></LongitudinalAction>"#
+        ))
+    };
+    let leading = r#" displacement="leadingReferencedEntity">"#;
+    let limits = r#"<DynamicConstraints maxSpeed="30" maxAcceleration="5" maxDeceleration="5"/>"#;
+    let system = |system: &str| {
+        let kind = r#"relativeDistanceType="longitudinal""#;
+        let with = format!(r#"{kind} coordinateSystem="{system}""#);
+        first(nearer(20.0, "none").replace(kind, &with))
+    };
+    let run_times = || {
+        [
+            does(timed("absolute", 1.0, 0.0, "")),
+            edit(LEAD_SPEED, STANDING),
+        ]
+    };
+    let twice = || {
+        let Edit { from, to } = second(&after("event", "first", 0.0), FASTER);
+        edit(
+            from,
+            to.replace(r#"Event name="second""#, r#"Event name="first""#),
+        )
+    };
+    table! {
+        "a gap without a side": [gap(">")] => says("only a clear gap before the ego");
+        "a gap within limits":
+            [gap(&format!("{leading}{limits}"))] => says("only a clear gap before the ego");
+        "a distance in the world": [system("world")] => says("the coordinate system `world`");
+        "a distance along a trajectory":
+            [system("trajectory")] => says("the coordinate system `trajectory`");
+        // At 2 s, the time of the run is that of a place 20 m further.
+        "a way that is ahead": [run_times()] => says("a way that begins 20.000 m from");
+        "times of the run after a distance":
+            [run_times(), first(nearer(20.0, "none"))] => says("times of the run");
+        "a difference from its own speed":
+            [aims_at(r#"<RelativeTargetSpeed entityRef="Lead" value="1" speedTargetValueType="delta" continuous="false"/>"#)]
+            => says("relative to its own");
+        "an edge and a distance":
+            [first(time(2.0, "rising", 0.0) + &nearer(20.0, "none"))]
+            => says("several conditions at a time");
+        "two events of one name": [twice()] => says("several elements are called `first`");
+        // These are read without the causes above.
+        "a gap before the ego": [gap(leading)] => lead([]);
+        "a distance along the lane": [system("lane")] => lead([]);
+    }
+}
