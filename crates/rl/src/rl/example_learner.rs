@@ -2,6 +2,7 @@
 //!
 //! It plays actions at random and keeps the reward of each.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{BundleError, TensorFile};
@@ -15,7 +16,7 @@ use super::{Policy, Spaces, Step};
 const POLICY: &str = "brakecheck paid policy 1";
 const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PaidSettings {
     pub decisions: u64,
