@@ -1,7 +1,7 @@
 //! The program `repro`: arguments in, tables and figures out.
 
+mod case_studies;
 mod crashes;
-mod driving;
 mod figures;
 mod grids;
 mod letter;
@@ -163,7 +163,7 @@ impl What {
     fn parts(self) -> &'static [Part] {
         match self {
             What::Table1 => &[grids::run],
-            What::CaseStudies => &[driving::run],
+            What::CaseStudies => &[case_studies::run],
             What::PaperRows => &[paper::run],
             What::Letter => &[letter::run],
             What::Reuse => &[reuse::run],
@@ -173,7 +173,7 @@ impl What {
             What::Figures => &[figures::run],
             What::All => &[
                 grids::run,
-                driving::run,
+                case_studies::run,
                 paper::run,
                 letter::run,
                 reuse::run,
