@@ -20,6 +20,9 @@ pub mod recordings {}
 /// Writing a world, from an empty file to a trained ado.
 #[doc = include_str!("../docs/guide/worlds.md")]
 pub mod worlds {}
+/// Worlds in VS Code, Neovim and Zed.
+#[doc = include_str!("../docs/guide/editors.md")]
+pub mod editors {}
 
 /// The world file, field by field.
 #[doc = include_str!("../docs/reference/world-file.md")]

@@ -30,7 +30,7 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
     assert re.findall("^  ([a-z]+) ", listed, re.MULTILINE) == [
         "new", "check", "train", "eval", "gate", "sweep", "search", "risk", "replay", "stl", "log", "report",
         "campaign",
-        "view", "export", "serve", "help",
+        "view", "export", "serve", "lsp", "help",
     ]
 
 

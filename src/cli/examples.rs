@@ -38,6 +38,8 @@ pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =
     "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/reference/ado-protocol.md";
+pub(super) const LSP: &str =
+    "Example:\n  brakecheck lsp --stdio\n\nDocuments: docs/guide/editors.md";
 
 pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/guide/campaigns.md";
 pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/guide/campaigns.md";

@@ -22,7 +22,8 @@ const MOST_CHARS: usize = 2000;
 pub enum Exit {
     /// Done.
     Done = 0,
-    /// A counterexample was found and asked to fail, a kept one still fails, or a gate failed.
+    /// A counterexample was found and asked to fail, a kept one still fails, a gate failed,
+    /// or an editor left `lsp` without `shutdown`.
     Counterexample = 1,
     /// The user's input is wrong.
     Input = 2,

@@ -20,6 +20,7 @@ mod league;
 mod live;
 mod log;
 mod log_reading;
+mod lsp;
 mod new;
 mod new_from_log;
 mod new_world;
@@ -115,6 +116,9 @@ enum Verb {
     /// Serve a trained ado to another simulator, in JSON lines.
     #[command(after_help = examples::SERVE)]
     Serve(serve::ServeArgs),
+    /// Answer an editor of world files: diagnostics, hover and completion.
+    #[command(after_help = examples::LSP)]
+    Lsp(lsp::LspArgs),
     /// Print the libraries in this program, with their licences.
     #[command(hide = true)]
     Notices(notices::NoticesArgs),
@@ -139,6 +143,7 @@ impl Verb {
             Verb::View(args) => args.common(),
             Verb::Export(args) => args.common(),
             Verb::Serve(args) => args.common(),
+            Verb::Lsp(args) => args.common(),
             Verb::Notices(args) => args.common(),
         }
     }
@@ -215,6 +220,7 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),
         Verb::Serve(args) => serve::run(&args),
+        Verb::Lsp(args) => lsp::run(&args),
         Verb::Notices(args) => notices::run(&args),
     }
 }

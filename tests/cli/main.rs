@@ -11,6 +11,7 @@ mod interrupted;
 mod learned;
 mod live;
 mod log;
+mod lsp;
 mod memory;
 mod natural;
 mod picture;

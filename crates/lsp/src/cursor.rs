@@ -239,7 +239,11 @@ impl<'a> Cursor<'a> {
             items.extend(self.names.iter().map(name_item));
             // Observations are names and no formulas.
             if field != "observe" {
-                items.extend(FORMULA_WORDS.map(|(word, about)| word_item(word, about)));
+                // The world itself knows `T`, once it can be used.
+                let words = FORMULA_WORDS.map(|(word, about)| word_item(word, about));
+                let is_known = |item: &Item| items.iter().any(|it| it.label == item.label);
+                let more: Vec<Item> = words.into_iter().filter(|it| !is_known(it)).collect();
+                items.extend(more);
             }
         }
         let own = kind.map_or(Vec::new(), |kind| declared(self.text, kind));

@@ -87,10 +87,10 @@ impl Document {
 
     /// Returns the place of a byte.
     pub fn position(&self, at: usize) -> TextPosition {
-        let at = self.text.floor_char_boundary(at);
+        let byte = self.text.floor_char_boundary(at);
         // Invariant: the first line starts at 0, so one start is at or before the byte.
-        let line = self.line_starts.partition_point(|start| *start <= at) - 1;
-        let before = &self.text[self.line_starts[line]..at];
+        let line = self.line_starts.partition_point(|start| *start <= byte) - 1;
+        let before = &self.text[self.line_starts[line]..byte];
         TextPosition {
             line: line as u32,
             character: before.encode_utf16().count() as u32,

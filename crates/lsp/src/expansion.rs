@@ -66,8 +66,8 @@ impl<'a> Expansion<'a> {
     }
 
     fn own_place(&self, at: usize, is_end: bool) -> usize {
-        let line = self.lines.partition_point(|line| line.span.start <= at);
-        let Some(line) = line.checked_sub(1).and_then(|i| self.lines.get(i)) else {
+        let behind = self.lines.partition_point(|line| line.span.start <= at);
+        let Some(line) = behind.checked_sub(1).and_then(|i| self.lines.get(i)) else {
             return 0;
         };
         let column = at - line.span.start;

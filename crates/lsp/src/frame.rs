@@ -96,14 +96,14 @@ fn header_line(input: &mut impl BufRead) -> Result<Option<Vec<u8>>, FrameError> 
 
 /// Length in a header line, if it states one.
 fn content_length(line: &[u8]) -> Result<Option<u64>, FrameError> {
-    let line = String::from_utf8_lossy(line);
-    let Some((name, value)) = line.split_once(':') else {
-        return Err(FrameError::Header(format!("`{line}` has no `:`")));
+    let text = String::from_utf8_lossy(line);
+    let Some((name, number)) = text.split_once(':') else {
+        return Err(FrameError::Header(format!("`{text}` has no `:`")));
     };
     if !name.trim().eq_ignore_ascii_case("Content-Length") {
         return Ok(None);
     }
-    let value = value.trim();
+    let value = number.trim();
     // `parse` alone would allow a sign.
     let digits = value.bytes().all(|byte| byte.is_ascii_digit());
     match value.parse() {
@@ -175,9 +175,9 @@ mod tests {
             (long.as_bytes(), "a line of more"),
             (many.as_bytes(), "more than 16 lines"),
         ];
-        for (bytes, says) in cases {
-            let error = read(bytes).expect_err(says).to_string();
-            assert!(error.contains(says), "{error}");
+        for (bytes, part) in cases {
+            let error = read(bytes).expect_err(part).to_string();
+            assert!(error.contains(part), "{error}");
         }
     }
 

@@ -159,8 +159,8 @@ impl<'a> Scanner<'a> {
         let rest = &self.text[self.at..];
         let blank = rest.len() - rest.trim_start().len();
         let start = self.at + blank;
-        let (kind, length) = lexeme(&self.text[start..]);
-        let kind = match kind {
+        let (local, length) = lexeme(&self.text[start..]);
+        let kind = match local {
             LexemeKind::Quoted(content) => {
                 LexemeKind::Quoted(start + content.start..start + content.end)
             }

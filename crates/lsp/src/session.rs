@@ -325,9 +325,9 @@ impl<W: Write> Session<'_, W> {
         };
         world.is_changed = false;
         let text = world.document.text();
-        let checked = self.language.check(&file_of_uri(uri), text);
-        let is_world = checked.is_some();
-        let mut checked = checked.unwrap_or_default();
+        let result = self.language.check(&file_of_uri(uri), text);
+        let is_world = result.is_some();
+        let mut checked = result.unwrap_or_default();
         if let Some(names) = checked.names.take() {
             world.names = names;
         }

@@ -177,9 +177,9 @@ impl<'a> Shapes<'a> {
                 let list = node.get(choice).and_then(Value::as_array);
                 open.extend(list.into_iter().flatten().rev());
             }
-            let says = ["type", "properties", "const", "enum", "items"];
+            let shaping = ["type", "properties", "const", "enum", "items"];
             let is_null = node.get("type").is_some_and(|kind| kind == "null");
-            if !is_null && says.iter().any(|key| node.get(key).is_some()) {
+            if !is_null && shaping.iter().any(|key| node.get(key).is_some()) {
                 found.push(node);
             }
         }

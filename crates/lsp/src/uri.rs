@@ -2,12 +2,11 @@
 
 /// Returns the path of a `file:` URI, and any other URI as it is.
 pub fn file_of_uri(uri: &str) -> String {
-    let Some(path) = uri.strip_prefix("file://") else {
+    let Some(place) = uri.strip_prefix("file://") else {
         return uri.to_owned();
     };
     // An authority such as `localhost` is before the path.
-    let path = path.find('/').map_or(path, |slash| &path[slash..]);
-    let path = decoded(path);
+    let path = decoded(place.find('/').map_or(place, |slash| &place[slash..]));
     // `/c:/worlds` of Windows begins with its drive.
     let is_drive = path.as_bytes().get(2) == Some(&b':') && path.starts_with('/');
     if is_drive { path[1..].to_owned() } else { path }
