@@ -102,6 +102,8 @@ pub use brakecheck_stats::seed;
 #[doc(inline)]
 pub use brakecheck_training::population;
 pub mod serving;
+#[doc(inline)]
+pub use brakecheck_story as story;
 use brakecheck_evaluation::theorems;
 #[doc(inline)]
 pub use brakecheck_experiment::vector_env;

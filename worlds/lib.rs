@@ -10,7 +10,7 @@ macro_rules! world {
 }
 
 /// Shipped worlds: their names and texts, in order.
-pub const WORLDS: [(&str, &str); 36] = [
+pub const WORLDS: [(&str, &str); 37] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_letter"),
@@ -22,6 +22,7 @@ pub const WORLDS: [(&str, &str); 36] = [
     world!("crossroads"),
     world!("cut_in"),
     world!("cut_in_clear"),
+    world!("cut_in_story"),
     world!("cyclist"),
     world!("fog_queue"),
     world!("grid"),

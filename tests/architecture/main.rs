@@ -18,7 +18,7 @@ use habits::Habit;
 use sources::{Mention, Sources};
 
 /// Crates that know no files, no clock and no terminal.
-const WITHOUT_IO: [&str; 8] = [
+const WITHOUT_IO: [&str; 9] = [
     "crates/driver_model/src/",
     "crates/ego/src/",
     "crates/rl/src/",
@@ -27,13 +27,15 @@ const WITHOUT_IO: [&str; 8] = [
     "crates/sim/src/",
     "crates/stats/src/",
     "crates/stl/src/",
+    "crates/story/src/",
 ];
 
 /// The ego may be another process: it alone may talk and wait in these crates.
 const MAY_TALK: &str = "crates/ego/src/ego/process";
 
 /// No file below these uses another one that leads back to it.
-const WITHOUT_CIRCLES: [&str; 23] = [
+const WITHOUT_CIRCLES: [&str; 24] = [
+    "crates/story/src/",
     "crates/stl/src/",
     "crates/driver_model/src/",
     "crates/traffic/src/",

@@ -33,3 +33,4 @@ use brakecheck_sim::{severity, sim};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;
+use brakecheck_story as story;

@@ -26,3 +26,4 @@ use brakecheck_rl::rl;
 use brakecheck_road::road;
 use brakecheck_scene::{rulebook, scene, testbench};
 use brakecheck_sim::sim;
+use brakecheck_story as story;

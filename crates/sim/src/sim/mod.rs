@@ -53,6 +53,7 @@ pub use cyclist::Cyclist;
 pub use handling::{Brakes, Tyres};
 pub use kinematic::Kinematic;
 pub(crate) use limits::AIR_KG_PER_M3;
+pub use planar::{PosedBody, body_gap_m};
 pub use push::Push;
 pub use rigid::{GroundSurface, Rigid};
 pub use vehicle::Vehicle;

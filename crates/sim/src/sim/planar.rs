@@ -5,7 +5,7 @@
 //! its springs.
 
 use super::body::Body;
-use super::{BodyId, Contact};
+use super::{BodyId, Contact, Pose};
 
 /// Overlap up to which two bodies touch without penetrating.
 pub(super) const TOUCH_M: f64 = 1e-3;
@@ -292,4 +292,37 @@ pub(super) fn far_apart(a: &SizedRect, b: &SizedRect, reach_m: f64) -> bool {
     let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
     let radii = a.extent.radius_m + b.extent.radius_m + reach_m;
     radii * radii < dx * dx + dy * dy
+}
+
+/// Body at the pose of the middle of its front bumper.
+#[derive(Clone, Copy, Debug)]
+pub struct PosedBody<'a> {
+    /// The body.
+    pub body: &'a Body,
+    /// Its pose.
+    pub pose: Pose,
+}
+
+/// Returns the Euclidean clearance of two bodies on the ground, 0 if they touch.
+pub fn body_gap_m(a: PosedBody<'_>, b: PosedBody<'_>) -> f64 {
+    let [(rect_a, extent_a), (rect_b, extent_b)] = [a, b].map(|PosedBody { body, pose }| {
+        let middle = pose.ahead(-body.half_length_m());
+        let (sin, cos) = libm::sincos(pose.heading_rad);
+        let rect = Rect {
+            x_m: middle.x_m,
+            y_m: middle.y_m,
+            cos,
+            sin,
+            ..Rect::default()
+        };
+        (rect, Extent::of(body))
+    });
+    let first = SizedRect {
+        rect: &rect_a,
+        extent: &extent_a,
+    };
+    first.gap_m(&SizedRect {
+        rect: &rect_b,
+        extent: &extent_b,
+    })
 }

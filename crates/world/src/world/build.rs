@@ -11,8 +11,8 @@ use super::starts::EntryPositions;
 use super::warnings::Warnings;
 use super::{
     Scenario, check, counting, dry_run, environment, family_check, includes, kind_of_world, limits,
-    odd_starts, per_ado, plans, points, road_ado, roads, slope_and_wind, starts, trained, turns,
-    vacuous,
+    odd_starts, per_ado, plans, points, road_ado, roads, slope_and_wind, starts, storyboards,
+    trained, turns, vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -159,6 +159,7 @@ fn assemble(
         bodies: file.bodies.0.clone(),
         agents,
         ego,
+        story: None,
         lights,
         weather,
         grades: nominal_grades(&file.grades),
@@ -179,6 +180,9 @@ fn assemble(
         points: Vec::new(),
     };
     spec.environment = environment::drawn(&file, &spec);
+    if let Some(board) = &file.storyboard {
+        spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
+    }
     per_ado::names(&mut problems, &learner, &spec);
     let list = top.to("agents");
     starts::check(&mut problems, &list, &spec, &entries);

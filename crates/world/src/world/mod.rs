@@ -49,6 +49,7 @@ pub mod scenario_kind;
 mod shipped;
 mod slope_and_wind;
 mod starts;
+mod storyboards;
 mod structure;
 mod traffic;
 mod trained;

@@ -22,6 +22,7 @@ use crate::ron_file::Ordered;
 use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::sim::{Body, PlantKind};
+use crate::story::values::Storyboard;
 use crate::testbench::Repeats;
 
 /// Driving world.
@@ -91,6 +92,9 @@ pub struct ScenarioFile {
     /// Starts as a table. Default: the ranges determine the starts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<PointsFile>,
+    /// Stories that move agents, in the words of OpenSCENARIO. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub storyboard: Option<Storyboard>,
     /// Delay, noise and occlusion of the ego's perception. Default: perfect.
     #[serde(default, skip_serializing_if = "is_default")]
     pub sensors: SensorsFile,

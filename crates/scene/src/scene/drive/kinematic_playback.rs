@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use super::actions::Maneuver;
 use super::motion::DriveScene;
 use super::plan_execution::{PlanRun, SampleSpan};
-use super::spec::Drive;
-use crate::ego::Command;
+use super::story_execution::deviation_of;
 use crate::sim::BodyCommand;
+use crate::story::run::ElementChange;
 
 impl DriveScene {
     /// Returns whether any plan waits for a formula.
@@ -15,11 +14,24 @@ impl DriveScene {
         self.plans.iter().flatten().any(PlanRun::is_watching)
     }
 
+    /// Returns the changes of the storyboard's elements so far, in the order of time.
+    pub fn story_changes(&self) -> &[ElementChange] {
+        self.story.as_ref().map_or(&[], |story| story.changes())
+    }
+
+    /// Lets the actions of the storyboard begin that were due since the last sample.
+    fn run_story(&mut self) {
+        if let Some(story) = &mut self.story {
+            story.run(&self.layout, &self.state, &mut self.plans, &self.chosen);
+        }
+    }
+
     /// Advances every agent with a plan by one sample.
     pub(super) fn carry_all(&mut self) {
         if self.plans.is_empty() {
             return;
         }
+        self.run_story();
         let layout = Arc::clone(&self.layout);
         // The end is computed from the sample number, so rounding errors do not
         // add up.
@@ -42,19 +54,7 @@ impl DriveScene {
             let Some(run) = run else {
                 continue;
             };
-            let deviation = match (&layout.spec.agents[i].drive, self.chosen[i]) {
-                (
-                    Drive::Ado { .. },
-                    Maneuver::Drive {
-                        accel_mps2,
-                        lateral_mps,
-                    },
-                ) => Command {
-                    accel_mps2,
-                    lateral_mps,
-                },
-                _ => Command::accelerate(0.0),
-            };
+            let deviation = deviation_of(&layout.spec.agents[i].drive, self.chosen[i]);
             let span = SampleSpan {
                 course: layout.network.course_of(i),
                 road: layout.spec.road_of(i),

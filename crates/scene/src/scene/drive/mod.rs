@@ -35,6 +35,8 @@ mod start_environment;
 mod start_sampling;
 mod state;
 mod steering;
+mod story_execution;
+mod story_law;
 mod surface;
 mod trained;
 mod turn_action;

@@ -12,6 +12,7 @@ use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
 use super::start_sampling::Drawn;
 use super::state::SceneState;
+use super::story_execution::StoryExecution;
 use super::steering::{CourseAhead, LaneKeeper};
 use super::trained::TrainedAdo;
 use super::turns::Turn;
@@ -54,6 +55,8 @@ pub struct DriveScene {
     unmet: Option<String>,
     /// State of each planned agent at the end of the sample.
     pub(super) arrivals: Vec<Arrival>,
+    /// State of the storyboard, if the world has one.
+    pub(super) story: Option<Box<StoryExecution>>,
     /// Signals that plans read, kept to save the allocation.
     pub(super) row: Vec<f64>,
     pub(super) percept: Percept,
@@ -86,6 +89,7 @@ impl DriveScene {
             plans: Vec::new(),
             unmet: None,
             arrivals: Vec::new(),
+            story: None,
             row: Vec::new(),
             percept: Percept::default(),
             layout,
@@ -327,6 +331,8 @@ impl Scene for DriveScene {
                 self.plans.push(begun.map(|(run, _)| run));
             }
         }
+        let story = layout.spec.story.as_deref();
+        self.story = story.map(|board| Box::new(StoryExecution::new(board)));
         self.arrivals.clear();
         self.arrivals.resize(self.plans.len(), Arrival::default());
         self.state.parameters.clear();
@@ -465,6 +471,7 @@ impl Scene for DriveScene {
             plans: self.plans.clone(),
             unmet: self.unmet.clone(),
             arrivals: self.arrivals.clone(),
+            story: self.story.clone(),
             // Scratch space: it is filled before every use.
             row: Vec::new(),
             percept: self.percept.clone(),

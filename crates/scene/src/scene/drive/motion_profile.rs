@@ -70,6 +70,15 @@ impl SpeedRamp {
         }
     }
 
+    /// Returns the acceleration from an instant on.
+    pub(super) fn accel_mps2(&self, time_s: f64) -> f64 {
+        if self.ends_s() - SAME_S <= time_s {
+            return 0.0;
+        }
+        let share = ((time_s - self.begins_s) / self.lasts_s()).clamp(0.0, 1.0);
+        (self.to_mps - self.from_mps) / self.lasts_s() * self.shape.rate(share)
+    }
+
     /// Returns the distance between two instants, without an end of the ramp between.
     pub(super) fn way_m(&self, from_s: f64, to_s: f64) -> f64 {
         let lasts_s = self.lasts_s();

@@ -6,13 +6,16 @@
 //! motion has a closed form, so no error accumulates over time.
 
 mod steps;
+mod story_laws;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::Vector2;
 
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionPlan, ScriptStep, Unmet};
+use super::story_law::DueLaw;
 use crate::ego::Command;
 use crate::road::{Course, Road, wrapped};
 use crate::sim::{Pose, rotation_by};
@@ -110,6 +113,8 @@ pub(super) struct PlanRun {
     planned_rad: f64,
     stray: Stray,
     last: Arrival,
+    /// Laws of a story that are to begin, in the order of time.
+    laws: VecDeque<DueLaw>,
 }
 
 /// Interval and road of a sample, as input to a plan.
@@ -168,6 +173,7 @@ impl PlanRun {
                 speed_mps,
                 ..Arrival::default()
             },
+            laws: VecDeque::new(),
             carried,
         };
         run.phase = run.turn_of(0, 0.0);

@@ -28,6 +28,7 @@ use crate::road::{
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind, Wind};
 use crate::stl::{Constants, Formula, Names};
+use crate::story::check::CheckedStoryboard;
 
 /// Initial place and speed of an agent.
 #[derive(Clone, Debug, PartialEq)]
@@ -271,6 +272,8 @@ pub struct DriveSpec {
     pub agents: Vec<Agent>,
     /// Drive of the ego.
     pub ego: EgoDrive,
+    /// Storyboard, whose agents are numbered as here.
+    pub story: Option<Arc<CheckedStoryboard>>,
     /// The traffic lights, in file order.
     pub lights: Vec<Light>,
     /// Weather that an ado changes, if any.

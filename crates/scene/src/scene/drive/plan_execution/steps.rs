@@ -26,6 +26,7 @@ impl PlanRun {
 
     /// Begins and ends the steps that are due.
     pub(super) fn settle(&mut self, time_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) {
+        self.begin_laws(time_s, road);
         loop {
             match self.phase {
                 PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
@@ -70,7 +71,8 @@ impl PlanRun {
             PlanPhase::Acts { .. } | PlanPhase::Waits { .. } | PlanPhase::Over => f64::INFINITY,
         };
         let swing = self.swing.filter(|_| !lags).map(|it| it.ends_s());
-        let changes = [Some(step_s), Some(self.ramp.ends_s()), swing];
+        let law = self.laws.front().map(|law| law.at_s);
+        let changes = [Some(step_s), Some(self.ramp.ends_s()), swing, law];
         let later = changes
             .into_iter()
             .flatten()

@@ -50,7 +50,8 @@ impl SignalReading {
             Drive::Scripted(Script::Walk(_)) => spec.road_ado.is_none(),
             // Its tyres may lose their grip, and its road may bend.
             Drive::Scripted(_) => spec.weather.is_none() && spec.road_ado.is_none(),
-            Drive::Planned(plan) => plan.is_blind(),
+            // A story may look at any agent.
+            Drive::Planned(plan) => plan.is_blind() && spec.story.is_none(),
             Drive::Ego | Drive::Ado { .. } | Drive::Trained(_) => false,
         };
         let [a, b] = self.whose;

@@ -1,0 +1,329 @@
+//! A storyboard in the scene: its state, and the past sample as it sees it.
+//!
+//! The interpreter runs over a sample when its end is known. An action then begins at
+//! its own instant: the plan of its actor is driven again from the beginning of the
+//! sample. The body follows in the next sample, as for the formulas of scripts.
+
+use super::actions::Maneuver;
+use super::layout::DriveLayout;
+use super::plan_execution::{Arrival, PlanRun, SampleSpan};
+use super::spec::Drive;
+use super::state::SceneState;
+use super::story_law::{DueLaw, LateralTiming, StoryLaw};
+use crate::ego::{Command, Phase};
+use crate::road::OnRoad;
+use crate::sim::{Body, BodyState, Pose, PosedBody, body_gap_m};
+use crate::story::check::CheckedStoryboard;
+use crate::story::run::{ElementChange, StoryRun};
+use crate::story::values::SignalState;
+use crate::story::view::{
+    ActorAction, ActorLane, ActorSpeed, AgentMotion, AgentSize, MotionDomain, PosedAgent,
+    RoadLimits, StoryStage, StoryView,
+};
+
+/// State of a storyboard, with the sample over which it runs next.
+#[derive(Clone, Debug)]
+pub(super) struct StoryExecution {
+    run: StoryRun,
+    /// Changes of its elements so far, in the order of time.
+    changes: Vec<ElementChange>,
+    past: PastSample,
+}
+
+/// Beginning of a sample that is not interpreted yet.
+#[derive(Clone, Debug, Default)]
+struct PastSample {
+    from_s: f64,
+    motions: Vec<AgentMotion>,
+    /// Plans before the sample, with the laws that begin in it.
+    plans: Vec<Option<PlanRun>>,
+    phases: Vec<Phase>,
+    /// What each ado does in the sample.
+    chosen: Vec<Maneuver>,
+}
+
+/// Scene between two samples, in which actions begin.
+struct SampleStage<'a> {
+    layout: &'a DriveLayout,
+    state: &'a SceneState,
+    /// Plans at the end of the sample.
+    plans: &'a mut [Option<PlanRun>],
+    past: &'a mut PastSample,
+    to_s: f64,
+}
+
+impl StoryExecution {
+    pub(super) fn new(board: &CheckedStoryboard) -> StoryExecution {
+        StoryExecution {
+            run: StoryRun::new(board),
+            changes: Vec::new(),
+            past: PastSample::default(),
+        }
+    }
+
+    /// Returns the changes of the elements so far, in the order of time.
+    pub(super) fn changes(&self) -> &[ElementChange] {
+        &self.changes
+    }
+
+    /// Runs up to the current sample, and changes the plans whose laws begin in it.
+    ///
+    /// `chosen` is what each ado does from now on.
+    pub(super) fn run(
+        &mut self,
+        layout: &DriveLayout,
+        state: &SceneState,
+        plans: &mut [Option<PlanRun>],
+        chosen: &[Maneuver],
+    ) {
+        let Some(board) = &layout.spec.story else {
+            return;
+        };
+        if self.past.motions.is_empty() {
+            self.past = PastSample::of(state, plans, chosen);
+        }
+        let to_s = state.time_s();
+        let mut stage = SampleStage {
+            layout,
+            state,
+            plans: &mut *plans,
+            past: &mut self.past,
+            to_s,
+        };
+        self.run.step(board, &mut stage, to_s, &mut self.changes);
+        self.past = PastSample::of(state, plans, chosen);
+    }
+}
+
+impl PastSample {
+    /// Returns the beginning of a sample at the present state.
+    fn of(state: &SceneState, plans: &[Option<PlanRun>], chosen: &[Maneuver]) -> PastSample {
+        PastSample {
+            from_s: state.time_s(),
+            motions: state.states.iter().map(motion_of).collect(),
+            plans: plans.to_vec(),
+            phases: state.lights.iter().map(|light| light.phase).collect(),
+            chosen: chosen.to_vec(),
+        }
+    }
+}
+
+fn motion_of(state: &BodyState) -> AgentMotion {
+    AgentMotion {
+        pose: state.pose,
+        speed_mps: state.speed_mps,
+        lateral_mps: state.lateral_mps,
+        accel_mps2: state.accel_mps2,
+    }
+}
+
+/// Returns what an ado adds to its plan, which is nothing for planned traffic.
+pub(super) fn deviation_of(drive: &Drive, chosen: Maneuver) -> Command {
+    match (drive, chosen) {
+        (
+            Drive::Ado { .. },
+            Maneuver::Drive {
+                accel_mps2,
+                lateral_mps,
+            },
+        ) => Command {
+            accel_mps2,
+            lateral_mps,
+        },
+        _ => Command::accelerate(0.0),
+    }
+}
+
+impl SampleStage<'_> {
+    fn body(&self, agent: usize) -> &Body {
+        &self.layout.spec.agents[agent].body
+    }
+
+    /// Returns the plan of an agent at an instant of the sample, and its motion.
+    fn planned(&self, agent: usize, at_s: f64) -> Option<(PlanRun, Arrival)> {
+        let before = self.past.plans.get(agent)?.as_ref()?;
+        let span = SampleSpan {
+            course: self.state.network.course_of(agent),
+            road: self.layout.spec.road_of(agent),
+            from_s: self.past.from_s,
+            to_s: at_s,
+        };
+        let agents = &self.layout.spec.agents;
+        let speed_of = |name: &str| {
+            let other = agents.iter().position(|agent| agent.name == name);
+            other.map_or(0.0, |other| self.past.motions[other].speed_mps)
+        };
+        let deviation = deviation_of(&agents[agent].drive, self.past.chosen[agent]);
+        Some(before.at(span, deviation, speed_of))
+    }
+
+    /// Lets a law begin at an instant of the sample.
+    fn begin_law(&mut self, agent: usize, law: DueLaw) {
+        if let Some(Some(before)) = self.past.plans.get_mut(agent) {
+            before.add_law(law);
+        }
+        if let Some((run, _)) = self.planned(agent, self.to_s) {
+            self.plans[agent] = Some(run);
+        }
+    }
+
+    fn lane_of(&self, agent: usize, at_s: f64) -> usize {
+        let pose = self.motion(agent, at_s).pose;
+        let place = self.on_road(agent, &pose.ahead(-self.size(agent).front_m));
+        self.layout.spec.road_of(agent).lane_at(place.lateral_m)
+    }
+
+    fn law_of(&self, agent: usize, action: &ActorAction, at_s: f64) -> StoryLaw {
+        match *action {
+            ActorAction::Speed { target, dynamics } => StoryLaw::Speed {
+                to_mps: match target {
+                    ActorSpeed::Absolute(to_mps) => to_mps,
+                    ActorSpeed::Delta(of, by_mps) => self.motion(of, at_s).speed_mps + by_mps,
+                    ActorSpeed::Factor(of, by) => self.motion(of, at_s).speed_mps * by,
+                },
+                shape: dynamics.shape.curve(),
+                size: dynamics.dimension,
+            },
+            ActorAction::LaneChange {
+                target,
+                offset_m,
+                dynamics,
+            } => {
+                let lanes = self.layout.spec.road_of(agent).lanes();
+                let lane = match target {
+                    ActorLane::Absolute(lane) => lane,
+                    ActorLane::Relative(of, by) => self
+                        .lane_of(of, at_s)
+                        .saturating_add_signed(isize::try_from(by).unwrap_or(0)),
+                };
+                StoryLaw::Lateral {
+                    lane: Some(lane.min(lanes.saturating_sub(1))),
+                    offset_m,
+                    shape: dynamics.shape.curve(),
+                    timing: LateralTiming::Size(dynamics.dimension),
+                }
+            }
+            ActorAction::LaneOffset {
+                to_m,
+                shape,
+                most_lateral_mps2,
+            } => StoryLaw::Lateral {
+                lane: None,
+                offset_m: to_m,
+                shape: shape.curve(),
+                timing: LateralTiming::Acceleration(most_lateral_mps2),
+            },
+        }
+    }
+}
+
+impl StoryView for SampleStage<'_> {
+    fn motion(&self, agent: usize, at_s: f64) -> AgentMotion {
+        if let Some((run, arrival)) = self.planned(agent, at_s) {
+            return AgentMotion {
+                pose: arrival.pose,
+                speed_mps: arrival.speed_mps,
+                lateral_mps: arrival.lateral_mps,
+                accel_mps2: run.accel_mps2(at_s),
+            };
+        }
+        let from = &self.past.motions[agent];
+        let lasts_s = self.to_s - self.past.from_s;
+        let share = if lasts_s > 0.0 {
+            (at_s - self.past.from_s) / lasts_s
+        } else {
+            1.0
+        };
+        from.towards(&motion_of(&self.state.states[agent]), lasts_s, share)
+    }
+
+    fn on_road(&self, viewer: usize, pose: &Pose) -> OnRoad {
+        self.state.network.locate(viewer, pose)
+    }
+
+    fn pose_on_road(&self, viewer: usize, s_m: f64, lateral_m: f64) -> Pose {
+        self.state.network.course_of(viewer).pose(s_m, lateral_m)
+    }
+
+    fn road_limits(&self, agent: usize) -> RoadLimits {
+        let mut borders = self.layout.spec.road_of(agent).borders_m();
+        let course = self.state.network.course_of(agent);
+        let first_m = borders.next().unwrap_or(f64::NEG_INFINITY);
+        RoadLimits {
+            right_m: first_m,
+            left_m: borders.last().unwrap_or(first_m),
+            from_s_m: f64::NEG_INFINITY,
+            // A road without pieces has no end. Others go straight on beyond their last
+            // piece, which no lane does in the file that they come from.
+            to_s_m: if course.piece_count() == 0 {
+                f64::INFINITY
+            } else {
+                course.end_s_m()
+            },
+        }
+    }
+
+    fn size(&self, agent: usize) -> AgentSize {
+        let body = self.body(agent);
+        AgentSize {
+            length_m: body.length_m,
+            width_m: body.width_m,
+            front_m: if body.is_on_foot() {
+                body.half_length_m()
+            } else {
+                body.lever_m()
+            },
+        }
+    }
+
+    fn gap_m(&self, bodies: [PosedAgent; 2]) -> f64 {
+        let [a, b] = bodies.map(|PosedAgent { agent, pose }| PosedBody {
+            body: self.body(agent),
+            pose,
+        });
+        body_gap_m(a, b)
+    }
+
+    fn signal(&self, light: usize, at_s: f64) -> SignalState {
+        // Lights change at samples.
+        let phase = if at_s < self.to_s {
+            self.past.phases[light]
+        } else {
+            self.state.lights[light].phase
+        };
+        match phase {
+            Phase::Green => SignalState::Green,
+            Phase::Yellow => SignalState::Yellow,
+            Phase::Red => SignalState::Red,
+        }
+    }
+
+    fn parameter(&self, number: usize) -> f64 {
+        self.state.parameters[number]
+    }
+}
+
+impl StoryStage for SampleStage<'_> {
+    fn begin(&mut self, agent: usize, action: &ActorAction, at_s: f64) {
+        let law = self.law_of(agent, action, at_s);
+        self.begin_law(agent, DueLaw { at_s, law });
+    }
+
+    fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64 {
+        let Some(run) = &self.plans[agent] else {
+            return f64::INFINITY;
+        };
+        match domain {
+            MotionDomain::Longitudinal => run.ramp_ends_s(),
+            MotionDomain::Lateral => run.swing_ends_s(),
+        }
+    }
+
+    fn stop(&mut self, agent: usize, domain: MotionDomain, at_s: f64) {
+        let law = match domain {
+            MotionDomain::Longitudinal => StoryLaw::KeepSpeed,
+            MotionDomain::Lateral => StoryLaw::KeepPlace,
+        };
+        self.begin_law(agent, DueLaw { at_s, law });
+    }
+}

@@ -1,0 +1,79 @@
+//! Laws that the actions of a story give to a plan.
+
+use core::f64::consts::PI;
+
+use crate::road::ChangeShape;
+use crate::story::values::Dimension;
+
+/// Law that begins at an instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DueLaw {
+    pub at_s: f64,
+    pub law: StoryLaw,
+}
+
+/// Change of a motion that an action of a story demands.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum StoryLaw {
+    /// The speed changes. Without a shape it does so at once.
+    Speed {
+        to_mps: f64,
+        shape: Option<ChangeShape>,
+        size: Dimension,
+    },
+    /// The lateral place changes. Without a shape it does so at once.
+    Lateral {
+        /// Middle of a lane, or `None` for that of the present one.
+        lane: Option<usize>,
+        offset_m: f64,
+        shape: Option<ChangeShape>,
+        timing: LateralTiming,
+    },
+    /// The speed stays.
+    KeepSpeed,
+    /// The lateral place stays.
+    KeepPlace,
+}
+
+/// Duration of a lateral motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum LateralTiming {
+    /// By a rate, a time or a way, with progress along the path.
+    Size(Dimension),
+    /// By the greatest lateral acceleration, with the speed along the road.
+    Acceleration(f64),
+}
+
+/// Returns the greatest rate of a change between two speeds.
+pub(super) fn greatest_rate(
+    shape: ChangeShape,
+    size: Dimension,
+    [from_mps, to_mps]: [f64; 2],
+) -> f64 {
+    let change_mps = (to_mps - from_mps).abs();
+    match size {
+        Dimension::Rate(rate) => rate,
+        Dimension::Time(time_s) => shape.peak() * change_mps / time_s,
+        // All shapes have the mean of both speeds.
+        Dimension::Distance(way_m) => shape.peak() * change_mps * 0.5 * (from_mps + to_mps) / way_m,
+    }
+}
+
+impl LateralTiming {
+    /// Returns the duration of a motion.
+    pub(super) fn lasts_s(self, shape: ChangeShape, by_m: f64, speed_mps: f64) -> f64 {
+        let way_m = by_m.abs();
+        match self {
+            LateralTiming::Size(Dimension::Rate(rate)) => shape.peak() * way_m / rate,
+            LateralTiming::Size(Dimension::Time(time_s)) => time_s,
+            // A standing body would need forever, and drives no way.
+            LateralTiming::Size(Dimension::Distance(drive_m)) => drive_m / speed_mps.max(1e-3),
+            // Greatest acceleration of each shape over its duration. A line has none.
+            LateralTiming::Acceleration(most_mps2) => match shape {
+                ChangeShape::Linear => 0.0,
+                ChangeShape::Cosine => PI * (way_m / (2.0 * most_mps2)).sqrt(),
+                ChangeShape::Cubic => (6.0 * way_m / most_mps2).sqrt(),
+            },
+        }
+    }
+}

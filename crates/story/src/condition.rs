@@ -1,0 +1,329 @@
+//! Expressions of conditions at an instant.
+
+use crate::pose::Pose;
+use crate::road::OnRoad;
+use crate::tree::{AgentExpression, AgentQuantity, MeasuredAxis, TargetPlace, ValueComparison};
+use crate::trigger::Expressed;
+use crate::values::{ComparisonRule, CoordinateSystem, DistanceType, TriggeringRule};
+use crate::view::{AgentMotion, PosedAgent, StoryView};
+
+/// Speed below which no time headway and no time to collision is defined.
+const LEAST_SPEED_MPS: f64 = 1e-6;
+
+/// Motion at an instant, as expressions read it.
+pub(crate) struct Instant<'a, V: ?Sized> {
+    pub view: &'a V,
+    pub at_s: f64,
+    /// Way of each agent at `since_s`. Empty if no condition asks for it.
+    pub ways_m: &'a [f64],
+    pub since_s: f64,
+}
+
+/// Interval of a body along an axis.
+#[derive(Clone, Copy, Debug)]
+struct AxisSpan {
+    least_m: f64,
+    most_m: f64,
+}
+
+/// Agent ahead of another, and the speeds of both in the direction of the first.
+struct AgentAhead {
+    ahead_m: f64,
+    own_mps: f64,
+    other_mps: f64,
+}
+
+impl AxisSpan {
+    /// Returns the distance to another span, 0 if they overlap.
+    fn distance_m(&self, other: &AxisSpan) -> f64 {
+        let ahead_m = other.least_m - self.most_m;
+        let behind_m = self.least_m - other.most_m;
+        ahead_m.max(behind_m).max(0.0)
+    }
+
+    fn middle_m(&self) -> f64 {
+        0.5 * (self.least_m + self.most_m)
+    }
+}
+
+/// Compares a number, which may be undefined.
+pub(crate) fn compared(number: Option<f64>, with: &ValueComparison) -> Expressed {
+    let holds = number.is_some_and(|it| with.holds(it));
+    let asks_equal = matches!(
+        with.rule,
+        ComparisonRule::EqualTo | ComparisonRule::NotEqualTo
+    );
+    let key = match number {
+        // Equality may last for an instant only, which the side of the value betrays.
+        Some(number) if asks_equal => 2 + u64::from(number > with.value),
+        _ => u64::from(holds),
+    };
+    Expressed { holds, key }
+}
+
+impl<V: StoryView + ?Sized> Instant<'_, V> {
+    /// Evaluates an expression about agents.
+    pub fn agents(
+        &self,
+        agents: &[usize],
+        rule: TriggeringRule,
+        is: &AgentExpression,
+    ) -> Expressed {
+        let each = agents.iter().map(|agent| self.agent(*agent, is));
+        let is_all = rule == TriggeringRule::All;
+        let first = Expressed {
+            holds: is_all,
+            key: 0,
+        };
+        each.fold(first, |so_far, now| Expressed {
+            holds: if is_all {
+                so_far.holds && now.holds
+            } else {
+                so_far.holds || now.holds
+            },
+            // Any number that differs if one of them does.
+            key: so_far.key.wrapping_mul(31).wrapping_add(now.key),
+        })
+    }
+
+    fn agent(&self, agent: usize, is: &AgentExpression) -> Expressed {
+        let holds = match is {
+            AgentExpression::Number(quantity, with) => {
+                return compared(self.quantity(agent, quantity), with);
+            }
+            AgentExpression::Touches(other) => self.gap_m(agent, *other) <= 0.0,
+            AgentExpression::Offroad => {
+                let limits = self.view.road_limits(agent);
+                let lateral_m = self.at(agent, agent).lateral_m;
+                !(limits.right_m..=limits.left_m).contains(&lateral_m)
+            }
+            AgentExpression::AtRoadEnd => {
+                let limits = self.view.road_limits(agent);
+                let s_m = self.at(agent, agent).s_m;
+                s_m <= limits.from_s_m || limits.to_s_m <= s_m
+            }
+        };
+        Expressed {
+            holds,
+            key: u64::from(holds),
+        }
+    }
+
+    fn quantity(&self, agent: usize, quantity: &AgentQuantity) -> Option<f64> {
+        match *quantity {
+            AgentQuantity::Speed => Some(self.motion(agent).speed_mps),
+            AgentQuantity::SpeedLess { other } => {
+                Some(self.motion(agent).speed_mps - self.motion(other).speed_mps)
+            }
+            AgentQuantity::Acceleration => Some(self.motion(agent).accel_mps2),
+            AgentQuantity::Rest => {
+                let AgentMotion {
+                    speed_mps,
+                    lateral_mps,
+                    ..
+                } = self.motion(agent);
+                Some(libm::hypot(speed_mps, lateral_mps))
+            }
+            AgentQuantity::Way => {
+                let before = self.view.motion(agent, self.since_s).pose;
+                let now = self.motion(agent).pose;
+                Some(self.ways_m.get(agent)? + apart_m(&before, &now))
+            }
+            AgentQuantity::DistanceTo {
+                other,
+                measured,
+                freespace,
+            } => Some(self.distance_m(agent, other, measured, freespace)),
+            AgentQuantity::DistanceToPlace { place, measured } => {
+                Some(self.place_m(agent, place, measured))
+            }
+            AgentQuantity::Headway {
+                other,
+                system,
+                freespace,
+            } => {
+                let seen = self.ahead(agent, other, system, freespace)?;
+                (seen.own_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / seen.own_mps)
+            }
+            AgentQuantity::Collision {
+                other,
+                system,
+                freespace,
+            } => {
+                // Whichever of the two is behind approaches the other.
+                let ahead = self.ahead(agent, other, system, freespace);
+                let seen = ahead.or_else(|| self.ahead(other, agent, system, freespace))?;
+                let closing_mps = seen.own_mps - seen.other_mps;
+                (closing_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / closing_mps)
+            }
+        }
+    }
+
+    fn motion(&self, agent: usize) -> AgentMotion {
+        self.view.motion(agent, self.at_s)
+    }
+
+    /// Returns the pose of the reference point of an agent.
+    fn reference(&self, agent: usize) -> Pose {
+        self.motion(agent)
+            .pose
+            .ahead(-self.view.size(agent).front_m)
+    }
+
+    fn at(&self, viewer: usize, agent: usize) -> OnRoad {
+        self.view.on_road(viewer, &self.reference(agent))
+    }
+
+    fn gap_m(&self, a: usize, b: usize) -> f64 {
+        self.view.gap_m([a, b].map(|agent| PosedAgent {
+            agent,
+            pose: self.motion(agent).pose,
+        }))
+    }
+
+    fn distance_m(
+        &self,
+        agent: usize,
+        other: usize,
+        measured: MeasuredAxis,
+        freespace: bool,
+    ) -> f64 {
+        match (measured.along, freespace) {
+            (DistanceType::Euclidean, true) => self.gap_m(agent, other),
+            (DistanceType::Euclidean, false) => {
+                apart_m(&self.reference(agent), &self.reference(other))
+            }
+            _ => {
+                let own = self.span(agent, agent, measured, freespace);
+                own.distance_m(&self.span(agent, other, measured, freespace))
+            }
+        }
+    }
+
+    fn place_m(&self, agent: usize, place: TargetPlace, measured: MeasuredAxis) -> f64 {
+        let pose = match place {
+            TargetPlace::World { x_m, y_m } => Pose {
+                x_m,
+                y_m,
+                ..Pose::default()
+            },
+            TargetPlace::Road { s_m, t_m } => self.view.pose_on_road(agent, s_m, t_m),
+        };
+        let own = self.reference(agent);
+        if measured.along == DistanceType::Euclidean {
+            return apart_m(&own, &pose);
+        }
+        let at = |pose: &Pose| self.on_axis(agent, pose, measured);
+        (at(&pose) - at(&own)).abs()
+    }
+
+    /// Returns the place of a point along the measured axis of an agent.
+    fn on_axis(&self, viewer: usize, pose: &Pose, measured: MeasuredAxis) -> f64 {
+        let (along_m, across_m) = match measured.system {
+            CoordinateSystem::Road => {
+                let at = self.view.on_road(viewer, pose);
+                (at.s_m, at.lateral_m)
+            }
+            CoordinateSystem::Entity => {
+                let at = self.motion(viewer).pose.frame().to_local(pose.point_m());
+                (at.x, at.y)
+            }
+        };
+        if measured.along == DistanceType::Lateral {
+            across_m
+        } else {
+            along_m
+        }
+    }
+
+    /// Returns the interval of a body along the measured axis of `viewer`.
+    ///
+    /// Without `freespace` it is that of the reference point alone.
+    fn span(
+        &self,
+        viewer: usize,
+        agent: usize,
+        measured: MeasuredAxis,
+        freespace: bool,
+    ) -> AxisSpan {
+        if !freespace {
+            let at_m = self.on_axis(viewer, &self.reference(agent), measured);
+            return AxisSpan {
+                least_m: at_m,
+                most_m: at_m,
+            };
+        }
+        let size = self.view.size(agent);
+        let pose = self.motion(agent).pose;
+        let half_m = 0.5 * size.width_m;
+        let corners = [
+            (0.0, half_m),
+            (0.0, -half_m),
+            (-size.length_m, half_m),
+            (-size.length_m, -half_m),
+        ];
+        let places = corners.map(|(ahead_m, left_m)| {
+            let at = pose.frame().to_world(ahead_m, left_m);
+            let corner = Pose {
+                x_m: at.x,
+                y_m: at.y,
+                ..pose
+            };
+            self.on_axis(viewer, &corner, measured)
+        });
+        AxisSpan {
+            least_m: places.into_iter().fold(f64::INFINITY, f64::min),
+            most_m: places.into_iter().fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+
+    /// Returns distance and both speeds along an axis if `other` is ahead of an agent.
+    fn ahead(
+        &self,
+        agent: usize,
+        other: usize,
+        system: CoordinateSystem,
+        freespace: bool,
+    ) -> Option<AgentAhead> {
+        let measured = MeasuredAxis {
+            along: DistanceType::Longitudinal,
+            system,
+        };
+        let (own, its) = (
+            self.span(agent, agent, measured, freespace),
+            self.span(agent, other, measured, freespace),
+        );
+        // Along a road an agent may drive against its stations.
+        let towards = match system {
+            CoordinateSystem::Entity => 1.0,
+            CoordinateSystem::Road => libm::cos(self.at(agent, agent).heading_rad).signum(),
+        };
+        let is_ahead = towards * (its.middle_m() - own.middle_m()) > 0.0;
+        let speed_mps = |it: usize| towards * self.speed_along_mps(agent, it, system);
+        is_ahead.then(|| AgentAhead {
+            ahead_m: own.distance_m(&its),
+            own_mps: speed_mps(agent),
+            other_mps: speed_mps(other),
+        })
+    }
+
+    fn speed_along_mps(&self, viewer: usize, agent: usize, system: CoordinateSystem) -> f64 {
+        let motion = self.motion(agent);
+        match system {
+            CoordinateSystem::Road => {
+                let at = self.at(viewer, agent);
+                at.velocity_mps(motion.speed_mps, motion.lateral_mps).x
+            }
+            CoordinateSystem::Entity => {
+                let (sin, cos) = libm::sincos(self.motion(viewer).pose.heading_rad);
+                let [x_mps, y_mps] = motion.velocity_mps();
+                x_mps * cos + y_mps * sin
+            }
+        }
+    }
+}
+
+/// Returns the distance of two points on the ground.
+pub(crate) fn apart_m(a: &Pose, b: &Pose) -> f64 {
+    libm::hypot(b.x_m - a.x_m, b.y_m - a.y_m)
+}

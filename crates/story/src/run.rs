@@ -1,0 +1,540 @@
+//! Interpreter of a storyboard: states of its elements, instant by instant.
+//!
+//! Within a sample it searches the instants at which conditions change. It looks every
+//! 10 ms of the episode's time, whatever the sample time, and then bisects. Elements
+//! that are due at the same instant change together, until none is due.
+
+use crate::check::CheckedStoryboard;
+use crate::condition::{Instant, apart_m, compared};
+use crate::tree::{
+    AgentExpression, AgentQuantity, CheckedCondition, CheckedEffect, CheckedExpression,
+    ElementKind, VariableChange,
+};
+use crate::trigger::{ConditionRun, Expressed, SAME_S};
+use crate::values::{ElementState, EventPriority};
+use crate::view::{MotionDomain, StoryStage, StoryView};
+
+/// Distance of the instants at which conditions are looked at.
+///
+/// A condition that is true for a shorter time in between may be missed.
+const LOOK_S: f64 = 0.01;
+/// Halvings of a look, which find an instant to less than 0.1 ns.
+const HALVINGS: u32 = 30;
+
+/// State of an element in its life.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Life {
+    /// Its parent has not started.
+    Idle,
+    Standby,
+    Running,
+    Complete,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct ElementRun {
+    life: Life,
+    executions: u32,
+    /// Last start or skip.
+    triggered_s: Option<f64>,
+    /// Last start, end, stop and skip.
+    transitions_s: [Option<f64>; 4],
+}
+
+/// Change of an element's state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElementChange {
+    /// Number of the element in its storyboard.
+    pub element: usize,
+    /// Transition.
+    pub transition: ElementState,
+    /// Instant.
+    pub at_s: f64,
+}
+
+/// State of a storyboard. A clone continues to the bit.
+#[derive(Clone, Debug)]
+pub struct StoryRun {
+    elements: Vec<ElementRun>,
+    conditions: Vec<ConditionRun>,
+    variables: Vec<f64>,
+    /// Action that controls each agent along and across its path.
+    owners: Vec<[Option<usize>; 2]>,
+    /// Way of each agent so far. Empty if no condition asks for it.
+    ways_m: Vec<f64>,
+    /// Instant up to which it has run, `None` before the start.
+    time_s: Option<f64>,
+}
+
+/// Instant at which an expression is evaluated.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    /// Last instant at which elements have changed.
+    since_s: f64,
+    at_s: f64,
+}
+
+/// Change of an element that is due, in the order of precedence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Due {
+    Stop,
+    End,
+    Start,
+}
+
+/// Storyboard, scene and record of one step.
+struct StoryStep<'a, S: ?Sized> {
+    board: &'a CheckedStoryboard,
+    stage: &'a mut S,
+    changes: &'a mut Vec<ElementChange>,
+    run: &'a mut StoryRun,
+    now_s: f64,
+}
+
+impl StoryRun {
+    /// Returns the state before the start.
+    pub fn new(board: &CheckedStoryboard) -> StoryRun {
+        let idle = ElementRun {
+            life: Life::Idle,
+            executions: 0,
+            triggered_s: None,
+            transitions_s: [None; 4],
+        };
+        StoryRun {
+            elements: vec![idle; board.elements.len()],
+            conditions: vec![ConditionRun::default(); board.conditions.len()],
+            variables: board.variables.clone(),
+            owners: vec![[None; 2]; board.agents],
+            ways_m: if board.conditions.iter().any(asks_way) {
+                vec![0.0; board.agents]
+            } else {
+                Vec::new()
+            },
+            time_s: None,
+        }
+    }
+
+    /// Runs to an instant and appends the changes of state in the order of time.
+    ///
+    /// The first call starts the storyboard at that instant. The stage must know all
+    /// motion from the instant of the last call on.
+    pub fn step<S: StoryStage + ?Sized>(
+        &mut self,
+        board: &CheckedStoryboard,
+        stage: &mut S,
+        to_s: f64,
+        changes: &mut Vec<ElementChange>,
+    ) {
+        let begun_s = self.time_s;
+        let mut step = StoryStep {
+            board,
+            stage,
+            changes,
+            now_s: begun_s.unwrap_or(to_s),
+            run: self,
+        };
+        if begun_s.is_none() {
+            step.start(0);
+            step.settle();
+        }
+        while step.now_s < to_s {
+            // The grid counts from the episode's start, so that it is the same for all
+            // sample times.
+            let look_s = ((step.now_s / LOOK_S + 1e-6).floor() + 1.0) * LOOK_S;
+            let next_s = step.next_s(look_s.min(to_s));
+            step.go_to(next_s);
+            step.settle();
+        }
+        self.time_s = Some(to_s);
+    }
+
+    /// Returns whether an element is in a state, or in a transition at `at_s`.
+    pub fn is_in(&self, element: usize, state: ElementState, at_s: f64) -> bool {
+        let run = &self.elements[element];
+        match state {
+            ElementState::StandbyState => run.life == Life::Standby,
+            ElementState::RunningState => run.life == Life::Running,
+            ElementState::CompleteState => run.life == Life::Complete,
+            transition => run.transitions_s[place_of(transition)] == Some(at_s),
+        }
+    }
+
+    /// Returns a variable by its position in the storyboard.
+    pub fn variable(&self, number: usize) -> f64 {
+        self.variables[number]
+    }
+
+    fn expressed<V: StoryView + ?Sized>(
+        &self,
+        view: &V,
+        condition: &CheckedCondition,
+        look: Look,
+    ) -> Expressed {
+        let Look { since_s, at_s } = look;
+        let truth = |holds: bool| Expressed {
+            holds,
+            key: u64::from(holds),
+        };
+        match &condition.is {
+            CheckedExpression::SimulationTime(with) => compared(Some(at_s), with),
+            CheckedExpression::Element { element, state } => {
+                // States change at settled instants only, never on the way to them.
+                truth(self.is_in(*element, *state, since_s))
+            }
+            CheckedExpression::Variable {
+                number,
+                compared: with,
+            } => compared(Some(self.variables[*number]), with),
+            CheckedExpression::Parameter {
+                number,
+                compared: with,
+            } => compared(Some(view.parameter(*number)), with),
+            CheckedExpression::Signal { light, state } => {
+                truth(view.signal(*light, at_s) == *state)
+            }
+            CheckedExpression::Agents { agents, rule, is } => {
+                let instant = Instant {
+                    view,
+                    at_s,
+                    ways_m: &self.ways_m,
+                    since_s,
+                };
+                instant.agents(agents, *rule, is)
+            }
+        }
+    }
+}
+
+/// Returns the place of a transition in the record of an element.
+fn place_of(transition: ElementState) -> usize {
+    match transition {
+        ElementState::EndTransition => 1,
+        ElementState::StopTransition => 2,
+        ElementState::SkipTransition => 3,
+        _ => 0,
+    }
+}
+
+fn asks_way(condition: &CheckedCondition) -> bool {
+    let CheckedExpression::Agents { is, .. } = &condition.is else {
+        return false;
+    };
+    matches!(is, AgentExpression::Number(AgentQuantity::Way, _))
+}
+
+impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
+    /// Returns the next instant up to `look_s` at which anything may change.
+    fn next_s(&self, look_s: f64) -> f64 {
+        let mut next_s = look_s;
+        for (agent, owners) in self.run.owners.iter().enumerate() {
+            for (domain, _) in DOMAINS.iter().zip(owners).filter(|it| it.1.is_some()) {
+                next_s = self.earlier(next_s, self.stage.ends_s(agent, *domain));
+            }
+        }
+        for number in self.watched() {
+            let (condition, run) = (&self.board.conditions[number], &self.run.conditions[number]);
+            next_s = self.earlier(next_s, run.next_s(condition));
+            next_s = self.change_s(condition, run, next_s);
+        }
+        next_s
+    }
+
+    fn earlier(&self, next_s: f64, other_s: f64) -> f64 {
+        if self.now_s < other_s {
+            next_s.min(other_s)
+        } else {
+            next_s
+        }
+    }
+
+    /// Returns the first change of an expression up to an instant, or that instant.
+    fn change_s(&self, condition: &CheckedCondition, run: &ConditionRun, next_s: f64) -> f64 {
+        let is_same = |at_s: f64| {
+            let look = Look {
+                since_s: self.now_s,
+                at_s,
+            };
+            let now = self.run.expressed(&*self.stage, condition, look);
+            run.key().is_none_or(|key| key == now.key)
+        };
+        if is_same(next_s) {
+            return next_s;
+        }
+        let (mut from_s, mut to_s) = (self.now_s, next_s);
+        for _ in 0..HALVINGS {
+            let middle_s = 0.5 * (from_s + to_s);
+            if is_same(middle_s) {
+                from_s = middle_s;
+            } else {
+                to_s = middle_s;
+            }
+        }
+        to_s
+    }
+
+    /// Returns the conditions that are checked now.
+    fn watched(&self) -> impl Iterator<Item = usize> {
+        let elements = self.board.elements.iter().zip(&self.run.elements);
+        elements.flat_map(|(element, run)| {
+            let starts = run.life == Life::Standby;
+            let lives = starts || run.life == Life::Running;
+            let start = element.start.iter().filter(move |_| starts);
+            let stop = element.stop.iter().filter(move |_| lives);
+            start.chain(stop).flatten().copied()
+        })
+    }
+
+    fn go_to(&mut self, at_s: f64) {
+        for (agent, way_m) in self.run.ways_m.iter_mut().enumerate() {
+            let before = self.stage.motion(agent, self.now_s).pose;
+            *way_m += apart_m(&before, &self.stage.motion(agent, at_s).pose);
+        }
+        self.now_s = at_s;
+    }
+
+    /// Lets all elements change that are due now, until none is.
+    fn settle(&mut self) {
+        // Each round completes, starts or stops an element. Elements that repeat wait for
+        // the next look, so the rounds of an instant are bounded.
+        for _ in 0..16 * self.board.elements.len() {
+            self.check();
+            // All of a round are found before the first of them changes, so their
+            // order in the file has no effect on which are due.
+            let all: Vec<(usize, Due)> = (0..self.board.elements.len())
+                .filter_map(|element| Some((element, self.due(element)?)))
+                .collect();
+            // Events that are over must not block those that start at the same instant.
+            let Some(first) = all.iter().map(|it| it.1).min() else {
+                return;
+            };
+            for (element, due) in all.into_iter().filter(|it| it.1 == first) {
+                self.change(element, due);
+            }
+        }
+    }
+
+    fn check(&mut self) {
+        let watched: Vec<usize> = self.watched().collect();
+        for number in watched {
+            let condition = &self.board.conditions[number];
+            let look = Look {
+                since_s: self.now_s,
+                at_s: self.now_s,
+            };
+            let now = self.run.expressed(&*self.stage, condition, look);
+            self.run.conditions[number].check(condition, now, self.now_s);
+        }
+    }
+
+    fn triggers(&self, groups: &[Vec<usize>]) -> bool {
+        let is_true = |number: &usize| self.run.conditions[*number].is_true(self.now_s);
+        groups.iter().any(|group| group.iter().all(is_true))
+    }
+
+    fn due(&self, number: usize) -> Option<Due> {
+        let (element, run) = (&self.board.elements[number], &self.run.elements[number]);
+        match run.life {
+            Life::Idle | Life::Complete => None,
+            Life::Standby | Life::Running if self.triggers(&element.stop) => Some(Due::Stop),
+            Life::Standby => {
+                let starts = self.triggers(&element.start) && self.may_repeat(run);
+                starts.then_some(Due::Start)
+            }
+            // Only its stop trigger ends a storyboard.
+            Life::Running if element.kind == ElementKind::Storyboard => None,
+            Life::Running => {
+                let is_over = match &element.effect {
+                    Some(effect) => self.is_performed(number, effect),
+                    None => {
+                        let mut children = element.children.iter();
+                        children.all(|it| self.run.elements[*it].life == Life::Complete)
+                    }
+                };
+                let repeats = element.kind == ElementKind::ManeuverGroup
+                    && run.executions < element.most_executions;
+                (is_over && (!repeats || self.may_repeat(run))).then_some(Due::End)
+            }
+        }
+    }
+
+    /// An element that takes no time must not repeat endlessly at one instant.
+    fn may_repeat(&self, run: &ElementRun) -> bool {
+        let look = |at_s: f64| (at_s / LOOK_S + 1e-6).floor();
+        run.triggered_s
+            .is_none_or(|before_s| look(before_s) < look(self.now_s))
+    }
+
+    fn is_performed(&self, element: usize, effect: &CheckedEffect) -> bool {
+        let CheckedEffect::Of { actors, action } = effect else {
+            return true;
+        };
+        let domain = action.domain();
+        actors.iter().all(|actor| {
+            // Another action may have taken the agent over.
+            self.owner(*actor, domain) != Some(element)
+                || self.stage.ends_s(*actor, domain) <= self.now_s + SAME_S
+        })
+    }
+
+    fn owner(&self, agent: usize, domain: MotionDomain) -> Option<usize> {
+        self.run.owners[agent][domain as usize]
+    }
+
+    fn change(&mut self, number: usize, due: Due) {
+        let life = self.run.elements[number].life;
+        match (due, life) {
+            (Due::Stop, Life::Standby | Life::Running) => self.stop(number),
+            (Due::Start, Life::Standby) => self.start(number),
+            (Due::End, Life::Running) => self.end(number),
+            // An earlier change of this round has overtaken it.
+            _ => {}
+        }
+    }
+
+    fn record(&mut self, element: usize, transition: ElementState) {
+        let at_s = self.now_s;
+        self.run.elements[element].transitions_s[place_of(transition)] = Some(at_s);
+        self.changes.push(ElementChange {
+            element,
+            transition,
+            at_s,
+        });
+    }
+
+    /// Starts an element whose trigger is true, unless its priority forbids it.
+    fn start(&mut self, number: usize) {
+        let element = &self.board.elements[number];
+        let run = &mut self.run.elements[number];
+        run.executions += 1;
+        run.triggered_s = Some(self.now_s);
+        let executions = run.executions;
+        if element.kind == ElementKind::Event {
+            let siblings = self.board.elements[element.parent].children.iter();
+            let running: Vec<usize> = siblings
+                .copied()
+                .filter(|it| self.run.elements[*it].life == Life::Running)
+                .collect();
+            match element.priority {
+                EventPriority::Parallel => {}
+                EventPriority::Override => running.into_iter().for_each(|it| self.stop(it)),
+                EventPriority::Skip if running.is_empty() => {}
+                EventPriority::Skip => {
+                    self.record(number, ElementState::SkipTransition);
+                    self.wait_or_complete(number, executions < element.most_executions);
+                    return;
+                }
+            }
+        }
+        self.run.elements[number].life = Life::Running;
+        self.record(number, ElementState::StartTransition);
+        self.begin_parts(number);
+    }
+
+    fn begin_parts(&mut self, number: usize) {
+        let board = self.board;
+        for child in &board.elements[number].children {
+            self.run.elements[*child].executions = 0;
+            self.run.elements[*child].triggered_s = None;
+            self.watch_anew(&board.elements[*child].stop);
+            if board.elements[*child].start.is_empty() {
+                self.start(*child);
+            } else {
+                self.wait_or_complete(*child, true);
+            }
+        }
+        match &board.elements[number].effect {
+            Some(CheckedEffect::Of { actors, action }) => {
+                for actor in actors {
+                    self.run.owners[*actor][action.domain() as usize] = Some(number);
+                    self.stage.begin(*actor, action, self.now_s);
+                }
+            }
+            Some(CheckedEffect::Variable { number, change }) => {
+                let value = &mut self.run.variables[*number];
+                *value = match change {
+                    VariableChange::Set(to) => *to,
+                    VariableChange::Add(by) => *value + by,
+                    VariableChange::Multiply(by) => *value * by,
+                };
+            }
+            None => {}
+        }
+    }
+
+    /// Conditions forget all checks before the element waits for them.
+    fn watch_anew(&mut self, groups: &[Vec<usize>]) {
+        for number in groups.iter().flatten() {
+            self.run.conditions[*number] = ConditionRun::default();
+        }
+    }
+
+    fn wait_or_complete(&mut self, number: usize, waits: bool) {
+        if waits {
+            self.watch_anew(&self.board.elements[number].start);
+        }
+        let life = if waits { Life::Standby } else { Life::Complete };
+        self.run.elements[number].life = life;
+    }
+
+    fn end(&mut self, number: usize) {
+        let element = &self.board.elements[number];
+        let was_taken = self.release(number);
+        // An action that another one took over has not ended by itself.
+        self.record(
+            number,
+            if was_taken {
+                ElementState::StopTransition
+            } else {
+                ElementState::EndTransition
+            },
+        );
+        let repeats = self.run.elements[number].executions < element.most_executions;
+        match element.kind {
+            ElementKind::Event => self.wait_or_complete(number, repeats),
+            ElementKind::ManeuverGroup if repeats => self.start(number),
+            _ => self.wait_or_complete(number, false),
+        }
+    }
+
+    /// Gives up the agents of an action, and returns whether another action took one.
+    fn release(&mut self, number: usize) -> bool {
+        let Some(CheckedEffect::Of { actors, action }) = &self.board.elements[number].effect else {
+            return false;
+        };
+        let mut was_taken = false;
+        for actor in actors {
+            let owner = &mut self.run.owners[*actor][action.domain() as usize];
+            if *owner == Some(number) {
+                *owner = None;
+            } else {
+                was_taken = true;
+            }
+        }
+        was_taken
+    }
+
+    fn stop(&mut self, number: usize) {
+        let element = &self.board.elements[number];
+        if let Some(CheckedEffect::Of { actors, action }) = &element.effect {
+            for actor in actors {
+                if self.owner(*actor, action.domain()) == Some(number) {
+                    self.stage.stop(*actor, action.domain(), self.now_s);
+                }
+            }
+            self.release(number);
+        }
+        for child in &element.children {
+            if matches!(
+                self.run.elements[*child].life,
+                Life::Standby | Life::Running
+            ) {
+                self.stop(*child);
+            }
+        }
+        self.run.elements[number].life = Life::Complete;
+        self.record(number, ElementState::StopTransition);
+    }
+}
+
+/// Domains in the order of an agent's owners.
+const DOMAINS: [MotionDomain; 2] = [MotionDomain::Longitudinal, MotionDomain::Lateral];

@@ -1,0 +1,7 @@
+//! Storyboards behave as the sentences of OpenSCENARIO 1.3 state.
+
+mod conditions;
+mod elements;
+mod instants;
+mod mistakes;
+mod toy;
