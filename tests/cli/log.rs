@@ -161,8 +161,8 @@ fn rules_on_a_recording_are_those_of_a_count_by_hand() {
     );
     let junit = read(&junit);
     assert!(junit.contains("tests=\"2\" failures=\"1\""), "{junit}");
-    assert!(junit.contains("name=\"28 m\"><failure"), "{junit}");
-    assert!(junit.contains("name=\"10 m\"></testcase>"), "{junit}");
+    assert!(junit.contains("name=\"28 m\">\n      <failure"), "{junit}");
+    assert!(junit.contains("name=\"10 m\"/>"), "{junit}");
     let picture = broken["picture"].as_str().expect("a picture");
     assert!(found[1]["picture"].is_null());
     // Both cars, the one with the red edge behind its lead.

@@ -31,4 +31,4 @@ use brakecheck_stats::stats;
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;
 use brakecheck_world::world;
-use brakecheck_xml::visible;
+use brakecheck_xml::{visible, xml};

@@ -1,12 +1,10 @@
 //! Rows as JUnit XML, for continuous integration.
 
-use maud::{Markup, PreEscaped, html};
-
+use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 use super::{Report, Tested};
 use crate::run_dir::Row;
 use crate::stats::StartOutcome;
 use crate::testbench::FaultCount;
-use crate::visible::visible_markup;
 
 /// Test cases: one per counterexample of the tested adversaries.
 ///
@@ -15,30 +13,14 @@ use crate::visible::visible_markup;
 pub(super) fn xml(report: &Report<'_>) -> String {
     let tested: Vec<&Tested> = report.tested.iter().filter(is_adversary).collect();
     // An ego that failed to run is one more error, so that CI cannot pass.
-    let not_run = usize::from(!report.faults.is_empty());
-    let rows = || tested.iter().map(|tested| &tested.row);
-    let errors = rows().filter(|row| errs(row)).count() + not_run;
-    let failures: usize = rows().map(|row| row.successes).sum();
-    let no_answer = rows().filter(|row| fouls(row) > 0).count();
-    let skipped = no_answer + rows().filter(|row| row.starts + row.invalid == 0).count();
-    let cases = |row: &Row| {
-        row.successes + usize::from(errs(row) || row.successes == 0) + usize::from(fouls(row) > 0)
-    };
-    let tests = rows().map(cases).sum::<usize>() + not_run;
-    // `sum` of no values is −0.0.
-    let seconds: f64 = rows().fold(0.0, |sum, row| sum + row.cpu_s);
-    let time = format!("{seconds:.3}");
-    let name = &report.scenario.name;
-    let page = html! {
-        (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
-        testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) time=(time) {
-            testsuite name=(name) tests=(tests) failures=(failures) errors=(errors) skipped=(skipped) time=(time) {
-                @if !report.faults.is_empty() { (not_ran(report)) }
-                @for tested in &tested { (cases_of(report, tested)) }
-            }
-        }
-    };
-    visible_markup(&page.into_string()).into_owned()
+    let not_run = (!report.faults.is_empty()).then(|| not_ran(report));
+    let cases = tested.iter().flat_map(|it| cases_of(report, it));
+    junit(&[TestSuite {
+        name: report.scenario.name.clone(),
+        // `sum` of no values is −0.0.
+        time_s: Some(tested.iter().fold(0.0, |sum, it| sum + it.row.cpu_s)),
+        cases: not_run.into_iter().chain(cases).collect(),
+    }])
 }
 
 /// Returns true for a trained ado or a search, and false for a baseline.
@@ -66,7 +48,7 @@ fn violations(row: &Row) -> String {
     broken.join(", ")
 }
 
-fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
+fn cases_of(report: &Report<'_>, tested: &Tested) -> Vec<TestCase> {
     let row = &tested.row;
     let solved = row
         .solved
@@ -74,44 +56,61 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
         .enumerate()
         .filter(|(_, outcome)| **outcome == StartOutcome::Solved);
     let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
-    let class = format!("{}.{}", row.world, row.plant);
     let name = format!("ego {} against ado {}", row.ego, row.ado);
+    let case = |name: String, time_s: f64, outcome| TestCase {
+        class: format!("{}.{}", row.world, row.plant),
+        name,
+        time_s: Some(time_s),
+        requirement: None,
+        outcome,
+    };
+    let tests = |case| TestCase {
+        requirement: report.scenario.requirement.clone(),
+        ..case
+    };
+    let mut cases = Vec::new();
     // A row with faults has no case that passes, even without counterexamples.
-    html! {
-        @if errs(row) {
-            testcase classname=(class) name=(format!("{name} runs")) time="0.000" {
-                error type=(row.faults.first().map_or("fault", |fault| fault.kind.word()))
-                    message=(format!("the ego or the physics failed on {} of {} starts", row.invalid, row.starts + row.invalid)) { (faults(row)) }
-            }
-        } @else if starts.is_empty() {
-            testcase classname=(class) name=(name) time=(format!("{:.3}", row.cpu_s)) {
-                (requirement(report))
-                @if row.starts == 0 { skipped message="no start was evaluated" {} }
-            }
-        }
-        @if let some @ 1.. = fouls(row) {
-            testcase classname=(class) name=(format!("{name}, starts without an answer")) time="0.000" {
-                skipped message=(format!("no answer from {some} of {} starts, on which an ado broke its rule first: {}", row.starts, violations(row))) {}
-            }
-        }
-        @for (i, start) in starts.iter().enumerate() {
-            testcase classname=(class) name=(format!("{name}, start {start:04}")) time=(format!("{:.3}", row.cpu_s / starts.len() as f64)) {
-                (requirement(report))
-                failure type="counterexample" message="the ego fails, every rule kept" {
-                    (about(report, tested, i == 0))
-                }
-            }
-        }
+    if errs(row) {
+        let played = row.starts + row.invalid;
+        let fault = TestMessage {
+            kind: row
+                .faults
+                .first()
+                .map_or("fault", |fault| fault.kind.word()),
+            message: format!(
+                "the ego or the physics failed on {} of {played} starts",
+                row.invalid
+            ),
+            words: faults(row),
+        };
+        cases.push(case(format!("{name} runs"), 0.0, TestOutcome::Error(fault)));
+    } else if starts.is_empty() {
+        let outcome = match row.starts {
+            0 => TestOutcome::Skipped("no start was evaluated".to_owned()),
+            _ => TestOutcome::Passed,
+        };
+        cases.push(tests(case(name.clone(), row.cpu_s, outcome)));
     }
-}
-
-/// Requirement that ψ_ego expresses.
-fn requirement(report: &Report<'_>) -> Markup {
-    html! {
-        @if let Some(requirement) = &report.scenario.requirement {
-            properties { property name="requirement" value=(requirement) {} }
-        }
+    if let some @ 1.. = fouls(row) {
+        let why = format!(
+            "no answer from {some} of {} starts, on which an ado broke its rule first: {}",
+            row.starts,
+            violations(row)
+        );
+        let name = format!("{name}, starts without an answer");
+        cases.push(case(name, 0.0, TestOutcome::Skipped(why)));
     }
+    let share_s = row.cpu_s / starts.len() as f64;
+    cases.extend(starts.iter().enumerate().map(|(i, start)| {
+        let failure = TestMessage {
+            kind: "counterexample",
+            message: "the ego fails, every rule kept".to_owned(),
+            words: about(report, tested, i == 0),
+        };
+        let name = format!("{name}, start {start:04}");
+        tests(case(name, share_s, TestOutcome::Failed(failure)))
+    }));
+    cases
 }
 
 fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
@@ -130,17 +129,19 @@ fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
 }
 
 /// Case of an ego that failed to run, regardless of other results.
-fn not_ran(report: &Report<'_>) -> Markup {
-    let class = &report.scenario.name;
+fn not_ran(report: &Report<'_>) -> TestCase {
     let first = report.faults.first();
     let text: Vec<String> = report.faults.iter().map(in_full).collect();
-    html! {
-        testcase classname=(class) name="the ego runs" {
-            error type=(first.map_or("fault", |fault| fault.kind.word()))
-                message=(first.map(ToString::to_string).unwrap_or_default()) {
-                (text.join("\n"))
-            }
-        }
+    TestCase {
+        class: report.scenario.name.clone(),
+        name: "the ego runs".to_owned(),
+        time_s: None,
+        requirement: None,
+        outcome: TestOutcome::Error(TestMessage {
+            kind: first.map_or("fault", |fault| fault.kind.word()),
+            message: first.map(ToString::to_string).unwrap_or_default(),
+            words: text.join("\n"),
+        }),
     }
 }
 

@@ -15,6 +15,7 @@ mod fault;
 pub mod figures;
 mod file_style;
 mod junit;
+mod junit_suite;
 mod page;
 mod plot;
 mod points;

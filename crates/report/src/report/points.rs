@@ -3,6 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::examples::example;
+use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 use super::page::{head, world};
 use super::{Example, animation};
 use crate::visible::visible_markup;
@@ -99,43 +100,53 @@ impl PointsPage<'_> {
 
     /// Returns the points as JUnit XML: a case each, and one per searched variation.
     pub fn junit(&self) -> String {
-        let count = |which: &dyn Fn(&&PointCase) -> bool| self.points.iter().filter(which).count();
-        // A variation is a case of its own, since the point itself may pass.
-        let varied = count(&|it| it.varied.is_some());
-        let strays = |it: &&PointCase| it.varied.as_ref().is_some_and(|varied| !varied.is_empty());
-        let failures = count(&|it| it.failure.is_some()) + count(&strays);
-        let errors = count(&|it| it.invalid);
-        let skipped = count(&|it| it.skipped);
-        let tests = self.points.len() + varied;
-        let name = &self.scenario.name;
-        // CI servers group cases by their class, and the same point may run on both plants.
-        let class = format!("{}.{}", self.scenario.name, self.scenario.plant());
-        let page = html! {
-            (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
-            testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) {
-                testsuite name=(name) tests=(tests) failures=(failures) errors=(errors) skipped=(skipped) {
-                    @for point in &self.points {
-                        testcase classname=(class) name=(self.case_name(point)) {
-                            @if let Some(failure) = &point.failure {
-                                failure type="counterexample" message="the ego fails at this point" { (failure) }
-                            }
-                            @if point.invalid {
-                                error type="fault" message="the ego or the physics failed to run" {}
-                            }
-                            @if point.skipped { skipped message="not reached" {} }
-                        }
-                        @if let Some(varied) = &point.varied {
-                            testcase classname=(class) name=(format!("{}, varied", self.case_name(point))) {
-                                @if !varied.is_empty() {
-                                    failure type="counterexample" message="a lawful variation makes the ego fail" { (varied) }
-                                }
-                            }
-                        }
-                    }
-                }
-            }
+        let cases = self.points.iter().flat_map(|it| self.cases(it)).collect();
+        junit(&[TestSuite {
+            name: self.scenario.name.clone(),
+            time_s: None,
+            cases,
+        }])
+    }
+
+    fn cases(&self, point: &PointCase) -> Vec<TestCase> {
+        let case = |name: String, outcome| TestCase {
+            // CI servers group cases by their class, and the same point may run on both plants.
+            class: format!("{}.{}", self.scenario.name, self.scenario.plant()),
+            name,
+            time_s: None,
+            requirement: None,
+            outcome,
         };
-        visible_markup(&page.into_string()).into_owned()
+        let failed = |message: &str, words: &str| {
+            TestOutcome::Failed(TestMessage {
+                kind: "counterexample",
+                message: message.to_owned(),
+                words: words.to_owned(),
+            })
+        };
+        let name = self.case_name(point);
+        // A variation is a case of its own, since the point itself may pass.
+        let varied = point.varied.as_ref().map(|varied| {
+            let outcome = match &**varied {
+                "" => TestOutcome::Passed,
+                words => failed("a lawful variation makes the ego fail", words),
+            };
+            case(format!("{name}, varied"), outcome)
+        });
+        let outcome = match &point.failure {
+            Some(failure) => failed("the ego fails at this point", failure),
+            None if point.invalid => TestOutcome::Error(TestMessage {
+                kind: "fault",
+                message: "the ego or the physics failed to run".to_owned(),
+                words: String::new(),
+            }),
+            None if point.skipped => TestOutcome::Skipped("not reached".to_owned()),
+            None => TestOutcome::Passed,
+        };
+        [case(name.clone(), outcome)]
+            .into_iter()
+            .chain(varied)
+            .collect()
     }
 
     fn case_name(&self, point: &PointCase) -> String {

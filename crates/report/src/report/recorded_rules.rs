@@ -1,9 +1,8 @@
 //! Rules on recorded traffic as JUnit XML.
 
 use brakecheck_driver_model::RuleResult;
-use maud::{PreEscaped, html};
 
-use crate::visible::visible_markup;
+use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 
 /// Returns JUnit XML: a suite per recording, and a case per rule.
 ///
@@ -11,29 +10,30 @@ use crate::visible::visible_markup;
 pub fn recorded_rules_junit<'a>(
     recordings: impl Iterator<Item = (&'a str, &'a [RuleResult])>,
 ) -> String {
-    let recordings: Vec<_> = recordings.collect();
-    let failures = |rules: &[RuleResult]| rules.iter().filter(|it| it.episodes > 0).count();
-    let tests: usize = recordings.iter().map(|(_, rules)| rules.len()).sum();
-    let failed: usize = recordings.iter().map(|(_, rules)| failures(rules)).sum();
-    let page = html! {
-        (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
-        testsuites name="brakecheck" tests=(tests) failures=(failed) errors="0" {
-            @for (name, rules) in &recordings {
-                testsuite name=(name) tests=(rules.len()) failures=(failures(rules)) errors="0" {
-                    @for rule in *rules {
-                        testcase classname=(name) name=(rule.rule) {
-                            @if rule.episodes > 0 {
-                                failure type="rule violation" message=(format!("{} episodes of {} vehicles", rule.episodes, rule.vehicles)) {
-                                    (in_words(rule))
-                                }
-                            }
-                        }
-                    }
-                }
-            }
-        }
+    let suite = |(name, rules): (&str, &[RuleResult])| TestSuite {
+        name: name.to_owned(),
+        time_s: None,
+        cases: rules.iter().map(|rule| case_of(name, rule)).collect(),
     };
-    visible_markup(&page.into_string()).into_owned()
+    junit(&recordings.map(suite).collect::<Vec<_>>())
+}
+
+fn case_of(recording: &str, rule: &RuleResult) -> TestCase {
+    let violated = TestMessage {
+        kind: "rule violation",
+        message: format!("{} episodes of {} vehicles", rule.episodes, rule.vehicles),
+        words: in_words(rule),
+    };
+    TestCase {
+        class: recording.to_owned(),
+        name: rule.rule.clone(),
+        time_s: None,
+        requirement: None,
+        outcome: match rule.episodes {
+            0 => TestOutcome::Passed,
+            _ => TestOutcome::Failed(violated),
+        },
+    }
 }
 
 fn in_words(rule: &RuleResult) -> String {

@@ -1,8 +1,6 @@
 //! Replays of kept counterexamples as JUnit XML.
 
-use maud::{PreEscaped, html};
-
-use crate::visible::visible_markup;
+use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 
 /// Replay as a test case.
 pub struct ReplayCase {
@@ -35,31 +33,37 @@ pub enum ReplayResult {
 ///
 /// A case without an answer is skipped, so that CI neither fails nor counts it as passed.
 pub fn replayed_junit(cases: &[ReplayCase]) -> String {
-    let count = |of: fn(&ReplayResult) -> bool| cases.iter().filter(|it| of(&it.result)).count();
-    let failures = count(|it| matches!(it, ReplayResult::StillFails(_)));
-    let errors = count(|it| matches!(it, ReplayResult::Invalid { .. }));
-    let skipped = count(|it| matches!(it, ReplayResult::NoAnswer(_)));
-    let tests = cases.len();
-    let page = html! {
-        (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
-        testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) {
-            testsuite name="replay" tests=(tests) failures=(failures) errors=(errors) skipped=(skipped) {
-                @for case in cases {
-                    testcase classname=(case.world) name=(case.file) {
-                        @match &case.result {
-                            ReplayResult::Fixed => {},
-                            ReplayResult::StillFails(words) => {
-                                failure type="counterexample" message="the ego still fails, every rule kept" { (words) }
-                            },
-                            ReplayResult::NoAnswer(why) => { skipped message=(why) {} },
-                            ReplayResult::Invalid { kind, message } => { error type=(kind) message=(message) {} },
-                        }
-                    }
-                }
-            }
+    junit(&[TestSuite {
+        name: "replay".to_owned(),
+        time_s: None,
+        cases: cases.iter().map(ReplayCase::test_case).collect(),
+    }])
+}
+
+impl ReplayCase {
+    fn test_case(&self) -> TestCase {
+        let outcome = match &self.result {
+            ReplayResult::Fixed => TestOutcome::Passed,
+            ReplayResult::StillFails(words) => TestOutcome::Failed(TestMessage {
+                kind: "counterexample",
+                message: "the ego still fails, every rule kept".to_owned(),
+                words: words.clone(),
+            }),
+            ReplayResult::NoAnswer(why) => TestOutcome::Skipped(why.clone()),
+            ReplayResult::Invalid { kind, message } => TestOutcome::Error(TestMessage {
+                kind,
+                message: message.clone(),
+                words: String::new(),
+            }),
+        };
+        TestCase {
+            class: self.world.clone(),
+            name: self.file.clone(),
+            time_s: None,
+            requirement: None,
+            outcome,
         }
-    };
-    visible_markup(&page.into_string()).into_owned()
+    }
 }
 
 #[cfg(test)]
@@ -94,13 +98,13 @@ mod tests {
             ),
             "{xml}"
         );
-        assert!(xml.contains(r#"name="b.ron"></testcase>"#), "{xml}");
+        assert!(xml.contains(r#"name="b.ron"/>"#), "{xml}");
         assert!(
-            xml.contains(r#"name="c.ron"><skipped message="ado broke `r` at 1.20 s">"#),
+            xml.contains(r#"<skipped message="ado broke `r` at 1.20 s"/>"#),
             "{xml}"
         );
         assert!(
-            xml.contains(r#"<error type="timeout" message="late">"#),
+            xml.contains(r#"<error type="timeout" message="late"/>"#),
             "{xml}"
         );
     }
