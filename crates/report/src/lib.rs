@@ -21,14 +21,13 @@
 pub mod report;
 
 use brakecheck_ego::ego;
-use brakecheck_experiment::run_dir;
+use brakecheck_experiment::{experiment, run_dir};
 use brakecheck_road::road;
 use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_sim::{severity, sim};
 #[cfg(test)]
 use brakecheck_stats::seed;
 use brakecheck_stats::stats;
-use brakecheck_stl as stl;
 use brakecheck_stl::trace;
 use brakecheck_world::world;
 use brakecheck_xml::{visible, xml};

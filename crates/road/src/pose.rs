@@ -1,7 +1,7 @@
 //! Poses on the ground and placements in space.
 
 use nalgebra::{Point2, Quaternion, UnitComplex, UnitQuaternion, Vector2, Vector3};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Angle below which sine and cosine are the angle and 1, to the last bit: 2⁻²⁸.
 const TINY_RAD: f64 = 3.725_290_298_461_914e-9;
@@ -24,6 +24,14 @@ pub struct Placement {
     pub centre_m: [f64; 3],
     /// Rotation from the body's frame to the world frame.
     pub rotation: UnitQuaternion<f64>,
+}
+
+impl Serialize for Placement {
+    /// Writes the centre x, y, z in metres and the rotation qx, qy, qz, qw.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let ([x, y, z], q) = (self.centre_m, self.rotation.coords);
+        [x, y, z, q.x, q.y, q.z, q.w].serialize(serializer)
+    }
 }
 
 /// Frame on the ground with its x axis along a heading.

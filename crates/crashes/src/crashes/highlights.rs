@@ -109,8 +109,7 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
 
 fn facts_of(start: usize, episode: &Episode, scenario: &Scenario, axes: &[Axis]) -> Facts {
     let rulebook = scenario.rulebook();
-    let mut judged = episode.trace.clone();
-    judged.truncate(episode.judged);
+    let judged = episode.judged_trace();
     let mut scratch = Scratch::new();
     let rules = rulebook.rules.iter();
     let spare = rules

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::reruns::{KEEP_RUNS, Reruns};
 use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
-use crate::experiment::{Watch, violated};
+use crate::experiment::{Watch, ending_at, violated};
 use crate::preventability::{BrakingReplays, Preventability};
 use crate::rulebook::Verdict;
 use crate::run_dir::{Answer, DecisiveSpan, LastChance, NoAnswer, NotAsked, Why};
@@ -86,7 +86,7 @@ pub(super) fn why_within(
     let leaf = explanation.leaf();
     Why {
         leaf: leaf.map(|leaf| leaf.formula.clone()).unwrap_or_default(),
-        leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
+        leaf_s: leaf.map_or(0.0, |leaf| ending_at(episode, leaf.sample).time_s),
         decisive,
         not_asked,
         last_chance: scenario.drive().map(|driving| match driver {
@@ -374,7 +374,11 @@ fn chance(
     LastChance {
         driver: driver.name.clone(),
         at_s: at.map(time_s),
-        violated_s: time_s(violated(&scenario, episode).len().saturating_sub(1)),
+        violated_s: ending_at(
+            episode,
+            violated(&scenario, episode).len().saturating_sub(1),
+        )
+        .time_s,
         no_answer: match at {
             None if only_contact => unanswered.or(Some(NoAnswer::OnlyContact)),
             None if contact.is_some() => unanswered.or(Some(NoAnswer::ReplaysDiffer)),

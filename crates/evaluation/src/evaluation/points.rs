@@ -13,7 +13,8 @@ use serde::Serialize;
 use crate::adversary::Ado;
 use crate::crashes::{KeepSettings, KeptFiles, copies, description};
 use crate::experiment::{
-    EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, leaf, untried_starts,
+    EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, decided, leaf,
+    untried_starts,
 };
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
@@ -299,13 +300,12 @@ fn robustness(verdict: &Verdict) -> Option<f64> {
 }
 
 fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
-    let sample_s = scenario.world().clock().sample_s;
     let contact = episode.contact.as_ref();
+    let decided = decided(scenario, episode);
     PointFailure {
         leaf: leaf(scenario, episode),
-        // The last judged sample is that of the violation, and rounding removes binary
-        // noise.
-        violated_s: (episode.judged.saturating_sub(1) as f64 * sample_s * 1e9).round() / 1e9,
+        // Invariant: an episode in which the ego fails is decided.
+        violated_s: decided.map_or(0.0, |it| it.time_s),
         contact: contact.map(|touch| touch.between.clone()),
         closing_mps: contact.map(|touch| touch.closing_speed_mps),
     }

@@ -1,6 +1,6 @@
 //! Part of the ego's specification that decides an episode.
 
-use crate::stl::Interval;
+use super::running_robustness::RunningRobustness;
 use crate::testbench::Episode;
 use crate::trace::Trace;
 use crate::world::Scenario;
@@ -20,15 +20,8 @@ pub fn leaf(scenario: &Scenario, episode: &Episode) -> String {
 /// An episode that continues to the contact gets worse, so its worst sample is not the
 /// time of the failure.
 pub fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
+    let lost = RunningRobustness::of_spec(scenario, episode).lost;
     let mut judged = episode.trace.clone();
-    judged.truncate(episode.judged);
-    let samples = scenario.world().clock().samples();
-    let mut monitor = scenario.rulebook().spec.online_for(samples);
-    let mut row = vec![0.0; judged.schema().len()];
-    let lost = (0..judged.len()).find(|&sample| {
-        judged.read_row(sample, &mut row);
-        monitor.push(&row).is_ok_and(Interval::is_violated)
-    });
-    judged.truncate(lost.map_or(judged.len(), |sample| sample + 1));
+    judged.truncate(lost.map_or(episode.judged, |sample| episode.judged.min(sample + 1)));
     judged
 }

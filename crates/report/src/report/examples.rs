@@ -5,7 +5,8 @@ use maud::{Markup, html};
 use super::Example;
 use super::animation::{animation, colour_class};
 use super::plot::{Chart, Curve, Mark, chart};
-use super::verdict::VerdictWords;
+use super::verdict::{VerdictWords, ego_failed};
+use crate::experiment::{action_runs, decided};
 use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
 use crate::world::Scenario;
@@ -16,10 +17,8 @@ use crate::world::Scenario;
 /// curves.
 pub(super) fn example(scenario: &Scenario, example: &Example, nth: usize, all: usize) -> Markup {
     let episode = &example.episode;
-    let mut judged = episode.trace.clone();
     // The explanation must not read samples after the verdict.
-    judged.truncate(episode.judged);
-    let why = scenario.rulebook().spec.explain(&judged);
+    let why = scenario.rulebook().spec.explain(&episode.judged_trace());
     let verdict = VerdictWords::of(scenario, example);
     let (blame, blame_class) = &verdict.blame;
     html! {
@@ -105,17 +104,10 @@ fn start_in_words(scenario: &Scenario, episode: &Episode) -> String {
 
 /// Joint actions with their durations.
 fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
-    let clock = *scenario.bench().clock();
-    let mut runs: Vec<(usize, usize)> = Vec::new();
-    for action in &episode.actions {
-        match runs.last_mut() {
-            Some((last, times)) if last == action => *times += 1,
-            _ => runs.push((*action, 1)),
-        }
-    }
-    let words = runs.iter().map(|(action, times)| {
-        let seconds = *times as f64 * clock.decision_s;
-        format!("{} for {seconds:.2} s", scenario.action_label(*action))
+    let decision_s = scenario.bench().clock().decision_s;
+    let words = action_runs(&episode.actions).into_iter().map(|run| {
+        let seconds = (run.until - run.from) as f64 * decision_s;
+        format!("{} for {seconds:.2} s", scenario.action_label(run.action))
     });
     words.collect::<Vec<_>>().join("; ")
 }
@@ -138,7 +130,7 @@ fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
         x_label: "time [s]".to_owned(),
         y_label: "speed [m/s]".to_owned(),
         curves,
-        at_x: instants(episode),
+        at_x: instants(scenario, episode),
         ..Chart::default()
     })
 }
@@ -194,7 +186,7 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             format!("{} [{}]", names.join(", "), first.unit)
         },
         curves: curves.collect(),
-        at_x: instants(episode),
+        at_x: instants(scenario, episode),
         at_y: bound
             .map(|at| Mark {
                 at,
@@ -206,18 +198,17 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     })
 }
 
-fn instants(episode: &Episode) -> Vec<Mark> {
-    // The last judged sample decides the episode.
-    let decided_s = episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s();
-    let violated = Mark {
-        at: decided_s,
+fn instants(scenario: &Scenario, episode: &Episode) -> Vec<Mark> {
+    let decided = decided(scenario, episode).filter(|_| ego_failed(episode));
+    let violated = decided.map(|decided| Mark {
+        at: decided.time_s,
         word: "ψ_ego violated".to_owned(),
-    };
+    });
     let contact = episode.contact.as_ref().map(|touch| Mark {
         at: touch.time_s,
         word: format!("contact, {:.1} m/s", touch.closing_speed_mps),
     });
-    std::iter::once(violated).chain(contact).collect()
+    violated.into_iter().chain(contact).collect()
 }
 
 fn over_time(trace: &Trace, column: &[f64]) -> Vec<(f64, f64)> {

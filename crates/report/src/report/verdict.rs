@@ -120,8 +120,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
 /// It is a distance, a red light, or the leaf of ψ_ego with its values.
 fn without_contact(scenario: &Scenario, example: &Example) -> String {
     // The explanation must not read samples after the verdict.
-    let mut judged = example.episode.trace.clone();
-    judged.truncate(example.episode.judged);
+    let judged = example.episode.judged_trace();
     let explanation = scenario.rulebook().spec.explain(&judged);
     let Some(leaf) = explanation.leaf() else {
         return "No contact, but the ego broke what is asked of it".to_owned();

@@ -224,7 +224,7 @@ impl AfterContact {
 }
 
 /// Role of an agent, for viewers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Role {
     /// The system under test.
     Ego,
@@ -235,7 +235,7 @@ pub enum Role {
 }
 
 /// Description of an agent, for viewers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AgentDescription {
     /// Name in the world file.
     pub name: String,
@@ -252,7 +252,7 @@ pub struct AgentDescription {
 }
 
 /// A traffic light, for viewers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LightPost {
     /// Name in the world file.
     pub name: String,
@@ -261,7 +261,7 @@ pub struct LightPost {
 }
 
 /// Static content of an episode, for viewers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneGeometry {
     /// The agents, in file order.
     pub agents: Vec<AgentDescription>,
@@ -274,7 +274,7 @@ pub struct SceneGeometry {
 }
 
 /// Poses of all agents and phases of all lights at one sample, for viewers.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Frame {
     /// One placement per member of the cast.
     pub placements: Vec<Placement>,

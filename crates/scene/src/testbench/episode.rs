@@ -111,6 +111,15 @@ pub fn play(
     bench.episode(start, noise, actions)
 }
 
+impl Episode {
+    /// Returns the samples on which the verdict rests, without the aftermath.
+    pub fn judged_trace(&self) -> Trace {
+        let mut judged = self.trace.clone();
+        judged.truncate(self.judged);
+        judged
+    }
+}
+
 impl Testbench {
     fn after_contact(&self) -> Option<AfterContact> {
         self.contact.as_ref()?;

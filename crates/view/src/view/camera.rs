@@ -62,10 +62,11 @@ impl ViewExtent {
         let mut around = ViewExtent {
             ahead_m: (0.0, 0.0),
             left_m: (0.0, 0.0),
-            behind_m: (story.stage.agents[story.ego()].size_m[0] - 4.5) as f32,
+            behind_m: (story.shown.stage.agents[story.ego()].size_m[0] - 4.5) as f32,
         };
-        let last = story.frames.len().saturating_sub(1);
-        let Some(frame) = story.frames.get(story.decided.unwrap_or(last)) else {
+        let last = story.samples().saturating_sub(1);
+        let at = story.shown.decided.map_or(last, |decided| decided.sample);
+        let Some(frame) = story.shown.at_sample(at) else {
             return around;
         };
         // The cameras neither pitch nor roll.

@@ -17,7 +17,7 @@ pub(super) fn log(
     who: usize,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let agent = &story.stage.agents[who];
+    let agent = &story.shown.stage.agents[who];
     let colour = story.colour(who);
     let figure = agent.figure();
     let scale = Scale::of(agent);

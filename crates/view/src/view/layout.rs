@@ -28,7 +28,8 @@ const LEGEND_ROOM_PX: f32 = 62.0;
 /// It suffices for a legend of `curves` and the marks of the story. Without a
 /// legend it is smaller.
 pub(super) fn height_of(story: &ViewedEpisode<'_>, curves: usize) -> f32 {
-    let marks = usize::from(story.decided.is_some()) + usize::from(story.episode.contact.is_some());
+    let marks =
+        usize::from(story.shown.decided.is_some()) + usize::from(story.episode.contact.is_some());
     match curves {
         0 => 0.75,
         _ => {

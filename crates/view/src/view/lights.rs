@@ -12,6 +12,7 @@ use super::palette;
 use super::space::{distance, lifted, quaternion};
 use super::viewed_episode::ViewedEpisode;
 use crate::ego::Phase;
+use crate::experiment::{SampleInstant, phase_word};
 use crate::scene::LightPost;
 use crate::sim::Placement;
 
@@ -32,10 +33,10 @@ pub(super) fn log_posts(
     story: &ViewedEpisode<'_>,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    for (l, light) in story.stage.lights.iter().enumerate() {
+    for (l, light) in story.shown.stage.lights.iter().enumerate() {
         log_post(light, journal)?;
-        for (sample, phase) in turns(story, l) {
-            log_lit(story, light, sample, phase, journal)?;
+        for (instant, phase) in story.shown.light_turns(l) {
+            log_lit(light, instant, phase, journal)?;
         }
     }
     Ok(())
@@ -46,31 +47,10 @@ pub(super) fn log_phases(
     story: &ViewedEpisode<'_>,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    for (l, light) in story.stage.lights.iter().enumerate() {
-        log_lanes(story, light, &turns(story, l), journal)?;
+    for (l, light) in story.shown.stage.lights.iter().enumerate() {
+        log_lanes(light, &story.shown.light_turns(l), journal)?;
     }
     Ok(())
-}
-
-/// Samples at which a light changes its phase, including the first.
-pub(super) fn turns(story: &ViewedEpisode<'_>, light: usize) -> Vec<(usize, Phase)> {
-    let mut turns: Vec<(usize, Phase)> = Vec::new();
-    for (sample, frame) in story.frames.iter().enumerate() {
-        let phase = frame.phases[light];
-        if turns.last().is_none_or(|(_, last)| *last != phase) {
-            turns.push((sample, phase));
-        }
-    }
-    turns
-}
-
-/// Word for a phase.
-pub(super) fn word(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Green => "green",
-        Phase::Yellow => "yellow",
-        Phase::Red => "red",
-    }
 }
 
 /// Logs the post with dark lamps.
@@ -107,9 +87,8 @@ fn lamp(phase: Phase, ahead_m: f32) -> [f32; 3] {
 
 /// Logs the lit lamp and the stop line in its colour, from a sample on.
 fn log_lit(
-    story: &ViewedEpisode<'_>,
     light: &LightPost,
-    sample: usize,
+    instant: SampleInstant,
     phase: Phase,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
@@ -123,16 +102,15 @@ fn log_lit(
     let lamp = Points3D::new([lamp(phase, -0.2)])
         .with_radii([0.2])
         .with_colors([palette::of_phase(phase)])
-        .with_labels([format!("{} {}", light.name, word(phase))]);
+        .with_labels([format!("{} {}", light.name, phase_word(phase))]);
     let entity = agent_path(&light.name).join(&path(["lit"]));
-    journal.from(story.instant(sample), entity, &[&line, &lamp])
+    journal.from(instant, entity, &[&line, &lamp])
 }
 
 /// Logs the phases of one light as coloured lanes.
 fn log_lanes(
-    story: &ViewedEpisode<'_>,
     light: &LightPost,
-    turns: &[(usize, Phase)],
+    turns: &[(SampleInstant, Phase)],
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = path(["lights", &light.name]);
@@ -141,15 +119,15 @@ fn log_lanes(
         Color::from_rgb(r, g, b)
     };
     let lanes = StateConfiguration::new()
-        .with_values(PHASES.map(word))
-        .with_labels(PHASES.map(word))
+        .with_values(PHASES.map(phase_word))
+        .with_labels(PHASES.map(phase_word))
         .with_colors(PHASES.map(colour));
     journal.always(entity.clone(), &[&lanes])?;
     let states = StateChange::update_fields()
-        .with_state(turns.iter().map(|(_, phase)| word(*phase)))
+        .with_state(turns.iter().map(|(_, phase)| phase_word(*phase)))
         .columns_of_unit_batches();
     let instants = turns
         .iter()
-        .map(|(sample, _)| (*sample, story.time_s(*sample)));
+        .map(|(instant, _)| (instant.sample, instant.time_s));
     journal.columns(entity, clock(instants), states)
 }

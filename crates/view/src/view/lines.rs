@@ -10,6 +10,7 @@ use super::error::ViewError;
 use super::log_writer::{LogWriter, clock};
 use super::palette::{self, Rgb};
 use super::viewed_episode::ViewedEpisode;
+use crate::experiment::SampleInstant;
 
 /// Entity of the marks that all plots show.
 pub(super) const MARKS: &str = "/marks";
@@ -18,7 +19,7 @@ const MARK_REACH: f64 = 2e3;
 
 /// Returns true if there is an instant to mark.
 pub(super) fn has_marks(story: &ViewedEpisode<'_>) -> bool {
-    story.decided.is_some() || story.episode.contact.is_some()
+    story.shown.decided.is_some() || story.episode.contact.is_some()
 }
 
 /// Logs vertical lines at the instants of the verdict and of the contact.
@@ -37,8 +38,7 @@ pub(super) fn log_marks(
         let ends = vec![-MARK_REACH, MARK_REACH];
         log_lines(entity, &[(name, rgb, 1.2)], instants, ends, journal)
     };
-    if let Some(sample) = story.decided {
-        let time_s = story.time_s(sample);
+    if let Some(SampleInstant { sample, time_s }) = story.shown.decided {
         let name = format!("{} {time_s:.2} s", story.episode.verdict.word());
         upright("verdict", sample, time_s, &name, palette::DECIDED)?;
     }

@@ -10,6 +10,7 @@ use re_log_types::{EntityPath, LogMsg, SetStoreInfo, StoreId, StoreInfo, StoreKi
 use rerun::{AsComponents, SerializationError, SerializedComponentColumn};
 
 use super::error::ViewError;
+use crate::experiment::SampleInstant;
 
 /// Application under which the viewer keeps the user's layout.
 const APPLICATION: &str = "brakecheck";
@@ -28,13 +29,6 @@ pub(super) const SHOWN_TIME: &str = "shown_time";
 pub(super) const EPISODE: &str = "episode";
 /// Timeline of a stream: the decisions of the training.
 pub(super) const DECISIONS: &str = "decisions";
-
-/// Instant of an episode: a sample and its time.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct SampleInstant {
-    pub sample: usize,
-    pub time_s: f64,
-}
 
 /// Place of an episode on the timelines of a stream.
 #[derive(Clone, Copy, Debug)]

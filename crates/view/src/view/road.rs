@@ -22,14 +22,14 @@ const POST_M: f64 = 0.6;
 /// Logs the part of the road with agents on it.
 pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     let reach = reach(story.poses(), MARGIN_M);
-    for (number, side) in story.stage.side_roads_m.iter().enumerate() {
+    for (number, side) in story.shown.stage.side_roads_m.iter().enumerate() {
         // Each side road lies slightly lower, so that crossing surfaces do not
         // flicker. The world's own road is on top.
         let sunk_m = SUNK_M * (number + 1) as f64;
         let name = format!("world/road/side_{}", number + 1);
         one_road(&near(side, &reach), &name, sunk_m, journal)?;
     }
-    let own = near(&story.stage.lane_borders_m, &reach);
+    let own = near(&story.shown.stage.lane_borders_m, &reach);
     one_road(&own, "world/road", 0.0, journal)
 }
 

@@ -1,6 +1,6 @@
 //! Camera: visible part of the world, and its scale.
 
-use super::episode_frames::EpisodeFrames;
+use super::film_tracks::FilmTracks;
 
 /// Layout of a picture.
 pub(super) struct Canvas {
@@ -60,7 +60,7 @@ impl<'a> Camera<'a> {
     /// `ego` is the index and the length of the ego. With `None` everything
     /// fits, at any scale.
     pub(super) fn of(
-        film: &EpisodeFrames,
+        film: &FilmTracks,
         i: usize,
         ego: Option<(usize, f64)>,
         canvas: &'a Canvas,
@@ -84,7 +84,7 @@ impl<'a> Camera<'a> {
     ///
     /// The scale is greater if the ego would otherwise be too small.
     pub(super) fn fitting(
-        film: &EpisodeFrames,
+        film: &FilmTracks,
         i: usize,
         ego: Option<(usize, f64)>,
         canvas: &Canvas,
@@ -109,7 +109,7 @@ impl<'a> Camera<'a> {
 
     /// Returns the camera at a sample, with the given pixels per metre.
     pub(super) fn at_scale(
-        film: &EpisodeFrames,
+        film: &FilmTracks,
         i: usize,
         ego: Option<(usize, f64)>,
         scale: f64,

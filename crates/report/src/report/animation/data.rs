@@ -5,11 +5,9 @@
 
 use serde_json::to_string;
 
-use super::episode_frames::EpisodeFrames;
-use super::ground::phase_word;
 use super::picture::Picture;
 use super::write::{list, n};
-use crate::ego::Phase;
+use crate::experiment::{EpisodeFrames, phase_word};
 use crate::report::verdict::capital;
 use crate::visible::visible_json;
 
@@ -27,7 +25,8 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
         film.focus.iter().map(|f| f.size_m[1]).collect(),
     ]
     .map(|values| list(&values, 2));
-    let lights: Vec<String> = film.phases.iter().map(|it| turns(film, it)).collect();
+    let lights = (0..film.phases.len()).map(|light| turns(&picture.shown, light));
+    let lights: Vec<String> = lights.collect();
     let contact = picture
         .contact_m()
         .map_or("null".to_owned(), |at| list(&at, 3));
@@ -57,7 +56,7 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
 }
 
 fn body(picture: &Picture<'_>, who: usize) -> String {
-    let (agent, track) = (&picture.stage.agents[who], &picture.film.tracks[who]);
+    let (agent, track) = (&picture.shown.stage.agents[who], &picture.film.tracks[who]);
     let own = picture.moves.iter().find(|(ado, _)| *ado == agent.name);
     let moves = own
         .map_or(&[][..], |(_, moves)| moves)
@@ -77,16 +76,9 @@ fn body(picture: &Picture<'_>, who: usize) -> String {
 }
 
 /// Times at which a light changes, with the new phase.
-fn turns(film: &EpisodeFrames, phases: &[Phase]) -> String {
-    let mut turns: Vec<(f64, Phase)> = Vec::new();
-    for (time_s, phase) in film.times_s.iter().zip(phases) {
-        if turns.last().is_none_or(|(_, last)| last != phase) {
-            turns.push((*time_s, *phase));
-        }
-    }
-    let turns = turns
-        .iter()
-        .map(|(time_s, phase)| format!("[{},\"{}\"]", n(*time_s, 3), phase_word(*phase)));
+fn turns(shown: &EpisodeFrames, light: usize) -> String {
+    let turns = shown.light_turns(light).into_iter();
+    let turns = turns.map(|(at, phase)| format!("[{},\"{}\"]", n(at.time_s, 3), phase_word(phase)));
     format!("[{}]", turns.collect::<Vec<_>>().join(","))
 }
 

@@ -2,9 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::episode_frames::EpisodeFrames;
+use super::film_tracks::FilmTracks;
 use super::write::n;
 use crate::ego::Phase;
+use crate::experiment::phase_word;
 use crate::scene::ground::{GroundPoint, along, beside, distance, near, reach};
 use crate::scene::{Frame, SceneGeometry};
 
@@ -172,21 +173,12 @@ pub(super) fn lights(stage: &SceneGeometry, phases: &[Phase]) -> Markup {
 }
 
 /// Paths of all agents, from the first sample to the last.
-pub(super) fn trails(film: &EpisodeFrames, classes: &[String]) -> Markup {
+pub(super) fn trails(film: &FilmTracks, classes: &[String]) -> Markup {
     html! {
         @for (track, class) in film.tracks.iter().zip(classes) {
             @let way: Vec<GroundPoint> = track.x_m.iter().zip(&track.y_m).step_by(4).map(|(x, y)| [*x, *y, 0.0]).collect();
             polyline class={ "trail " (class) } points=(points(&way)) {}
         }
-    }
-}
-
-/// Word for a phase.
-pub(super) fn phase_word(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Green => "green",
-        Phase::Yellow => "yellow",
-        Phase::Red => "red",
     }
 }
 

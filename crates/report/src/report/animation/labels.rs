@@ -1,9 +1,10 @@
 //! Labels with names and actions, placed beside the bodies on free space.
 
 use super::camera::Camera;
-use super::episode_frames::{EpisodeFrames, ego_of};
+use super::film_tracks::FilmTracks;
 use super::moves::Move;
 use super::write::n;
+use crate::experiment::ego_of;
 use crate::scene::SceneGeometry;
 
 /// Width of a letter, height of a line and padding. play.js uses the same numbers.
@@ -37,7 +38,7 @@ type PixelRectangle = [f64; 4];
 #[derive(Clone, Copy)]
 pub(super) struct LabelContent<'a> {
     pub stage: &'a SceneGeometry,
-    pub film: &'a EpisodeFrames,
+    pub film: &'a FilmTracks,
     pub moves: &'a [(String, Vec<Move>)],
 }
 
@@ -350,7 +351,7 @@ mod tests {
         for scenario in [acc, cut_in, sandwich] {
             let example = crash(&scenario);
             let picture = Picture::of(&scenario, &example, 0);
-            let (stage, film) = (&picture.stage, &picture.film);
+            let (stage, film) = (&picture.shown.stage, &picture.film);
             let samples: Vec<usize> = (0..film.times_s.len()).collect();
             let ego = Some(picture.ego());
             let cameras: Vec<Camera<'_>> = samples

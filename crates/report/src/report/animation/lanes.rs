@@ -2,8 +2,8 @@
 
 use maud::{Markup, html};
 
-use super::ground::phase_word;
 use super::picture::Picture;
+use crate::experiment::phase_word;
 
 /// Share of a lane that a letter takes on a wide screen.
 ///
@@ -27,9 +27,9 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
     // An episode may end at its first sample, and the shares divide by its
     // duration.
     let end_s = picture.film.end_s().max(1e-9);
-    let agents = &picture.stage.agents;
+    let agents = &picture.shown.stage.agents;
     // A light that is an ado has a lane of phases instead of actions.
-    let is_light = |name: &String| picture.stage.lights.iter().any(|it| it.name == *name);
+    let is_light = |name: &String| picture.shown.stage.lights.iter().any(|it| it.name == *name);
     html! {
         div class="lanes" {
             @for (ado, moves) in picture.moves.iter().filter(|(ado, _)| !is_light(ado)) {
@@ -38,7 +38,7 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
                 span class={ "swatch " (class) } { (ado) }
                 div class="lane" { @for it in moves { (stretch(end_s, &LaneSegment { from_s: it.from_s, until_s: it.until_s, words: &it.words, class: it.kind.class().to_owned() })) } }
             }
-            @for (light, phases) in picture.stage.lights.iter().zip(&picture.film.phases) {
+            @for (light, phases) in picture.shown.stage.lights.iter().zip(&picture.film.phases) {
                 span class="swatch c-by" { (light.name) }
                 div class="lane" { @for (from_s, until_s, phase) in runs(&picture.film.times_s, phases) {
                     (stretch(end_s, &LaneSegment { from_s, until_s, words: phase_word(phase), class: format!("p-{}", phase_word(phase)) }))

@@ -13,7 +13,7 @@
 mod bodies;
 mod camera;
 mod data;
-mod episode_frames;
+mod film_tracks;
 mod ground;
 mod labels;
 mod lanes;

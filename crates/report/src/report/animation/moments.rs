@@ -6,7 +6,6 @@
 use super::super::Example;
 use super::super::verdict::ego_failed;
 use super::moves::{Move, MoveKind};
-use crate::stl::Interval;
 use crate::testbench::FilmAfterContact;
 use crate::world::{Scenario, ScenarioKind};
 
@@ -26,6 +25,7 @@ pub(super) struct KeyMoment {
 pub(super) fn moments(
     scenario: &Scenario,
     example: &Example,
+    violated_s: f64,
     moves: &[(String, Vec<Move>)],
 ) -> Vec<KeyMoment> {
     let moment = |time_s: f64, words: String, class| KeyMoment {
@@ -47,7 +47,7 @@ pub(super) fn moments(
     }
     if ego_failed(&example.episode) {
         let words = "requirement broken".to_owned();
-        moments.push(moment(violated_s(scenario, example), words, "k-broken"));
+        moments.push(moment(violated_s, words, "k-broken"));
     }
     moments.extend(example.episode.contact.as_ref().map(|touch| {
         let words = match scenario.kind() {
@@ -59,30 +59,6 @@ pub(super) fn moments(
     // A decisive action may come before or after the last chance.
     moments.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     together(moments)
-}
-
-/// Time in seconds of the first sample from which ψ_ego cannot be satisfied.
-pub(super) fn violated_s(scenario: &Scenario, example: &Example) -> f64 {
-    let episode = &example.episode;
-    let trace = &episode.trace;
-    // The monitor needs the length of a full episode, not that of the recorded
-    // part.
-    let mut online = scenario
-        .rulebook()
-        .spec
-        .online_for(scenario.bench().clock().samples());
-    let mut row = vec![0.0; trace.schema().len()];
-    let judged = episode.judged.min(trace.len());
-    let lost = (0..judged).find(|sample| {
-        trace.read_row(*sample, &mut row);
-        // Invariant: a recorded row is finite and has the scene's signals.
-        let now = online.push(&row).unwrap_or(Interval::ANY);
-        now.is_violated()
-    });
-    let sample = lost.unwrap_or(judged.saturating_sub(1));
-    let contact_s = episode.contact.as_ref().map(|touch| touch.time_s);
-    // The last row of a run that ends by contact is of that instant.
-    (sample as f64 * trace.dt_s()).min(contact_s.unwrap_or(f64::INFINITY))
 }
 
 /// Captions of the events after the contact, by the time in seconds of the first event.

@@ -4,15 +4,16 @@ use maud::{Markup, html};
 
 use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
-use super::episode_frames::{EpisodeFrames, FrameContext, ego_of, is_on_cells};
+use super::film_tracks::{FilmTracks, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{LabelContent, drawn, labels};
-use super::moments::{KeyMoment, captions, moments, violated_s};
+use super::moments::{KeyMoment, captions, moments};
 use super::moves::{Move, go_on, moves};
 use super::write::n;
 use crate::ego::Phase;
+use crate::experiment::EpisodeFrames;
 use crate::report::Example;
-use crate::scene::{Frame, SceneGeometry};
+use crate::scene::Frame;
 use crate::world::Scenario;
 
 /// Deceleration in m/s² above which brake lamps are lit.
@@ -21,8 +22,8 @@ pub(super) const BRAKES_MPS2: f64 = 0.8;
 /// Content of an example's picture.
 pub(super) struct Picture<'a> {
     pub example: &'a Example,
-    pub stage: SceneGeometry,
-    pub film: EpisodeFrames,
+    pub shown: EpisodeFrames,
+    pub film: FilmTracks,
     /// Colour classes of all agents.
     pub classes: Vec<String>,
     /// Moves of each ado by name.
@@ -45,14 +46,14 @@ impl<'a> Picture<'a> {
     pub(super) fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         // The road is that of the episode.
         let stage = scenario.of_episode(&example.episode).bench().stage();
-        let film = EpisodeFrames::of(
-            &stage,
-            &example.frames,
-            &FrameContext::of(&example.episode, example.after.as_ref()),
-        );
+        let (frames, after) = (&example.frames, example.after.as_ref());
+        let shown = EpisodeFrames::of(scenario, &example.episode, stage, frames, after);
+        let film = FilmTracks::of(&shown, after);
+        // A specification that holds is certain at the end only.
+        let violated_s = shown.decided.unwrap_or(shown.judged).time_s;
         let why = example.about.why.as_ref();
         let mut moves = moves(scenario, &example.episode, film.recorded_end_s());
-        let mut moments = moments(scenario, example, &moves);
+        let mut moments = moments(scenario, example, violated_s, &moves);
         if let Some(after) = &example.after {
             go_on(&mut moves, after, film.end_s());
             moments.push(KeyMoment {
@@ -63,16 +64,16 @@ impl<'a> Picture<'a> {
         }
         Picture {
             example,
-            classes: (0..stage.agents.len())
-                .map(|who| colour_class(&stage.agents, who))
+            classes: (0..shown.stage.agents.len())
+                .map(|who| colour_class(&shown.stage.agents, who))
                 .collect(),
             after: example.after.as_ref().map(captions).unwrap_or_default(),
             moments,
             moves,
-            violated_s: violated_s(scenario, example),
+            violated_s,
             broken: why.map(|why| why.leaf.clone()).unwrap_or_default(),
-            on_cells: is_on_cells(&stage),
-            stage,
+            on_cells: is_on_cells(&shown.stage),
+            shown,
             film,
             id,
         }
@@ -86,15 +87,14 @@ impl<'a> Picture<'a> {
     }
 
     /// Frames of the example, with those after the contact.
-    pub(super) fn frames(&self) -> impl Iterator<Item = &Frame> {
-        let after = self.example.after.iter().flat_map(|after| &after.frames);
-        self.example.frames.iter().chain(after)
+    pub(super) fn frames(&self) -> impl Iterator<Item = &Frame> + Clone {
+        self.shown.poses()
     }
 
     /// Index of the ego in the cast, and its length.
     pub(super) fn ego(&self) -> (usize, f64) {
-        let ego = ego_of(&self.stage);
-        (ego, self.stage.agents[ego].size_m[0])
+        let ego = self.shown.ego();
+        (ego, self.shown.stage.agents[ego].size_m[0])
     }
 
     fn camera<'c>(&self, i: usize, canvas: &'c Canvas) -> Camera<'c> {
@@ -109,7 +109,7 @@ impl<'a> Picture<'a> {
         let camera = self.camera(i, &SCREEN);
         let [width_px, height_px] = SCREEN.size_px;
         let content = LabelContent {
-            stage: &self.stage,
+            stage: &self.shown.stage,
             film: &self.film,
             moves: &self.moves,
         };
@@ -117,17 +117,17 @@ impl<'a> Picture<'a> {
         html! {
             svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
                 defs {
-                    g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, self.frames())) } }
-                    @for (who, agent) in self.stage.agents.iter().enumerate() {
+                    g id=(self.part("ground")) { @if self.on_cells { (cells(&self.shown.stage)) } @else { (road(&self.shown.stage, self.frames())) } }
+                    @for (who, agent) in self.shown.stage.agents.iter().enumerate() {
                         g id=(self.body(who)) class=(self.classes[who]) { (body(agent)) }
                     }
                 }
                 g class="world" transform=(camera.transform()) {
                     use href={ "#" (self.part("ground")) } {}
                     g class="trails" { (trails(&self.film, &self.classes)) }
-                    (lights(&self.stage, &self.phases(i)))
+                    (lights(&self.shown.stage, &self.phases(i)))
                     g class="ghosts" { (self.ghosts()) }
-                    @for who in 0..self.stage.agents.len() { (self.placed(who, i)) }
+                    @for who in 0..self.shown.stage.agents.len() { (self.placed(who, i)) }
                 }
                 @if let Some([x, y]) = self.contact_m().map(|at| camera.at(at)) { (burst(x, y)) }
                 @for (label, class) in words.iter().zip(&self.classes) { (drawn(label, class)) }
@@ -148,10 +148,10 @@ impl<'a> Picture<'a> {
                 svg viewBox=(format!("0 0 {width_px} {height_px}")) aria-hidden="true" {
                     g class="world" transform=(camera.transform()) {
                         use href={ "#" (self.part("ground")) } {}
-                        (lights(&self.stage, &self.phases(i)))
-                        @for who in 0..self.stage.agents.len() { (self.placed(who, i)) }
+                        (lights(&self.shown.stage, &self.phases(i)))
+                        @for who in 0..self.shown.stage.agents.len() { (self.placed(who, i)) }
                     }
-                    @for who in 0..self.stage.agents.len() { (self.beyond(who, i, &camera)) }
+                    @for who in 0..self.shown.stage.agents.len() { (self.beyond(who, i, &camera)) }
                     @if let Some([x, y]) = touched.map(|at| camera.at(at)) { (burst(x, y)) }
                 }
                 span { b { (format!("{:.2} s", moment.time_s)) } " " (moment.words) }
@@ -198,7 +198,7 @@ impl<'a> Picture<'a> {
     }
 
     /// SVG `transform` of a body at a sample.
-    pub(super) fn pose(&self, film: &EpisodeFrames, who: usize, i: usize) -> String {
+    pub(super) fn pose(&self, film: &FilmTracks, who: usize, i: usize) -> String {
         let track = &film.tracks[who];
         let turn_deg = track.heading_rad[i].to_degrees();
         let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
@@ -211,7 +211,7 @@ impl<'a> Picture<'a> {
         let (ego, _) = self.ego();
         html! {
             @for who in std::iter::once(ego).chain(self.film.opponent).filter(|_| !self.on_cells) {
-                @let [length_m, width_m, _] = self.stage.agents[who].size_m;
+                @let [length_m, width_m, _] = self.shown.stage.agents[who].size_m;
                 g transform=(self.pose(&self.film, who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
                 }

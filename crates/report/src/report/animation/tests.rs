@@ -217,12 +217,12 @@ fn labels_say_the_speeds_and_actions_of_the_moment() {
     let i = film.at(sample as f64 * trace.dt_s());
     let camera = Camera::of(film, i, Some(picture.ego()), &SCREEN);
     let content = labels::LabelContent {
-        stage: &picture.stage,
+        stage: &picture.shown.stage,
         film,
         moves: &picture.moves,
     };
     let labels = labels::labels(content, i, &camera);
-    for (agent, label) in picture.stage.agents.iter().zip(&labels) {
+    for (agent, label) in picture.shown.stage.agents.iter().zip(&labels) {
         let speeds_mps = trace.signal(&format!("{}.speed", agent.name));
         let speed_mps = speeds_mps.expect("a speed")[sample];
         assert_eq!(label.lines[0], format!("{} {speed_mps:.1} m/s", agent.name));

@@ -2,6 +2,7 @@
 
 use rerun::archetypes::{StateChange, StateConfiguration};
 
+use crate::experiment::action_runs;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
@@ -9,7 +10,7 @@ use crate::view::lights;
 use crate::view::lines::colour;
 use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::viewed_episode::{ViewedEpisode, action_runs};
+use crate::view::viewed_episode::ViewedEpisode;
 use crate::world::ScenarioKind;
 
 pub(super) static PANEL: Panel = Panel {
@@ -28,7 +29,7 @@ pub(super) static PANEL: Panel = Panel {
 };
 
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
-    let title = if story.stage.lights.is_empty() {
+    let title = if story.shown.stage.lights.is_empty() {
         "actions of the ado"
     } else {
         "actions of the ado, and lights"
@@ -44,7 +45,7 @@ fn lanes_share(story: &ViewedEpisode<'_>) -> f32 {
         ScenarioKind::Drive(driving) => driving.spec().action_sets().count(),
         ScenarioKind::Grid(_) => 1,
     };
-    let lanes = ados + story.stage.lights.len();
+    let lanes = ados + story.shown.stage.lights.len();
     0.5 + 0.5 * lanes as f32
 }
 
@@ -103,10 +104,10 @@ fn log_choice(
     journal.always(entity.clone(), &[&lanes])?;
     let runs = action_runs(own);
     let states = StateChange::update_fields()
-        .with_state(runs.iter().map(|(_, _, action)| labels[*action].as_str()))
+        .with_state(runs.iter().map(|run| labels[run.action].as_str()))
         .columns_of_unit_batches();
-    let instants = runs.iter().map(|(from, _, _)| {
-        let sample = story.decision_sample(*from);
+    let instants = runs.iter().map(|run| {
+        let sample = story.decision_sample(run.from);
         (sample, story.time_s(sample))
     });
     journal.columns(entity, clock(instants), states)

@@ -5,12 +5,12 @@ use rerun::blueprint::archetypes::TextLogColumns;
 use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use rerun::components::TextLogLevel;
 
+use crate::experiment::{action_runs, phase_word};
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
-use crate::view::lights;
 use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::viewed_episode::{ViewedEpisode, action_runs};
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "events",
@@ -73,9 +73,9 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
             grave,
         });
     };
-    for (from, _, action) in action_runs(&story.episode.actions) {
-        let sample = story.decision_sample(from);
-        let label = story.scenario.action_label(action);
+    for run in action_runs(&story.episode.actions) {
+        let sample = story.decision_sample(run.from);
+        let label = story.scenario.action_label(run.action);
         push(
             sample,
             story.time_s(sample),
@@ -83,10 +83,10 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
             false,
         );
     }
-    for (l, light) in story.stage.lights.iter().enumerate() {
-        for (sample, phase) in lights::turns(story, l) {
-            let text = format!("{} is {}", light.name, lights::word(phase));
-            push(sample, story.time_s(sample), text, false);
+    for (l, light) in story.shown.stage.lights.iter().enumerate() {
+        for (at, phase) in story.shown.light_turns(l) {
+            let text = format!("{} is {}", light.name, phase_word(phase));
+            push(at.sample, at.time_s, text, false);
         }
     }
     if let Some(sample) = story.spec.lost {
@@ -100,7 +100,7 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
         }
     }
     // Only an episode with an aftermath has samples after its verdict.
-    if story.decided.is_some() && story.episode.judged < story.samples() {
+    if story.shown.decided.is_some() && story.episode.judged < story.samples() {
         let sample = story.episode.judged - 1;
         let word = story.episode.verdict.word();
         let text = format!("verdict: {word}; what follows is aftermath");
@@ -118,7 +118,7 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
         push(story.sample_of(touch.time_s), touch.time_s, text, true);
     }
     if let Some(after) = &story.after {
-        for (time_s, text) in after.motion.events() {
+        for (time_s, text) in after.events() {
             // The pose at or after the event.
             let mut poses = story.pose_instants();
             let pose = poses.find(|(_, pose_s)| time_s <= pose_s + 1e-9);

@@ -8,11 +8,12 @@ use rerun::blueprint::archetypes::{Background, VisualBounds2D};
 use rerun::blueprint::components::BackgroundKind;
 use rerun::datatypes::{Range1D, Range2D};
 
+use crate::experiment::SampleInstant;
 use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
-use crate::view::log_writer::{LogWriter, SampleInstant};
+use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::viewed_episode::ViewedEpisode;
@@ -75,7 +76,7 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
         return Ok(());
     };
     log_map(arena, journal)?;
-    for who in 0..story.stage.agents.len() {
+    for who in 0..story.shown.stage.agents.len() {
         log_player(story, arena, who, journal)?;
     }
     log_outcome(story, arena, journal)
@@ -134,14 +135,13 @@ fn log_player(
     who: usize,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let name = &story.stage.agents[who].name;
+    let name = &story.shown.stage.agents[who].name;
     let is_ego = who == story.ego();
     let colour = story.colour(who);
     // Trails on the same path lie side by side.
     let aside = if is_ego { 0.07 } else { -0.07 };
     let centres: Vec<[f32; 2]> = story
-        .frames
-        .iter()
+        .poses()
         .map(|frame| frame.placements[who].centre_m)
         .map(|centre| shown(arena, centre))
         .collect();
@@ -202,7 +202,10 @@ fn log_outcome(
     arena: &Arena,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let Some(sample) = story.decided else {
+    let Some(decided) = story.shown.decided else {
+        return Ok(());
+    };
+    let Some(frame) = story.shown.at_sample(decided.sample) else {
         return Ok(());
     };
     let what = match story.episode.verdict {
@@ -213,13 +216,13 @@ fn log_outcome(
         Verdict::Held { .. } => "held",
         Verdict::Invalid => "fault",
     };
-    let centre = story.frames[sample].placements[story.ego()].centre_m;
+    let centre = frame.placements[story.ego()].centre_m;
     // Slightly smaller than a cell, so that the lines of the map stay visible.
     let frame = Boxes2D::from_centers_and_half_sizes([shown(arena, centre)], [[0.48, 0.48]])
         .with_colors([palette::CONTACT])
         .with_radii([0.05])
-        .with_labels([format!("{what} at step {sample}")])
+        .with_labels([format!("{what} at step {}", decided.sample)])
         .with_show_labels(true)
         .with_draw_order(40.0);
-    journal.from(story.instant(sample), "map/outcome", &[&frame])
+    journal.from(decided, "map/outcome", &[&frame])
 }

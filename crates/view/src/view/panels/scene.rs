@@ -5,6 +5,7 @@ use rerun::archetypes::{Arrows3D, LineStrips3D, Points3D, Transform3D};
 use rerun::blueprint::archetypes::Background;
 use rerun::blueprint::components::BackgroundKind;
 
+use crate::experiment::SampleInstant;
 use crate::rulebook::Verdict;
 use crate::scene::Frame;
 use crate::sim::Placement;
@@ -12,7 +13,7 @@ use crate::view::camera::{FOLLOW, SPACE, ViewExtent, look};
 use crate::view::entity::agent_path;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
-use crate::view::log_writer::{LogWriter, SampleInstant, clock};
+use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::space::{distance, lifted, quaternion};
 use crate::view::viewed_episode::ViewedEpisode;
@@ -64,7 +65,7 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
 fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     road::log(story, journal)?;
     lights::log_posts(story, journal)?;
-    for who in 0..story.stage.agents.len() {
+    for who in 0..story.shown.stage.agents.len() {
         figure::log(story, who, journal)?;
         log_motion(story, who, journal)?;
     }
@@ -81,7 +82,7 @@ fn log_motion(
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let placements = story.poses().map(|frame| frame.placements[who]);
-    let entity = agent_path(&story.stage.agents[who].name);
+    let entity = agent_path(&story.shown.stage.agents[who].name);
     log_transforms(story, entity, placements, journal)
 }
 
@@ -114,7 +115,7 @@ fn log_transforms(
 fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     // A hundred points suffice for a path, whatever the length of the episode.
     let every = story.poses().count().div_ceil(100).max(1);
-    let agents = 0..story.stage.agents.len();
+    let agents = 0..story.shown.stage.agents.len();
     let strip = |who: usize| -> Vec<[f32; 3]> {
         let sparse = story.poses().step_by(every).chain(story.poses().last());
         let ground = |frame: &Frame| {
@@ -140,11 +141,12 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
         return Ok(());
     };
     let sample = story.sample_of(touch.time_s);
-    let Some(frame) = story.frames.get(sample) else {
+    let Some(frame) = story.shown.at_sample(sample) else {
         return Ok(());
     };
     let centre_of = |name: &str| {
         let who = story
+            .shown
             .stage
             .agents
             .iter()
@@ -184,7 +186,10 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
 
 /// Logs a pin at the place of the ego when the verdict became certain.
 fn log_verdict_mark(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
-    let Some(sample) = story.decided else {
+    let Some(decided) = story.shown.decided else {
+        return Ok(());
+    };
+    let Some(frame) = story.shown.at_sample(decided.sample) else {
         return Ok(());
     };
     let what = match story.episode.verdict {
@@ -194,11 +199,11 @@ fn log_verdict_mark(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Resul
         Verdict::Held { .. } => "held",
         Verdict::Invalid => "fault",
     };
-    let [x, y, _] = story.frames[sample].placements[story.ego()].centre_m;
+    let [x, y, _] = frame.placements[story.ego()].centre_m;
     let top = lifted([x, y + 3.4, 0.0], 5.2);
     let mark = Points3D::new([top])
         .with_radii([0.12])
         .with_colors([palette::DECIDED])
-        .with_labels([format!("{what} at {:.2} s", story.time_s(sample))]);
-    journal.from(story.instant(sample), "verdict/mark", &[&mark])
+        .with_labels([format!("{what} at {:.2} s", decided.time_s)]);
+    journal.from(decided, "verdict/mark", &[&mark])
 }

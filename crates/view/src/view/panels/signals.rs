@@ -166,11 +166,8 @@ impl LaneKeepingState {
         if spec.is_some_and(|spec| !matches!(spec.road, Road::Straight { .. })) {
             return LaneKeepingState::Bent;
         }
-        let moves = (0..story.stage.agents.len()).any(|who| {
-            let lateral = story
-                .frames
-                .iter()
-                .map(|frame| frame.placements[who].centre_m[1]);
+        let moves = (0..story.shown.stage.agents.len()).any(|who| {
+            let lateral = story.poses().map(|frame| frame.placements[who].centre_m[1]);
             let (least, greatest) = span(&lateral.collect::<Vec<f64>>());
             // Half a metre is more than the sway of an agent within its lane.
             least + 0.5 < greatest
@@ -225,6 +222,7 @@ fn plots(story: &ViewedEpisode<'_>) -> Vec<Plot> {
 fn owner_of(story: &ViewedEpisode<'_>, signal: &str) -> Option<usize> {
     let (name, field) = signal.split_once('.')?;
     let owner = story
+        .shown
         .stage
         .agents
         .iter()

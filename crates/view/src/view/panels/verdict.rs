@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use rerun::archetypes::TextDocument;
 
+use crate::experiment::action_runs;
 use crate::rulebook::Verdict;
 use crate::scene::Role;
 use crate::stl::Explanation;
@@ -11,7 +12,7 @@ use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::log_writer::LogWriter;
 use crate::view::panel::{Column, Panel, PanelWorlds};
-use crate::view::viewed_episode::{ViewedEpisode, action_runs};
+use crate::view::viewed_episode::ViewedEpisode;
 
 pub(super) static PANEL: Panel = Panel {
     name: "verdict",
@@ -61,8 +62,8 @@ fn write_document(story: &ViewedEpisode<'_>, text: &mut String) -> std::fmt::Res
         "| robustness ρ | {} |\n|---|---|",
         signed(episode.robustness)
     )?;
-    if let Some(sample) = story.decided {
-        writeln!(text, "| decided at | {:.2} s |", story.time_s(sample))?;
+    if let Some(decided) = story.shown.decided {
+        writeln!(text, "| decided at | {:.2} s |", decided.time_s)?;
     }
     match &episode.contact {
         Some(touch) => {
@@ -114,14 +115,18 @@ fn headline(story: &ViewedEpisode<'_>) -> String {
 /// Verdict in one sentence.
 fn sentence(story: &ViewedEpisode<'_>) -> String {
     let names = |role: Role| {
-        let cast = story.stage.agents.iter().filter(|who| who.role == role);
+        let cast = story
+            .shown
+            .stage
+            .agents
+            .iter()
+            .filter(|who| who.role == role);
         let names: Vec<&str> = cast.map(|who| who.name.as_str()).collect();
         names.join(" and ")
     };
     let (ego, ados) = (names(Role::Ego), names(Role::Ado));
-    let at = story.decided.map_or(String::new(), |sample| {
-        format!(" at {:.2} s", story.time_s(sample))
-    });
+    let decided = story.shown.decided;
+    let at = decided.map_or(String::new(), |it| format!(" at {:.2} s", it.time_s));
     match story.episode.verdict {
         Verdict::Counterexample { by } => format!(
             "**Yes, from this start:** {ado} kept every rule, and {ego} violated its \
@@ -157,17 +162,18 @@ fn why(story: &ViewedEpisode<'_>) -> Explanation {
         Verdict::Foul { rule, .. } => &rulebook.rules[rule].monitor,
         _ => &rulebook.spec,
     };
-    monitor.explain(&story.judged())
+    monitor.explain(&story.episode.judged_trace())
 }
 
 /// Joint actions as runs such as `0.0-4.5 s: +3 m/s²`.
 fn runs(story: &ViewedEpisode<'_>) -> Vec<String> {
     let mut runs = Vec::new();
-    for (from, to, action) in action_runs(&story.episode.actions) {
-        let from_s = story.time_s(story.decision_sample(from));
+    for run in action_runs(&story.episode.actions) {
+        let from_s = story.time_s(story.decision_sample(run.from));
         // The last decision may extend beyond the end of the episode.
-        let to_s = story.time_s(story.decision_sample(to)).min(story.end_s());
-        let label = story.scenario.action_label(action);
+        let until = story.decision_sample(run.until);
+        let to_s = story.time_s(until).min(story.end_s());
+        let label = story.scenario.action_label(run.action);
         runs.push(format!("{from_s:.1}–{to_s:.1} s: {label}"));
     }
     runs

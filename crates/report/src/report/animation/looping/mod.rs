@@ -16,7 +16,7 @@ use maud::{Markup, PreEscaped, html};
 use super::SHAPES;
 use super::bodies::body;
 use super::camera::Canvas;
-use super::episode_frames::{EpisodeFrames, FrameContext};
+use super::film_tracks::FilmTracks;
 use super::ground::{cells, road};
 use super::moves::{Move, MoveKind};
 use super::picture::Picture;
@@ -71,17 +71,8 @@ pub fn looping_picture(
 ) -> String {
     let picture = Picture::of(scenario, example, 0);
     let other = beside.map(|it| {
-        let course = FrameContext {
-            dt_s: example.episode.trace.dt_s(),
-            judged: example.episode.judged,
-            contact: it.filmed.contact.as_ref(),
-            trace: None,
-            after: None,
-        };
-        (
-            it,
-            EpisodeFrames::of(&picture.stage, &it.filmed.frames, &course),
-        )
+        let shown = picture.shown.with_driver(&it.filmed);
+        (it, FilmTracks::of(&shown, None))
     });
     let ending = ending_of(scenario, &picture, AFTER_S);
     let mut panels = vec![LoopPanel {
@@ -116,7 +107,7 @@ pub fn looping_picture(
 }
 
 /// Half of the other driver.
-fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a EpisodeFrames) -> LoopPanel<'a> {
+fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a FilmTracks) -> LoopPanel<'a> {
     let recorded_s = picture.film.recorded_end_s();
     let mut moves = picture.moves.clone();
     for (_, moves) in &mut moves {
@@ -192,8 +183,8 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
             style { (PreEscaped(file_style(&[STYLE, SHAPES, OWN_STYLE]))) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}{}", strokes(scale)))) (PreEscaped(keyframes.into_css())) }
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
-                g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, picture.frames())) } }
-                @for (who, agent) in picture.stage.agents.iter().enumerate() {
+                g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.shown.stage)) } @else { (road(&picture.shown.stage, picture.frames())) } }
+                @for (who, agent) in picture.shown.stage.agents.iter().enumerate() {
                     g id=(picture.body(who)) class=(picture.classes[who]) { (body(agent)) }
                 }
             }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::keyframes::Keyframes;
 use crate::report::animation::camera::{Camera, Canvas};
-use crate::report::animation::episode_frames::EpisodeFrames;
+use crate::report::animation::film_tracks::FilmTracks;
 use crate::report::animation::ground::lights;
 use crate::report::animation::labels::{
     LabelContent, PlacedLabel, SampleLabels, labels_over_time, size_of,
@@ -26,7 +26,7 @@ pub(super) struct LoopPanel<'a> {
     /// Number that makes its identifiers unique.
     pub nth: usize,
     pub picture: &'a Picture<'a>,
-    pub film: &'a EpisodeFrames,
+    pub film: &'a FilmTracks,
     /// Moves of the ados, which also apply beside another driver.
     pub moves: Vec<(String, Vec<Move>)>,
     /// Place of the contact in the picture's directions.
@@ -48,7 +48,7 @@ pub(super) struct DriveEnding {
 }
 
 /// Shown samples of a film within a period.
-fn shown(film: &EpisodeFrames, from_s: f64, until_s: f64) -> Vec<usize> {
+fn shown(film: &FilmTracks, from_s: f64, until_s: f64) -> Vec<usize> {
     let (first, last) = (film.at(from_s), film.at(until_s));
     let mut shown = vec![first];
     for i in first + 1..last {
@@ -91,9 +91,9 @@ impl LoopPanel<'_> {
         let last = &cameras[cameras.len() - 1];
         let [[x, y], [u, v]] = [last.middle_px(), last.centre_m];
         let turn_deg = n(-self.film.turn_rad.to_degrees(), 3);
-        let everybody = 0..self.picture.stage.agents.len();
+        let everybody = 0..self.picture.shown.stage.agents.len();
         let content = LabelContent {
-            stage: &self.picture.stage,
+            stage: &self.picture.shown.stage,
             film: self.film,
             moves: &self.moves,
         };
@@ -164,7 +164,7 @@ impl LoopPanel<'_> {
                 @let next = turns.get(nth + 1).map(|next| (self.film.times_s[*next], false));
                 @let before = (nth > 0).then_some((keyframes.period.from_s, false));
                 @let turns: Vec<(f64, bool)> = before.into_iter().chain([(self.film.times_s[i], true)]).chain(next).collect();
-                g class=(keyframes.seen(&turns)) visibility=(if next.is_none() { "visible" } else { "hidden" }) { (lights(&self.picture.stage, &showing(i))) }
+                g class=(keyframes.seen(&turns)) visibility=(if next.is_none() { "visible" } else { "hidden" }) { (lights(&self.picture.shown.stage, &showing(i))) }
             }
         }
     }

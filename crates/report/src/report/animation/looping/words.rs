@@ -3,7 +3,7 @@
 use super::Beside;
 use super::panel::DriveEnding;
 use crate::preventability::FilmedDriver;
-use crate::report::animation::episode_frames::EpisodeFrames;
+use crate::report::animation::film_tracks::FilmTracks;
 use crate::report::animation::moments::TOGETHER_S;
 use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
@@ -70,7 +70,7 @@ pub(super) fn captions_of(picture: &Picture<'_>, ending: &DriveEnding) -> Vec<(f
 /// It ends with a contact, or `after_s` after the closest approach.
 pub(super) fn outcome_of(
     picture: &Picture<'_>,
-    film: &EpisodeFrames,
+    film: &FilmTracks,
     filmed: &FilmedDriver,
     after_s: f64,
 ) -> DriveEnding {
@@ -95,7 +95,7 @@ pub(super) fn outcome_of(
 }
 
 /// Time of the closest approach of ego and encountered agent, from a time on.
-fn nearest_s(picture: &Picture<'_>, film: &EpisodeFrames, from_s: f64) -> f64 {
+fn nearest_s(picture: &Picture<'_>, film: &FilmTracks, from_s: f64) -> f64 {
     let (ego, _) = picture.ego();
     // The encounter of the recorded film, so that both halves refer to one
     // agent.

@@ -1,14 +1,14 @@
-//! Episode as numbers to show: the track of every body, and the camera's focus.
+//! Tracks of all bodies in a picture, and the focus of its camera.
 
 use std::ops::Range;
 
 use nalgebra::Vector2;
 
 use crate::ego::Phase;
-use crate::scene::{ContactEvent, Frame, Role, SceneGeometry};
+use crate::experiment::{EpisodeFrames, ShownFrame};
+use crate::scene::SceneGeometry;
 use crate::sim::rotation_by;
-use crate::testbench::{Episode, FilmAfterContact, joined};
-use crate::trace::Trace;
+use crate::testbench::FilmAfterContact;
 
 /// Least time in seconds between two shown samples.
 const APART_S: f64 = 0.05;
@@ -23,46 +23,8 @@ const ACCEL_S: f64 = 0.1;
 /// Least turn of the road that turns the picture, in radians.
 const STRAIGHT_RAD: f64 = 0.2;
 
-/// Properties of a film besides its frames.
-#[derive(Clone, Copy)]
-pub(super) struct FrameContext<'a> {
-    /// Time between two frames in seconds.
-    pub dt_s: f64,
-    /// Number of samples up to the verdict.
-    pub judged: usize,
-    /// Final contact.
-    pub contact: Option<&'a ContactEvent>,
-    /// Trace with the speeds. Without a trace, speeds follow from the places.
-    pub trace: Option<&'a Trace>,
-    /// Motion after the contact, in worlds that play it.
-    pub after: Option<&'a FilmAfterContact>,
-}
-
-impl<'a> FrameContext<'a> {
-    /// Returns the properties of an episode.
-    pub(super) fn of(
-        episode: &'a Episode,
-        after: Option<&'a FilmAfterContact>,
-    ) -> FrameContext<'a> {
-        FrameContext {
-            dt_s: episode.trace.dt_s(),
-            judged: episode.judged,
-            contact: episode.contact.as_ref(),
-            trace: Some(&episode.trace),
-            after,
-        }
-    }
-
-    /// Time of the verdict in seconds.
-    fn judged_s(&self) -> f64 {
-        let judged_s = self.judged.saturating_sub(1) as f64 * self.dt_s;
-        // A run that is judged to the horizon ends with its contact.
-        judged_s.min(self.contact.map_or(f64::INFINITY, |touch| touch.time_s))
-    }
-}
-
-/// Episode, sample by sample, in the order of the cast.
-pub(super) struct EpisodeFrames {
+/// Motion in a picture, sample by sample, in the order of the cast.
+pub(super) struct FilmTracks {
     /// Times of the samples. The last time is the end.
     pub times_s: Vec<f64>,
     /// Number of samples before those after the contact.
@@ -98,43 +60,27 @@ pub(super) struct Focus {
     pub size_m: [f64; 2],
 }
 
-impl EpisodeFrames {
-    /// Returns the film of an episode. `frames` has one per sample, the first at 0 s.
+impl FilmTracks {
+    /// Returns the film of an episode.
     ///
-    /// A contact ends the recorded motion between two samples. The last frame is
-    /// then that of the contact. Frames after it follow in worlds that play them.
-    pub(super) fn of(
-        stage: &SceneGeometry,
-        frames: &[Frame],
-        course: &FrameContext<'_>,
-    ) -> EpisodeFrames {
-        let dt_s = course.dt_s;
-        let end_s = course.contact.map(|touch| touch.time_s);
-        let whole = joined(frames, course.after);
-        let time_s = |i: usize| match course.after {
-            Some(after) if frames.len() <= i => after.time_s(i - frames.len()),
-            _ => (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY)),
-        };
-        let every = ((APART_S / dt_s).round() as usize).max(1);
-        let last = frames.len().saturating_sub(1);
-        // The verdict and the end are always shown, even between regular
-        // samples.
+    /// `after` has the collisions after the contact, in worlds that play them.
+    pub(super) fn of(shown: &EpisodeFrames, after: Option<&FilmAfterContact>) -> FilmTracks {
+        let stage = &shown.stage;
+        let every = ((APART_S / shown.sample_s).round() as usize).max(1);
+        // The verdict and the end are always shown, even between regular samples.
         let special = [
-            course.judged.saturating_sub(1),
-            last,
-            whole.len().saturating_sub(1),
+            shown.judged.sample,
+            shown.recorded.saturating_sub(1),
+            shown.frames.len().saturating_sub(1),
         ];
-        let shown = |i: &usize| i.is_multiple_of(every) || special.contains(i);
-        let kept: Vec<usize> = (0..whole.len()).filter(shown).collect();
-        let recorded = kept.partition_point(|i| *i < frames.len());
-        let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
-        let column = |who: usize| {
-            let name = format!("{}.speed", stage.agents[who].name);
-            course.trace?.signal(&name).map(<[f64]>::to_vec)
-        };
-        let hit_s = |who: usize| course.after?.hit_s(&stage.agents[who].name);
+        let is_kept =
+            |it: &&ShownFrame| it.sample.is_multiple_of(every) || special.contains(&it.sample);
+        let kept: Vec<&ShownFrame> = shown.frames.iter().filter(is_kept).collect();
+        let recorded = kept.partition_point(|it| it.sample < shown.recorded);
+        let times_s: Vec<f64> = kept.iter().map(|it| it.time_s).collect();
+        let hit_s = |who: usize| after?.hit_s(&stage.agents[who].name);
         let track = |who| {
-            let mut track = BodyTrack::of(who, &whole, &kept, &times_s, recorded, column(who));
+            let mut track = BodyTrack::of(who, &kept, &times_s, recorded);
             // A body that rolls freely does not brake.
             let accels = track.accel_mps2.iter_mut().zip(&times_s).skip(recorded);
             for (accel_mps2, time_s) in accels {
@@ -146,8 +92,8 @@ impl EpisodeFrames {
         };
         let tracks: Vec<BodyTrack> = (0..stage.agents.len()).map(track).collect();
         let lights = 0..stage.lights.len();
-        let phases = lights.map(|light| kept.iter().map(|i| whole[*i].phases[light]).collect());
-        let mut film = EpisodeFrames {
+        let phases = lights.map(|light| kept.iter().map(|it| it.frame.phases[light]).collect());
+        let mut film = FilmTracks {
             phases: phases.collect(),
             focus: Vec::new(),
             times_s,
@@ -158,12 +104,12 @@ impl EpisodeFrames {
         };
         // Order matters: the focus depends on the turn and on the encountered
         // agent.
-        film.turn_rad = film.turn(stage, course);
-        film.opponent = film.opponent(stage, course);
+        film.turn_rad = film.turn(shown);
+        film.opponent = film.opponent(shown);
         film.focus = if is_on_cells(stage) {
             film.whole_map(stage)
         } else {
-            film.steady(film.looked_at(stage))
+            film.steady(film.looked_at(shown))
         };
         film
     }
@@ -204,9 +150,9 @@ impl EpisodeFrames {
     /// Direction of the picture: the heading of the ego at the verdict.
     ///
     /// A heading close to x does not turn the picture.
-    fn turn(&self, stage: &SceneGeometry, course: &FrameContext<'_>) -> f64 {
-        let headings = &self.tracks[ego_of(stage)].heading_rad;
-        let heading_rad = headings.get(self.at(course.judged_s())).copied();
+    fn turn(&self, shown: &EpisodeFrames) -> f64 {
+        let headings = &self.tracks[shown.ego()].heading_rad;
+        let heading_rad = headings.get(self.at(shown.judged.time_s)).copied();
         match heading_rad {
             Some(heading_rad) if heading_rad.abs() >= STRAIGHT_RAD => heading_rad,
             _ => 0.0,
@@ -230,20 +176,20 @@ impl EpisodeFrames {
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
     }
 
-    fn opponent(&self, stage: &SceneGeometry, course: &FrameContext<'_>) -> Option<usize> {
-        let ego = ego_of(stage);
-        let i = self.at(course.judged_s());
+    fn opponent(&self, shown: &EpisodeFrames) -> Option<usize> {
+        let ego = shown.ego();
+        let i = self.at(shown.judged.time_s);
         let others = (0..self.tracks.len()).filter(|who| *who != ego);
         let nearest = others.min_by(|a, b| {
             let apart_m = |who: &usize| self.apart_m(ego, *who, i);
             apart_m(a).total_cmp(&apart_m(b))
         });
-        touched_by_ego(stage, course.contact).or(nearest)
+        touched_by_ego(shown).or(nearest)
     }
 
     /// Focus at each sample: the ego, the agent that it encounters, and near agents.
-    fn looked_at(&self, stage: &SceneGeometry) -> Vec<Focus> {
-        let ego = ego_of(stage);
+    fn looked_at(&self, shown: &EpisodeFrames) -> Vec<Focus> {
+        let (stage, ego) = (&shown.stage, shown.ego());
         let near = |who: usize, i: usize| {
             who == ego || Some(who) == self.opponent || self.apart_m(ego, who, i) <= FAR_M
         };
@@ -288,15 +234,8 @@ impl EpisodeFrames {
 }
 
 impl BodyTrack {
-    fn of(
-        who: usize,
-        frames: &[Frame],
-        kept: &[usize],
-        times_s: &[f64],
-        recorded: usize,
-        speeds: Option<Vec<f64>>,
-    ) -> BodyTrack {
-        let places = kept.iter().map(|i| frames[*i].placements[who]);
+    fn of(who: usize, kept: &[&ShownFrame], times_s: &[f64], recorded: usize) -> BodyTrack {
+        let places = kept.iter().map(|it| it.frame.placements[who]);
         let (x_m, y_m): (Vec<f64>, Vec<f64>) = places
             .clone()
             .map(|place| (place.centre_m[0], place.centre_m[1]))
@@ -308,14 +247,10 @@ impl BodyTrack {
             let parts = slope(&x_m).into_iter().zip(slope(&y_m));
             parts.map(|(x, y)| libm::hypot(x, y)).collect()
         };
-        let mut speed_mps: Vec<f64> = match speeds {
-            // The trace may end before the last frame.
-            Some(speeds) => kept[..recorded]
-                .iter()
-                .map(|i| at_or_last(&speeds, *i))
-                .collect(),
-            None => of_places(0..recorded),
-        };
+        let published = kept[..recorded].iter().map(|it| it.speeds_mps[who]);
+        // Without the signal, speeds follow from the places.
+        let published: Option<Vec<f64>> = published.collect();
+        let mut speed_mps = published.unwrap_or_else(|| of_places(0..recorded));
         let mut accel_mps2 = slopes(&times_s[..recorded], &speed_mps);
         let after_mps = of_places(recorded..times_s.len());
         accel_mps2.extend(slopes(&times_s[recorded..], &after_mps));
@@ -332,23 +267,17 @@ impl BodyTrack {
     }
 }
 
-/// Index of the ego in the cast.
-pub(super) fn ego_of(stage: &SceneGeometry) -> usize {
-    let is_ego = |agent: &crate::scene::AgentDescription| agent.role == Role::Ego;
-    stage.agents.iter().position(is_ego).unwrap_or(0)
-}
-
 /// Agent that the ego touches.
-fn touched_by_ego(stage: &SceneGeometry, contact: Option<&ContactEvent>) -> Option<usize> {
-    let touch = contact?;
-    let named = |name: &String| stage.agents.iter().position(|agent| agent.name == *name);
-    let ego = ego_of(stage);
-    let both = [named(&touch.between.0)?, named(&touch.between.1)?];
-    match both {
-        [one, other] if one == ego => Some(other),
-        [one, other] if other == ego => Some(one),
-        _ => None,
-    }
+fn touched_by_ego(shown: &EpisodeFrames) -> Option<usize> {
+    let (one, other) = &shown.contact.as_ref()?.between;
+    let mut agents = shown.stage.agents.iter();
+    let ego = &shown.stage.agents[shown.ego()].name;
+    let touched = match (one == ego, other == ego) {
+        (true, _) => other,
+        (_, true) => one,
+        _ => return None,
+    };
+    agents.position(|agent| agent.name == *touched)
 }
 
 /// Returns true for a world of cells.
@@ -387,9 +316,4 @@ fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
         }
     };
     (0..values.len()).map(slope).collect()
-}
-
-fn at_or_last(values: &[f64], i: usize) -> f64 {
-    let value = values.get(i).or(values.last());
-    value.copied().unwrap_or(0.0)
 }
