@@ -98,22 +98,22 @@ pub fn read_xml<P: XmlParts>(text: impl Read, parts: &mut P) -> Result<(), P::Er
         if let Ok(Event::Start(_) | Event::End(_) | Event::Eof) = event {
             open.tell(parts, line)?;
         }
-        let known = event.map_err(problem_of).and_then(|it| open.take(it));
+        let step = event.map_err(problem_of).and_then(|it| open.take(it));
         let refused = |problem| XmlError { line, problem };
-        match known.map_err(|it| parts.error(refused(it)))? {
-            Known::Start(start) => {
+        match step.map_err(|it| parts.error(refused(it)))? {
+            ReaderStep::Start(start) => {
                 let tag = tag_of(&start, line, place);
                 parts.start(&tag.map_err(|it| parts.error(refused(it)))?)?;
             }
-            Known::End(end) => parts.end(end.name().0, line)?,
-            Known::Inside => {}
-            Known::Eof => return Ok(()),
+            ReaderStep::End(end) => parts.end(end.name().0, line)?,
+            ReaderStep::Inside => {}
+            ReaderStep::Eof => return Ok(()),
         }
     }
 }
 
 /// Event after its effect on the open elements.
-enum Known<'a> {
+enum ReaderStep<'a> {
     Start(BytesStart<'a>),
     End(BytesEnd<'a>),
     /// Text, or a part that is skipped.
@@ -130,15 +130,15 @@ struct OpenElements {
 }
 
 impl OpenElements {
-    fn take<'a>(&mut self, event: Event<'a>) -> Result<Known<'a>, XmlProblem> {
+    fn take<'a>(&mut self, event: Event<'a>) -> Result<ReaderStep<'a>, XmlProblem> {
         match event {
             Event::Start(start) => {
                 self.push(start.name().0)?;
-                return Ok(Known::Start(start));
+                return Ok(ReaderStep::Start(start));
             }
             Event::End(end) => {
                 self.path.pop();
-                return Ok(Known::End(end));
+                return Ok(ReaderStep::End(end));
             }
             Event::Text(text) => self.add(&text.xml10_content())?,
             Event::CData(text) => self.add(&text.xml10_content())?,
@@ -149,13 +149,13 @@ impl OpenElements {
             }
             Event::Eof => {
                 self.close()?;
-                return Ok(Known::Eof);
+                return Ok(ReaderStep::Eof);
             }
             // The configuration turns an empty element into a start and an end.
             Event::Empty(_) => {}
             Event::Comment(_) | Event::Decl(_) | Event::PI(_) | Event::DocType(_) => {}
         }
-        Ok(Known::Inside)
+        Ok(ReaderStep::Inside)
     }
 
     fn push(&mut self, name: &str) -> Result<(), XmlProblem> {
