@@ -1,0 +1,298 @@
+//! Triggers and their conditions.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Groups of conditions. One group suffices, and all of its conditions must hold.
+pub type Trigger = Vec<Vec<Condition>>;
+
+/// Condition of a trigger.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Condition {
+    /// Change of the expression that counts.
+    #[serde(default)]
+    pub edge: ConditionEdge,
+    /// Time by which the condition lags behind its expression and edge.
+    #[serde(default)]
+    pub delay_s: f64,
+    /// Logical expression.
+    pub is: Expression,
+}
+
+/// Change of a logical expression that makes a condition true.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum ConditionEdge {
+    /// No change: the condition is as true as its expression.
+    #[default]
+    None,
+    /// From false to true.
+    Rising,
+    /// From true to false.
+    Falling,
+    /// Either of the two.
+    RisingOrFalling,
+}
+
+/// ValueComparison of a quantity with a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[allow(missing_docs)]
+pub enum ComparisonRule {
+    LessThan,
+    LessOrEqual,
+    EqualTo,
+    NotEqualTo,
+    GreaterOrEqual,
+    GreaterThan,
+}
+
+/// Logical expression of a condition.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub enum Expression {
+    /// Time since the start of the episode.
+    SimulationTime {
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_s: f64,
+    },
+    /// State or transition of an element of the storyboard.
+    StoryboardElementState {
+        /// Name, or the names from the story on with `::` between them.
+        element: String,
+        /// State or transition.
+        state: ElementState,
+    },
+    /// Value of a variable.
+    Variable {
+        /// Its name.
+        name: String,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value: f64,
+    },
+    /// Parameter of the world's start.
+    Parameter {
+        /// Its name.
+        name: String,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value: f64,
+    },
+    /// Phase of a traffic light.
+    TrafficSignal {
+        /// Name of the light.
+        name: String,
+        /// Its phase.
+        state: SignalState,
+    },
+    /// Motion of one or several agents.
+    ByEntity {
+        /// Agents whose motion is compared.
+        entities: Vec<String>,
+        /// Whether it must hold for any or for all of them.
+        #[serde(default)]
+        rule: TriggeringRule,
+        /// Condition of each agent.
+        condition: EntityCondition,
+    },
+}
+
+/// Number of agents for which a condition must hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[allow(missing_docs)]
+pub enum TriggeringRule {
+    #[default]
+    Any,
+    All,
+}
+
+/// State of an element of a storyboard, or the instant of its change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[allow(missing_docs)]
+pub enum ElementState {
+    StandbyState,
+    RunningState,
+    CompleteState,
+    StartTransition,
+    EndTransition,
+    StopTransition,
+    SkipTransition,
+}
+
+/// Phase of a traffic light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[allow(missing_docs)]
+pub enum SignalState {
+    Green,
+    Yellow,
+    Red,
+}
+
+/// Direction in which a distance is measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum DistanceType {
+    /// Straight line.
+    #[default]
+    Euclidean,
+    /// Along the heading of the agent, or along its road.
+    Longitudinal,
+    /// Across the heading of the agent, or across its road.
+    Lateral,
+}
+
+/// System in which longitudinal and lateral distances are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum CoordinateSystem {
+    /// Axes of the agent's body.
+    Entity,
+    /// Road of the agent, along its bends.
+    #[default]
+    Road,
+}
+
+/// TargetPlace in the world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub enum StoryPosition {
+    /// Point of the world frame.
+    World {
+        /// Along world x.
+        x_m: f64,
+        /// Along world y.
+        y_m: f64,
+    },
+    /// TargetPlace on the road of the agent whose condition it is.
+    Road {
+        /// Along the road.
+        s_m: f64,
+        /// To the left of the road's course.
+        t_m: f64,
+    },
+}
+
+/// Condition on the motion of an agent.
+///
+/// A quantity that is undefined fulfils no comparison, not even `NotEqualTo`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub enum EntityCondition {
+    /// Speed along the heading.
+    Speed {
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_mps: f64,
+    },
+    /// Own speed less that of another agent.
+    RelativeSpeed {
+        /// Other agent.
+        entity: String,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_mps: f64,
+    },
+    /// Acceleration along the heading.
+    Acceleration {
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_mps2: f64,
+    },
+    /// Rest for a duration.
+    StandStill {
+        /// Duration.
+        duration_s: f64,
+    },
+    /// Way since the start of the episode.
+    TraveledDistance {
+        /// Way from which it holds.
+        value_m: f64,
+    },
+    /// Distance to another agent.
+    RelativeDistance {
+        /// Other agent.
+        entity: String,
+        /// Direction.
+        #[serde(default)]
+        distance_type: DistanceType,
+        /// System of the direction.
+        #[serde(default)]
+        coordinate_system: CoordinateSystem,
+        /// Between the boxes of the bodies, not between their reference points.
+        freespace: bool,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_m: f64,
+    },
+    /// Distance from the reference point to a place.
+    Distance {
+        /// TargetPlace.
+        position: StoryPosition,
+        /// Direction.
+        #[serde(default)]
+        distance_type: DistanceType,
+        /// System of the direction.
+        #[serde(default)]
+        coordinate_system: CoordinateSystem,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_m: f64,
+    },
+    /// Arrival within a tolerance of a place.
+    ReachPosition {
+        /// TargetPlace.
+        position: StoryPosition,
+        /// Radius around the place.
+        tolerance_m: f64,
+    },
+    /// Distance to an agent ahead along an axis, divided by the own speed.
+    TimeHeadway {
+        /// Agent ahead.
+        entity: String,
+        /// System of the distance.
+        #[serde(default)]
+        coordinate_system: CoordinateSystem,
+        /// From the own front to the other's rear, not to its reference point.
+        freespace: bool,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_s: f64,
+    },
+    /// Time until the distance to another agent is used up at both present speeds.
+    TimeToCollision {
+        /// Other agent.
+        entity: String,
+        /// System of the distance.
+        #[serde(default)]
+        coordinate_system: CoordinateSystem,
+        /// Between the boxes of the bodies, not between their reference points.
+        freespace: bool,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_s: f64,
+    },
+    /// Contact with another agent.
+    Collision {
+        /// Other agent.
+        entity: String,
+    },
+    /// Stay off the lanes of its road for a duration.
+    Offroad {
+        /// Duration.
+        duration_s: f64,
+    },
+    /// Stay at the end of its road for a duration.
+    EndOfRoad {
+        /// Duration.
+        duration_s: f64,
+    },
+}
