@@ -39,7 +39,8 @@ enum RepeatsFile {
 
 /// Repeats with a gate.
 #[derive(Deserialize, JsonSchema)]
-#[serde(rename = "Repeats", deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "GatedRepeats")]
 struct Long {
     /// Runs of each start, 1 or more.
     runs: u32,

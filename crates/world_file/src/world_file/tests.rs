@@ -230,6 +230,17 @@ fn the_schema_describes_every_field_and_names_every_shape() {
         // A number at the end is that of a second shape with the same name.
         assert!(!name.ends_with(|it: char| it.is_ascii_digit()), "{name}");
         assert!(!name.contains("_for_"), "{name}");
+        // Two types of one name in one module would become one definition.
+        let itself = json!({ "$ref": format!("#/$defs/{name}") });
+        let forms = ["anyOf", "oneOf"].map(|it| shape.get(it).and_then(Value::as_array));
+        assert!(
+            !forms
+                .into_iter()
+                .flatten()
+                .flatten()
+                .any(|it| *it == itself),
+            "{name}"
+        );
         let mut silent = Vec::new();
         places(shape, "", &mut |path| {
             let value = shape.pointer(path).expect("a place");
