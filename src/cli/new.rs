@@ -147,15 +147,29 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         leaves_ego: args.leave_ego,
         maps: &maps,
     };
-    let Imported {
-        worlds,
-        broken,
-        dropped,
-        ego_events,
-    } = import.read(&file_text)?;
+    let imported = import.read(&file_text)?;
+    let files = checked_files(from, named, &imported.worlds)?;
+    // All checks are done, so the files of a protocol appear together.
+    for (path, world) in files.iter().zip(&imported.worlds) {
+        write_file(path, world.text.as_bytes())?;
+    }
+    if args.json {
+        print_json(&import_json(&files, &imported))?;
+    } else {
+        print_import(&files, &imported)?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Returns the file of each world, none of which exists, for worlds that are all sound.
+fn checked_files(
+    from: &Path,
+    named: &Path,
+    worlds: &[ImportedWorld],
+) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     let mut refused = Vec::new();
-    for world in &worlds {
+    for world in worlds {
         let path = named.with_file_name(format!("{}.ron", world.name));
         let file = path.display().to_string();
         if path.symlink_metadata().is_ok() {
@@ -168,62 +182,63 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         if let Err(error) = Scenario::parse(&file, &world.text) {
             refused.extend(refused_world(from, world, &error));
         }
-        files.push((path, file));
+        files.push(path);
     }
     if !refused.is_empty() {
         return Err(Failure::of(Exit::Input, refused));
     }
-    // All checks are done, so the files of a protocol appear together.
-    for ((path, _), world) in files.iter().zip(&worlds) {
-        write_file(path, world.text.as_bytes())?;
+    Ok(files)
+}
+
+fn import_json(files: &[PathBuf], imported: &Imported) -> serde_json::Value {
+    let dropped = imported.dropped.iter().map(|it| {
+        let file = it.file.display().to_string();
+        json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
+    });
+    let ego_events = imported.ego_events.iter().map(
+        |it| json!({ "name": it.name, "file": it.file.display().to_string(), "line": it.line }),
+    );
+    let written = files
+        .iter()
+        .zip(&imported.worlds)
+        .map(|(path, world)| json!({ "file": path.display().to_string(), "points": world.points }));
+    json!({
+        "worlds": written.collect::<Vec<_>>(),
+        "broken": imported.broken,
+        "dropped": dropped.collect::<Vec<_>>(),
+        "ego_events": ego_events.collect::<Vec<_>>(),
+    })
+}
+
+/// Prints what an import wrote, left out and left to the ego, and the next command.
+fn print_import(files: &[PathBuf], imported: &Imported) -> Result<(), Failure> {
+    for it in &imported.dropped {
+        terminal::note(&dropped_line(it));
     }
-    if !args.json {
-        dropped
-            .iter()
-            .for_each(|it| terminal::note(&dropped_line(it)));
-        for EgoEvent { name, file, line } in &ego_events {
-            let file = file.display();
-            terminal::note(&format!(
-                "left to your ego: event `{name}`, {file}, line {line}"
-            ));
-        }
+    for EgoEvent { name, file, line } in &imported.ego_events {
+        let file = file.display();
+        terminal::note(&format!(
+            "left to your ego: event `{name}`, {file}, line {line}"
+        ));
     }
-    let written = files.iter().zip(&worlds);
-    if args.json {
-        let dropped: Vec<_> = dropped
-            .iter()
-            .map(|it| {
-                let file = it.file.display().to_string();
-                json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
-            })
-            .collect();
-        let ego_events: Vec<_> = ego_events.iter().map(
-            |it| json!({ "name": it.name, "file": it.file.display().to_string(), "line": it.line }),
-        ).collect();
-        let written: Vec<_> = written
-            .map(|((_, file), world)| json!({ "file": file, "points": world.points }))
-            .collect();
-        print_json(
-            &json!({ "worlds": written, "broken": broken, "dropped": dropped, "ego_events": ego_events }),
-        )
-    } else {
-        let mut lines: Vec<String> = written
-            .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()))
-            .collect();
-        if broken > 0 {
-            lines.push(format!(
-                "left out {broken} points that the file itself does not allow"
-            ));
-        }
-        if let Some((_, file)) = files.first() {
-            lines.push(format!(
-                "next: `brakecheck eval {file} -- python3 ego.py` lets your program drive at \
-                     every point, `--ego FILE.ron` a `Change`"
-            ));
-        }
-        terminal::data(&lines.join("\n"))
-    }?;
-    Ok(Exit::Done)
+    let written = files.iter().zip(&imported.worlds);
+    let mut lines: Vec<String> = written
+        .map(|(path, world)| format!("wrote {}: {} points", path.display(), world.points.len()))
+        .collect();
+    if imported.broken > 0 {
+        lines.push(format!(
+            "left out {} points that the file itself does not allow",
+            imported.broken
+        ));
+    }
+    if let Some(path) = files.first() {
+        lines.push(format!(
+            "next: `brakecheck eval {} -- python3 ego.py` lets your program drive at every \
+             point, `--ego FILE.ron` a `Change`",
+            path.display()
+        ));
+    }
+    terminal::data(&lines.join("\n"))
 }
 
 /// Problems of a scenario whose world is refused, by the elements that lead to them.

@@ -245,7 +245,7 @@ const MAY_CAST: [&str; 15] = [
     "crates/experiment/src/adversary/threshold_rule.rs",
     "crates/experiment/src/grid_solver/",
     // Stamps that were written in single precision.
-    "crates/experiment/src/run_dir/samples.rs",
+    "crates/experiment/src/run_dir/samples/time.rs",
     "crates/risk/src/risk/run.rs",
     "crates/risk/src/risk/value_network.rs",
     "crates/rl/src/rl/",

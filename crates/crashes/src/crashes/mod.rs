@@ -10,6 +10,7 @@ pub mod perturbation_robustness;
 mod picture;
 mod regressions;
 pub mod replay;
+mod replay_difference;
 mod reruns;
 pub mod root_cause;
 pub mod save_crashes;
@@ -23,8 +24,9 @@ pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};
 pub use regressions::{RegressionError, Regressions};
 pub use replay::newest_of_training;
 pub use replay::{
-    BrokenRuleOfReplay, Difference, ReplayCounts, ReplayOutcome, Replayed, SavedCounterexample,
+    BrokenRuleOfReplay, ReplayCounts, ReplayOutcome, Replayed, SavedCounterexample,
 };
+pub use replay_difference::Difference;
 pub use reruns::{KEEP_RUNS, copies};
 pub use save_crashes::{CrashSelection, Form, KeepSettings, KeptFiles};
 pub use save_crashes::{description, file_stem, keep_cells, labels_of_contact};
