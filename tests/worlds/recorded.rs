@@ -360,7 +360,7 @@ fn a_bicycle_that_turns_crosses_as_recorded() {
     let SituationRoad::Crossing(roads) = &situation.road else {
         panic!("{situation:?}");
     };
-    assert!(roads.ego.pieces.is_empty() && !roads.other.pieces.is_empty());
+    assert!(roads.ego.is_straight() && !roads.other.is_straight());
     let episodes = played(world, 1);
     repeats_motion(&episodes[0], "ado", 0.875, situation.time_s, turning);
     // Faster and slower, it leaves its recording.

@@ -103,7 +103,7 @@ impl Agreement {
         let off = median(own).is_some_and(|it| (it - 1.0).abs() > OWN_SPEED_SHARE);
         self.speeds_off += usize::from(off);
         let own = &self.headings[first.1..];
-        let turned = own.iter().filter(|it| !is_same_way(**it)).count();
+        let turned = own.iter().filter(|it| !is_same_way(it.0, it.1)).count();
         self.headings_off += usize::from(2 * turned > own.len());
     }
 
@@ -135,7 +135,7 @@ impl Agreement {
         let fit_of = |read: &dyn Fn(f64) -> f64| {
             let (mut same, mut off_rad) = (0, 0.0);
             for (heading, course) in &self.headings {
-                same += usize::from(is_same_way((read(*heading), *course)));
+                same += usize::from(is_same_way(read(*heading), *course));
                 off_rad += wrapped(read(*heading) - course).abs();
             }
             let count = self.headings.len() as f64;
@@ -160,7 +160,7 @@ impl Agreement {
         let off: Vec<f64> = self
             .headings
             .iter()
-            .filter(|it| !is_same_way(**it))
+            .filter(|it| !is_same_way(it.0, it.1))
             .map(|it| it.0.abs())
             .collect();
         // Read as degrees, any small error of a heading vanishes.
@@ -209,7 +209,7 @@ fn mirrored(pairs: &[(f64, f64)]) -> Option<DirectionProblem> {
     })
 }
 
-fn is_same_way((heading_rad, course_rad): (f64, f64)) -> bool {
+fn is_same_way(heading_rad: f64, course_rad: f64) -> bool {
     wrapped(heading_rad - course_rad).abs() <= SAME_WAY_RAD
 }
 

@@ -122,7 +122,7 @@ fn start_sample(crossing: &PathCrossing, both: [&RoadUserTrack; 2], dt_s: f64) -
 ///
 /// An ego with this speed arrives when the replaced road user did. It is 2 m/s or more.
 fn mean_mps(path: &PlacedPath, point_m: [f64; 2], dt_s: f64) -> f64 {
-    let (at_m, _) = path.road.place(point_m);
+    let at_m = path.road.place(point_m).s_m;
     let first_m = path.s_m[0];
     let last = path.s_m.len() - 1;
     let reached = path.s_m.iter().position(|s| at_m <= *s).unwrap_or(last);
@@ -142,7 +142,7 @@ fn passed_s(crossing: &PathCrossing, other: usize, length_m: f64) -> f64 {
 
 /// Returns the least speed of a plan while its body is on the crossing.
 fn least_mps(roads: &CrossingRoads, body: StockBody, speed: &SpeedPlan, point_m: [f64; 2]) -> f64 {
-    let (at_m, _) = roads.other.place(point_m);
+    let at_m = roads.other.place(point_m).s_m;
     let reach_m = roads.reach_m(body, EGO_BODY);
     let last = speed.to_mps.len() as f64 * PIECE_S;
     let steps = (last / 0.1).round() as usize;

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use brakecheck_road::road::OnRoad;
+
 use crate::recording::RoadUserTrack;
 use crate::road_fit::{FittedRoad, RoadFit};
 use crate::stock_body::StockBody;
@@ -73,17 +75,13 @@ impl PlacedPath {
     /// Fits a road to points.
     pub(crate) fn through(points_m: &[[f64; 2]]) -> Option<PlacedPath> {
         let road = FittedRoad::fit(points_m, PATH_FIT)?;
-        let places = road.places(points_m);
-        let across_m = places.iter().map(|it| it.1.abs()).fold(0.0, f64::max);
-        let turned_rad: f64 = road
-            .pieces
-            .iter()
-            .map(|it| it.length_m * it.curvature_per_m.abs())
-            .sum();
+        let places: Vec<OnRoad> = points_m.iter().map(|point| road.place(*point)).collect();
+        let offsets_m = places.iter().map(|it| it.lateral_m.abs());
+        let across_m = offsets_m.fold(0.0, f64::max);
         // Beyond it a place may have two stations.
-        let is_clear = turned_rad < 0.9 * PI;
+        let is_clear = road.course.turned_rad() < 0.9 * PI;
         (across_m <= ACROSS_M && is_clear).then(|| PlacedPath {
-            s_m: places.into_iter().map(|it| it.0).collect(),
+            s_m: places.into_iter().map(|it| it.s_m).collect(),
             road,
             across_m,
         })

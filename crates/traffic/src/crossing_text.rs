@@ -23,7 +23,7 @@ pub(crate) fn crossing_text(name: &str, plan: &SituationPlan) -> String {
     let SituationRoad::Crossing(roads) = &plan.road else {
         return String::new();
     };
-    let origin = roads.ego.pose(0.0);
+    let origin = roads.ego.course.start();
     let others = OtherTexts::of(&plan.others, origin);
     // A margin of 0.2 m on both sides leaves the body inside its lane.
     let own = road_entry("path", &roads.other, plan.body.width_m + 0.4, origin);
@@ -33,7 +33,7 @@ pub(crate) fn crossing_text(name: &str, plan: &SituationPlan) -> String {
         .trim_start_matches("    roads: {\n")
         .trim_end_matches("    },\n");
     let surface = format!("lanes: 1, lane_width_m: {EGO_LANE_M:?}, friction: 0.9");
-    let road = if roads.ego.pieces.is_empty() {
+    let road = if roads.ego.is_straight() {
         format!("Straight({surface})")
     } else {
         format!("Curved({surface}, pieces: {})", roads.ego.to_ron())

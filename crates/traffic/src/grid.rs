@@ -241,12 +241,12 @@ impl TimeGrid {
             }
             _ => RawVector::Unknown,
         };
-        let angle = |(a, b): (f64, f64)| a + share * wrapped(b - a);
+        let angles = before.heading_rad.zip(after.heading_rad);
         RawRow {
             time_s,
             x_m: mix(before.x_m, after.x_m),
             y_m: mix(before.y_m, after.y_m),
-            heading_rad: before.heading_rad.zip(after.heading_rad).map(angle),
+            heading_rad: angles.map(|(a, b)| a + share * wrapped(b - a)),
             velocity: mix_vector(before.velocity, after.velocity),
             acceleration: mix_vector(before.acceleration, after.acceleration),
             marked: is_hole || before.marked || after.marked,
@@ -366,14 +366,12 @@ fn courses(samples: &[RawRow], dt_s: f64) -> Vec<f64> {
 /// Returns the speeds along the heading by differences of positions.
 fn speeds_of(track: &RoadUserTrack, dt_s: f64) -> Vec<f64> {
     let (vx, vy) = (derivative(&track.x_m, dt_s), derivative(&track.y_m, dt_s));
-    let along = |((x, y), heading): ((f64, f64), &f64)| {
-        let (sin, cos) = libm::sincos(*heading);
-        x * cos + y * sin
-    };
-    vx.into_iter()
-        .zip(vy)
-        .zip(&track.heading_rad)
-        .map(along)
+    let velocities = vx.into_iter().zip(vy).zip(&track.heading_rad);
+    velocities
+        .map(|((x, y), heading_rad)| {
+            let (sin, cos) = libm::sincos(*heading_rad);
+            x * cos + y * sin
+        })
         .collect()
 }
 

@@ -86,6 +86,7 @@ mod xosc_entity;
 
 pub use analysis::Analysis;
 pub use brakecheck_driver_model::*;
+pub use brakecheck_road::road::Course;
 pub use column_map::{
     AngleColumn, AngleUnit, ClassColumns, ColumnMap, LengthUnit, Reference, SizeColumns, SpeedUnit,
     TimeColumn, VectorColumns, YAxis,
@@ -114,7 +115,7 @@ pub use problem::{FilePlace, FileProblem};
 pub use read::{CsvColumns, read_csv, read_csv_guessed, read_csv_timed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
 pub use recording_meta::RecordingMeta;
-pub use road_fit::{FittedPiece, FittedRoad};
+pub use road_fit::FittedRoad;
 pub use rules::{BoundRules, EvaluatedRows};
 pub use situation_plan::{
     AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,

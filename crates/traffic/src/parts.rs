@@ -1,7 +1,7 @@
 //! Unbroken parts of a road user's rows: without holes, jumps and other vehicles.
 
 use crate::raw::{RawRow, RawTrack};
-use crate::recording::{Class, HOLE_S, ReadCounts};
+use crate::recording::{HOLE_S, ReadCounts};
 
 /// Speed above that of the neighbouring steps from which a step is a jump, in m/s.
 const JUMP_MPS: f64 = 20.0;
@@ -159,7 +159,7 @@ fn has_other_box(a: &RawRow, b: &RawRow) -> bool {
     let is_known = a.size_m[0] > 0.0 && b.size_m[0] > 0.0;
     let is_longer = is_known && off_m > OTHER_LENGTH_M.max(OTHER_LENGTH * a.size_m[0]);
     let classes = a.class.zip(b.class);
-    is_longer || classes.is_some_and(|(a, b): (Class, Class)| a != b)
+    is_longer || classes.is_some_and(|(a, b)| a != b)
 }
 
 /// Leaves out rows that jump away and come back.

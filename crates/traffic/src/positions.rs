@@ -59,8 +59,9 @@ impl Positions {
             },
             shares: match &map.class {
                 ClassColumns::Shares(shares) => {
-                    let share = |(column, class): (&String, &Class)| Ok((at(column)?, *class));
-                    shares.iter().map(share).collect::<Result<_, _>>()?
+                    let shares = shares.iter();
+                    let placed = shares.map(|(column, class)| Ok((at(column)?, *class)));
+                    placed.collect::<Result<_, _>>()?
                 }
                 _ => Vec::new(),
             },

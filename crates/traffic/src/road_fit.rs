@@ -2,6 +2,9 @@
 
 use std::fmt::Write;
 
+use brakecheck_road::pose::Pose;
+use brakecheck_road::road::{Bend, Course, OnRoad};
+
 use crate::path::Path;
 use crate::plan::{rounded, solved};
 use crate::raw::wrapped;
@@ -28,63 +31,29 @@ pub(crate) struct RoadFit {
     pub(crate) most_per_m: f64,
 }
 
-/// Piece of a fitted road.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct FittedPiece {
-    /// Length in metres.
-    pub length_m: f64,
-    /// Curvature in 1/m, positive to the left and 0 on a line.
-    pub curvature_per_m: f64,
-}
-
-/// Road without kinks through recorded points: a start and pieces of constant curvature.
-///
-/// It is straight before its start and after its last piece.
+/// Road without kinks through recorded points.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FittedRoad {
-    /// Start in metres of the recording's frame.
-    pub start_m: [f64; 2],
-    /// Direction at the start.
-    pub heading_rad: f64,
-    /// Pieces in order, empty for a straight road.
-    pub pieces: Vec<FittedPiece>,
+    /// Its course in metres of the recording's frame.
+    pub course: Course,
     /// Greatest distance of a point from the road in metres.
     pub worst_m: f64,
 }
 
-/// Place on a road, with the direction there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct RoadPose {
-    pub(crate) point_m: [f64; 2],
-    pub(crate) heading_rad: f64,
+/// Road that is being fitted, of pieces of one length.
+struct RoadGuess {
+    begins: Pose,
+    length_m: f64,
+    per_m: Vec<f64>,
 }
 
-impl RoadPose {
-    fn after(self, way_m: f64, curvature_per_m: f64) -> RoadPose {
-        let turn_rad = way_m * curvature_per_m;
-        // Chord of the arc, at half of its turn.
-        let half_rad = 0.5 * turn_rad;
-        // The quotient is undefined at 0, where its limit is 1.
-        let chord_m = if half_rad.abs() < 1e-6 {
-            way_m
-        } else {
-            way_m * libm::sin(half_rad) / half_rad
-        };
-        let (sin, cos) = libm::sincos(self.heading_rad + half_rad);
-        let [x, y] = self.point_m;
-        RoadPose {
-            point_m: [x + chord_m * cos, y + chord_m * sin],
-            heading_rad: self.heading_rad + turn_rad,
-        }
-    }
-
-    /// Returns how far a point is ahead and to the left.
-    pub(crate) fn relative_m(&self, point_m: [f64; 2]) -> [f64; 2] {
-        let (sin, cos) = libm::sincos(self.heading_rad);
-        let [dx, dy] = [0, 1].map(|axis| point_m[axis] - self.point_m[axis]);
-        [cos * dx + sin * dy, cos * dy - sin * dx]
+/// Returns a place without a direction.
+pub(crate) fn place_at([x_m, y_m]: [f64; 2]) -> Pose {
+    Pose {
+        x_m,
+        y_m,
+        heading_rad: 0.0,
     }
 }
 
@@ -98,11 +67,10 @@ impl FittedRoad {
         let most = ((path.length_m() / how.piece_m) as usize).clamp(1, how.most_pieces);
         let mut pieces = 0;
         loop {
-            let road = FittedRoad::of_pieces(&path, pieces);
-            if road.worst_m <= how.tolerance_m || most <= pieces {
-                let sharpest = |it: &FittedPiece| it.curvature_per_m.abs();
-                let is_sharp = |it: &FittedPiece| how.most_per_m <= sharpest(it);
-                return (!road.pieces.iter().any(is_sharp)).then_some(road);
+            let road = RoadGuess::fitted(&path, pieces);
+            let is_near = |it: &FittedRoad| it.worst_m <= how.tolerance_m;
+            if most <= pieces || road.as_ref().is_some_and(is_near) {
+                return road.filter(|it| it.course.most_curvature_per_m() < how.most_per_m);
             }
             pieces = (2 * pieces).max(1).min(most);
         }
@@ -110,36 +78,80 @@ impl FittedRoad {
 
     /// Returns a straight road.
     pub(crate) fn straight(start_m: [f64; 2], heading_rad: f64) -> FittedRoad {
-        FittedRoad {
-            start_m,
+        let begins = Pose {
             heading_rad,
-            pieces: Vec::new(),
+            ..place_at(start_m)
+        };
+        FittedRoad {
+            course: Course::straight_from(begins),
             worst_m: 0.0,
         }
     }
 
-    fn of_pieces(path: &Path, pieces: usize) -> FittedRoad {
-        let mut road = FittedRoad::first_guess(path, pieces);
-        let points: Vec<[f64; 2]> = path.points().map(|(point, _)| point).collect();
+    /// Returns whether it has no pieces.
+    pub fn is_straight(&self) -> bool {
+        self.course.piece_count() == 0
+    }
+
+    /// Returns the place of a point along the road.
+    pub(crate) fn place(&self, point_m: [f64; 2]) -> OnRoad {
+        self.course.locate(&place_at(point_m))
+    }
+
+    /// Returns the list of pieces of a world file, a line each.
+    pub(crate) fn to_ron(&self) -> String {
+        let mut text = String::new();
+        for Bend { length_m, per_m } in self.course.bends() {
+            // Invariant: writing into a string does not fail.
+            let _ = if per_m == 0.0 {
+                writeln!(text, "            Line(length_m: {length_m:?}),")
+            } else {
+                let radius_m = rounded(1.0 / per_m);
+                writeln!(
+                    text,
+                    "            Arc(length_m: {length_m:?}, radius_m: {radius_m:?}),"
+                )
+            };
+        }
+        if text.is_empty() {
+            return "[]".to_owned();
+        }
+        format!("[\n{text}        ]")
+    }
+}
+
+impl RoadGuess {
+    /// Fits pieces of one length to a path, `None` if they are no road.
+    fn fitted(path: &Path, pieces: usize) -> Option<FittedRoad> {
+        let mut guess = RoadGuess::first(path, pieces);
+        let points: Vec<Pose> = path.points().map(|(point, _)| place_at(point)).collect();
         for _ in 0..STEPS {
-            let stations = road.places(&points);
-            let Some(change) = road.change(&points, &stations) else {
+            let Some(change) = guess.change(&guess.course()?, &points) else {
                 break;
             };
-            road.add(&change);
+            guess.add(&change);
             if change.iter().all(|it| it.abs() < 1e-9) {
                 break;
             }
         }
         // Rounded first, so that the distance is that of the written road.
-        road.round();
-        let off = |point: &[f64; 2]| road.place(*point).1.abs();
-        road.worst_m = points.iter().map(off).fold(0.0, f64::max);
-        road
+        guess.round();
+        let course = guess.course()?;
+        let off = |point: &Pose| course.locate(point).lateral_m.abs();
+        Some(FittedRoad {
+            worst_m: points.iter().map(off).fold(0.0, f64::max),
+            course,
+        })
+    }
+
+    fn course(&self) -> Option<Course> {
+        let length_m = self.length_m;
+        let bends = self.per_m.iter().map(|&per_m| Bend { length_m, per_m });
+        Course::of_bends(self.begins, &bends.collect::<Vec<Bend>>()).ok()
     }
 
     /// Returns a road with the courses of the path between its pieces.
-    fn first_guess(path: &Path, pieces: usize) -> FittedRoad {
+    fn first(path: &Path, pieces: usize) -> RoadGuess {
         let count = pieces.max(1);
         let length_m = path.length_m() / count as f64;
         let mut points = path.points().peekable();
@@ -164,124 +176,40 @@ impl FittedRoad {
             }
             _ => 0.0,
         };
-        FittedRoad {
-            start_m: stations.first().copied().unwrap_or_default(),
-            heading_rad: courses.first().copied().unwrap_or_default(),
-            pieces: (0..pieces)
-                .map(|k| FittedPiece {
-                    length_m,
-                    curvature_per_m: turns(k),
-                })
-                .collect(),
-            worst_m: 0.0,
+        RoadGuess {
+            begins: Pose {
+                heading_rad: courses.first().copied().unwrap_or_default(),
+                ..place_at(stations.first().copied().unwrap_or_default())
+            },
+            length_m,
+            per_m: (0..pieces).map(turns).collect(),
         }
-    }
-
-    /// Returns the poses at the starts of the pieces and at the end.
-    fn joints(&self) -> Vec<RoadPose> {
-        let mut pose = RoadPose {
-            point_m: self.start_m,
-            heading_rad: self.heading_rad,
-        };
-        let mut all = vec![pose];
-        for piece in &self.pieces {
-            pose = pose.after(piece.length_m, piece.curvature_per_m);
-            all.push(pose);
-        }
-        all
-    }
-
-    /// Returns the pose at a station.
-    pub(crate) fn pose(&self, s_m: f64) -> RoadPose {
-        self.pose_from(&self.joints(), s_m)
-    }
-
-    fn pose_from(&self, joints: &[RoadPose], s_m: f64) -> RoadPose {
-        let mut left_m = s_m;
-        for (k, piece) in self.pieces.iter().enumerate() {
-            if left_m < piece.length_m {
-                // The road is straight before its start.
-                let curvature = if s_m < 0.0 {
-                    0.0
-                } else {
-                    piece.curvature_per_m
-                };
-                return joints[k].after(left_m, curvature);
-            }
-            left_m -= piece.length_m;
-        }
-        joints[joints.len() - 1].after(left_m, 0.0)
-    }
-
-    /// Returns the station of a point and its offset to the left.
-    pub(crate) fn place(&self, point_m: [f64; 2]) -> (f64, f64) {
-        let joints = self.joints();
-        let far = |pose: &RoadPose| {
-            let [x, y] = pose.relative_m(point_m);
-            x * x + y * y
-        };
-        // The search finds a near place only, so it begins at the nearest joint.
-        let nearest =
-            (0..joints.len()).min_by(|a, b| far(&joints[*a]).total_cmp(&far(&joints[*b])));
-        let length_m = self.pieces.first().map_or(0.0, |it| it.length_m);
-        let s_m = nearest.unwrap_or(0) as f64 * length_m;
-        self.place_near(&joints, point_m, s_m)
-    }
-
-    /// Returns the place of a point, searched from a station.
-    fn place_near(&self, joints: &[RoadPose], point_m: [f64; 2], from_m: f64) -> (f64, f64) {
-        let mut s_m = from_m;
-        let mut left_m = 0.0;
-        // Each step is exact on a line, and nearly so on an arc.
-        for _ in 0..20 {
-            let [ahead_m, beside_m] = self.pose_from(joints, s_m).relative_m(point_m);
-            s_m += ahead_m;
-            left_m = beside_m;
-            if ahead_m.abs() < 1e-9 {
-                break;
-            }
-        }
-        (s_m, left_m)
-    }
-
-    /// Returns the places of points along the road, each searched from the last one.
-    pub(crate) fn places(&self, points: &[[f64; 2]]) -> Vec<(f64, f64)> {
-        let joints = self.joints();
-        let mut s_m = points.first().map_or(0.0, |point| self.place(*point).0);
-        let place = points.iter().map(|point| {
-            let place = self.place_near(&joints, *point, s_m);
-            s_m = place.0;
-            place
-        });
-        place.collect()
     }
 
     /// Returns a step of Gauss-Newton: to the left at the start, turn, curvatures.
-    fn change(&self, points: &[[f64; 2]], stations: &[(f64, f64)]) -> Option<Vec<f64>> {
-        let n = self.pieces.len() + 2;
-        let joints = self.joints();
-        let length_m = self.pieces.first().map_or(0.0, |it| it.length_m);
+    fn change(&self, course: &Course, points: &[Pose]) -> Option<Vec<f64>> {
+        let n = self.per_m.len() + 2;
+        let length_m = self.length_m;
         let (mut matrix, mut right) = (vec![vec![0.0; n]; n], vec![0.0; n]);
-        let normal = RoadPose {
-            point_m: [0.0; 2],
-            heading_rad: self.heading_rad,
-        };
-        for (_, (s_m, left_m)) in points.iter().zip(stations) {
-            let at = self.pose_from(&joints, *s_m);
-            let along = |from_m: [f64; 2]| -at.relative_m(from_m)[0];
+        for point in points {
+            let OnRoad {
+                s_m,
+                lateral_m: left_m,
+                ..
+            } = course.locate(point);
+            let at = course.pose(s_m, 0.0);
+            let along = |from: &Pose| -at.sees(from).x_m;
             let mut row = vec![0.0; n];
-            let turned_rad = at.heading_rad - normal.heading_rad;
-            row[0] = libm::cos(turned_rad);
-            row[1] = along(self.start_m);
-            for k in 0..self.pieces.len() {
+            row[0] = libm::cos(at.heading_rad - self.begins.heading_rad);
+            row[1] = along(&self.begins);
+            for k in 0..self.per_m.len() {
                 // The part of the piece before the point turns all that follows it.
                 let from_m = k as f64 * length_m;
                 let way_m = (s_m - from_m).min(length_m);
                 if way_m <= 0.0 {
                     break;
                 }
-                let middle = joints[k].after(0.5 * way_m, self.pieces[k].curvature_per_m);
-                row[k + 2] = way_m * along(middle.point_m);
+                row[k + 2] = way_m * along(&course.pose(from_m + 0.5 * way_m, 0.0));
             }
             for i in 0..n {
                 right[i] += row[i] * left_m;
@@ -292,9 +220,9 @@ impl FittedRoad {
         }
         // Curvatures count as the offsets that they cause along a piece.
         let weight = SMOOTH_M2 * length_m * length_m * length_m * length_m;
-        for k in 1..self.pieces.len() {
+        for k in 1..self.per_m.len() {
             let (a, b) = (k + 1, k + 2);
-            let rises = self.pieces[k].curvature_per_m - self.pieces[k - 1].curvature_per_m;
+            let rises = self.per_m[k] - self.per_m[k - 1];
             for (i, sign) in [(a, 1.0), (b, -1.0)] {
                 right[i] += weight * sign * rises;
                 matrix[i][i] += weight;
@@ -310,46 +238,25 @@ impl FittedRoad {
     }
 
     fn add(&mut self, change: &[f64]) {
-        let (sin, cos) = libm::sincos(self.heading_rad);
-        self.start_m[0] -= sin * change[0];
-        self.start_m[1] += cos * change[0];
-        self.heading_rad += change[1];
-        for (piece, more) in self.pieces.iter_mut().zip(&change[2..]) {
-            piece.curvature_per_m += more;
+        let moved = self.begins.moved(0.0, change[0]);
+        self.begins = Pose {
+            heading_rad: moved.heading_rad + change[1],
+            ..moved
+        };
+        for (per_m, more) in self.per_m.iter_mut().zip(&change[2..]) {
+            *per_m += more;
         }
     }
 
     /// Rounds to the digits of a world file.
     fn round(&mut self) {
-        for piece in &mut self.pieces {
-            piece.length_m = rounded(piece.length_m);
+        self.length_m = rounded(self.length_m);
+        for per_m in &mut self.per_m {
             // World files state radii, so the radius is rounded and not the curvature.
-            let radius_m = rounded(1.0 / piece.curvature_per_m);
-            let is_line = piece.curvature_per_m.abs() < LINE_PER_M;
-            piece.curvature_per_m = if is_line { 0.0 } else { 1.0 / radius_m };
+            let radius_m = rounded(1.0 / *per_m);
+            let is_line = per_m.abs() < LINE_PER_M;
+            *per_m = if is_line { 0.0 } else { 1.0 / radius_m };
         }
-    }
-
-    /// Returns the list of pieces of a world file, a line each.
-    pub(crate) fn to_ron(&self) -> String {
-        let mut text = String::new();
-        for piece in &self.pieces {
-            let length_m = piece.length_m;
-            // Invariant: writing into a string does not fail.
-            let _ = if piece.curvature_per_m == 0.0 {
-                writeln!(text, "            Line(length_m: {length_m:?}),")
-            } else {
-                let radius_m = rounded(1.0 / piece.curvature_per_m);
-                writeln!(
-                    text,
-                    "            Arc(length_m: {length_m:?}, radius_m: {radius_m:?}),"
-                )
-            };
-        }
-        if text.is_empty() {
-            return "[]".to_owned();
-        }
-        format!("[\n{text}        ]")
     }
 }
 
@@ -389,8 +296,9 @@ mod tests {
             let road = FittedRoad::fit(&turn(noise_m), HOW).expect("a road");
             assert!(road.worst_m < 0.12, "{noise_m}: {}", road.worst_m);
             // It ends as it should: up, 8 m behind the turn.
-            let end = road.pose(20.0 + 8.0 * std::f64::consts::FRAC_PI_2 + 10.0);
-            let off_m = libm::hypot(end.point_m[0] - 28.0, end.point_m[1] - 18.0);
+            let end_m = 20.0 + 8.0 * std::f64::consts::FRAC_PI_2 + 10.0;
+            let end = road.course.pose(end_m, 0.0);
+            let off_m = libm::hypot(end.x_m - 28.0, end.y_m - 18.0);
             assert!(off_m < 0.3, "{noise_m}: {end:?}");
             assert!((end.heading_rad - std::f64::consts::FRAC_PI_2).abs() < 0.03);
         }
@@ -402,7 +310,7 @@ mod tests {
             .map(|i| [f64::from(i), 0.3 * f64::from(i)])
             .collect();
         let road = FittedRoad::fit(&line, HOW).expect("a road");
-        assert!(road.pieces.is_empty() && road.worst_m < 1e-9, "{road:?}");
+        assert!(road.is_straight() && road.worst_m < 1e-9, "{road:?}");
         let circle: Vec<[f64; 2]> = (0..50)
             .map(|i| {
                 let (sin, cos) = libm::sincos(0.01 * f64::from(i));
@@ -410,16 +318,16 @@ mod tests {
             })
             .collect();
         let road = FittedRoad::fit(&circle, HOW).expect("a road");
-        let [piece] = &road.pieces[..] else {
+        let [piece] = road.course.bends()[..] else {
             panic!("{road:?}");
         };
-        assert!((piece.curvature_per_m + 0.01).abs() < 1e-5, "{road:?}");
+        assert!((piece.per_m + 0.01).abs() < 1e-5, "{road:?}");
         // A point 2 m to the left of the middle of the arc.
         let (sin, cos) = libm::sincos(0.2);
-        let (s_m, left_m) = road.place([102.0 * sin, 102.0 * cos - 100.0]);
+        let at = road.place([102.0 * sin, 102.0 * cos - 100.0]);
         assert!(
-            (s_m - 20.0).abs() < 1e-2 && (left_m - 2.0).abs() < 1e-2,
-            "{s_m} {left_m}"
+            (at.s_m - 20.0).abs() < 1e-2 && (at.lateral_m - 2.0).abs() < 1e-2,
+            "{at:?}"
         );
     }
 

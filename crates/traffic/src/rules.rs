@@ -280,32 +280,25 @@ impl RuleTally {
             };
             self.result.rows_broken += rows;
             self.result.episodes += 1;
-            self.note(recording, leads, (track, worst), robustness[worst]);
+            let own = &recording.tracks[track];
+            let lead = leads.of_track(track)[worst];
+            self.note(WorstRow {
+                id: own.id.clone(),
+                lead: lead.map(|it| recording.tracks[it.track].id.clone()),
+                track,
+                time_s: (own.first_sample + worst) as f64 * recording.dt_s,
+                robustness: robustness[worst],
+            });
         }
     }
 
     /// Keeps the worst row, and counts its vehicle.
-    fn note(
-        &mut self,
-        recording: &TrafficRecording,
-        leads: &Leads,
-        (track, at): (usize, usize),
-        robustness: f64,
-    ) {
-        let own = &recording.tracks[track];
-        self.vehicles.insert(own.id.clone());
+    fn note(&mut self, row: WorstRow) {
+        self.vehicles.insert(row.id.clone());
         let worst = self.result.worst.as_ref();
-        if worst.is_some_and(|it| it.robustness <= robustness) {
-            return;
+        if worst.is_none_or(|it| row.robustness < it.robustness) {
+            self.result.worst = Some(row);
         }
-        let lead = leads.of_track(track)[at].map(|it| recording.tracks[it.track].id.clone());
-        self.result.worst = Some(WorstRow {
-            id: own.id.clone(),
-            lead,
-            track,
-            time_s: (own.first_sample + at) as f64 * recording.dt_s,
-            robustness,
-        });
     }
 
     fn finish(mut self) -> RuleResult {

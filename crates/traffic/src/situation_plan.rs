@@ -133,7 +133,7 @@ impl SituationPlan {
         let lane = usize::from(placed.lane[pair.own_at]?);
         let lanes = &analysis.frame.carriageways[placed.carriageway].lanes;
         let place = pair.lane_place(placed, lanes.get(lane)?.offset_m);
-        let mut plan = pair.plan(analysis, (gap_m, speed), None, place)?;
+        let mut plan = pair.plan(analysis, gap_m, speed, None, place)?;
         plan.hardness = slowing_mps(analysis, window);
         Some(plan)
     }
@@ -213,7 +213,7 @@ impl SituationPlan {
             middle_m - LANE_WIDTH_M
         };
         let place = pair.lane_place(follower, right_lane_m);
-        let mut plan = pair.plan(analysis, (gap_m, speed), Some(across), place)?;
+        let mut plan = pair.plan(analysis, gap_m, speed, Some(across), place)?;
         plan.hardness = cut_in.at_line.needed_mps2();
         // Bodies that overlap at the start are no situation.
         let is_clear = plan.place() != RecordedPlace::Beside || shape.from_m.abs() >= BESIDE_M;
@@ -296,7 +296,8 @@ impl<'a> RecordedPair<'a> {
     fn plan(
         &self,
         analysis: &Analysis,
-        (gap_m, speed): (f64, SpeedPlan),
+        gap_m: f64,
+        speed: SpeedPlan,
         across: Option<AcrossPlan>,
         place: LanePlace,
     ) -> Option<SituationPlan> {

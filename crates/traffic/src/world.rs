@@ -169,7 +169,7 @@ impl SituationGroup {
         };
         let is_alone = |it: &SituationPlan| !it.others.is_empty();
         // Positions are relative to the road, so straight roads of any lanes are equal.
-        let is_straight = own.pieces.is_empty() && road.pieces.is_empty();
+        let is_straight = own.is_straight() && road.is_straight();
         (is_straight || own == road)
             && !is_alone(first)
             && !is_alone(plan)
@@ -195,7 +195,7 @@ impl SituationGroup {
             situations,
             road_m: self
                 .road
-                .filter(|it| !it.pieces.is_empty())
+                .filter(|it| !it.is_straight())
                 .map_or(0.0, |it| it.worst_m),
         }
     }

@@ -2,9 +2,11 @@
 
 use std::fmt::Write;
 
+use brakecheck_road::pose::Pose;
+
 use crate::other_plan::OtherPlan;
 use crate::plan::{PIECE_S, SpeedPlan, rounded};
-use crate::road_fit::{FittedRoad, RoadPose};
+use crate::road_fit::FittedRoad;
 use crate::situation_plan::{LANE_CHANGE_AT_S, LANE_WIDTH_M, SituationPlan, SituationRoad};
 use crate::situations::SituationKind;
 
@@ -130,7 +132,7 @@ impl LaneText<'_> {
         let horizon_s = first.speed.to_mps.len() as f64 * PIECE_S;
         let points = table.to_ron(situations);
         let surface = format!("lanes: {lanes}, lane_width_m: {LANE_WIDTH_M:?}, friction: 0.9");
-        let (road, bend) = if road.pieces.is_empty() {
+        let (road, bend) = if road.is_straight() {
             (format!("Straight({surface})"), String::new())
         } else {
             let bend = format!(
@@ -179,21 +181,21 @@ Scenario(
     /// Returns the station of the ego's front: 0 on a straight road.
     fn station_m(&self, plan: &SituationPlan) -> f64 {
         match &plan.road {
-            SituationRoad::Lanes(place) if !self.road.pieces.is_empty() => {
-                self.road.place(place.front_m).0
+            SituationRoad::Lanes(place) if !self.road.is_straight() => {
+                self.road.place(place.front_m).s_m
             }
             _ => 0.0,
         }
     }
 
     /// Returns the origin of the world in the frame of the recording.
-    fn origin(&self, station_m: f64, plan: &SituationPlan) -> RoadPose {
+    fn origin(&self, station_m: f64, plan: &SituationPlan) -> Pose {
         match &plan.road {
             SituationRoad::Lanes(place) => {
-                let front_m = self.road.place(place.front_m).0;
-                self.road.pose(front_m - station_m)
+                let front_m = self.road.place(place.front_m).s_m;
+                self.road.course.pose(front_m - station_m, 0.0)
             }
-            SituationRoad::Crossing(roads) => roads.ego.pose(0.0),
+            SituationRoad::Crossing(roads) => roads.ego.course.start(),
         }
     }
 }
@@ -210,7 +212,7 @@ pub(crate) struct OtherTexts {
 
 impl OtherTexts {
     /// Returns empty texts without road users. `origin` is that of the world.
-    pub(crate) fn of(others: &[OtherPlan], origin: RoadPose) -> OtherTexts {
+    pub(crate) fn of(others: &[OtherPlan], origin: Pose) -> OtherTexts {
         if others.is_empty() {
             return OtherTexts::default();
         }
@@ -229,9 +231,9 @@ impl OtherTexts {
 }
 
 /// Returns a named road of one lane as an entry of `roads`.
-pub(crate) fn road_entry(name: &str, road: &FittedRoad, width_m: f64, origin: RoadPose) -> String {
-    let [x, y] = origin.relative_m(road.start_m).map(rounded);
-    let heading_rad = rounded(crate::raw::wrapped(road.heading_rad - origin.heading_rad));
+pub(crate) fn road_entry(name: &str, road: &FittedRoad, width_m: f64, origin: Pose) -> String {
+    let start = origin.sees(&road.course.start());
+    let [x, y, heading_rad] = [start.x_m, start.y_m, start.heading_rad].map(rounded);
     // A lane is at least 1 m wide, and the world's own is 3.5 m or more.
     let width_m = rounded(width_m.max(1.0));
     let pieces = road.to_ron();

@@ -5,10 +5,12 @@
 //! direction, so no error adds up along a chain of them.
 
 use core::f64::consts::PI;
+use core::ops::Range;
 use std::collections::HashMap;
 
-use super::ways::{Bend, MOST_ARCS};
+use super::ways::MOST_ARCS;
 use crate::pose::{Pose, wrapped};
+use crate::road::Bend;
 
 /// Greatest distance in metres of the arcs from their curve.
 const NEAR_M: f64 = 0.001;
@@ -22,26 +24,30 @@ const LEAST_WIDTH_M: f64 = 2.0;
 /// Places of a curve that are looked at for whether it meets itself.
 const MOST_SAMPLES: f64 = 20_000.0;
 
+/// Curve as a place at each distance, whose heading is the tangent.
+#[derive(Clone, Copy)]
+pub(crate) struct Curve<'a> {
+    pub at: &'a dyn Fn(f64) -> Pose,
+    pub length_m: f64,
+}
+
 /// Distance along a curve at which it comes near an earlier part of itself.
 ///
 /// `turn_rad` is the sum of its turns in either direction.
-pub(crate) fn self_overlap_m(
-    (at, length_m): (&dyn Fn(f64) -> Pose, f64),
-    turn_rad: f64,
-    width_m: f64,
-) -> Option<f64> {
+pub(crate) fn self_overlap_m(curve: Curve<'_>, turn_rad: f64, width_m: f64) -> Option<f64> {
     // Nothing comes back that has not turned round.
     if turn_rad <= PI {
         return None;
     }
     let near_m = width_m.max(LEAST_WIDTH_M);
+    let length_m = curve.length_m;
     let apart_m = (length_m / MOST_SAMPLES).max(0.25 * near_m);
     // Beyond this all places share the last cell, whose neighbours are still numbers.
     let cell = |at_m: f64| (at_m / near_m).floor().clamp(-1e15, 1e15) as i64;
     let mut seen: HashMap<(i64, i64), Vec<(f64, Pose)>> = HashMap::new();
     let samples = (length_m / apart_m).min(MOST_SAMPLES) as usize;
     for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
-        let here = at(s_m);
+        let here = (curve.at)(s_m);
         let (column, row) = (cell(here.x_m), cell(here.y_m));
         let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
         for (dx, dy) in around {
@@ -71,18 +77,12 @@ pub(crate) struct CurveArc {
 
 /// Arcs within [`NEAR_M`] of a curve, also on parallels up to `beside_m` beside it.
 ///
-/// `at` is the place on the curve at a distance. Its heading is the tangent.
-///
 /// # Errors
 ///
 /// Returns a message for a curve that would need too many arcs.
-pub(crate) fn arcs_of(
-    at: &dyn Fn(f64) -> Pose,
-    length_m: f64,
-    beside_m: f64,
-) -> Result<Vec<CurveArc>, String> {
+pub(crate) fn arcs_of(curve: Curve<'_>, beside_m: f64) -> Result<Vec<CurveArc>, String> {
     let mut arcs = Vec::new();
-    split(at, (0.0, length_m), beside_m, &mut arcs);
+    split(curve.at, 0.0..curve.length_m, beside_m, &mut arcs);
     if arcs.len() as f64 <= MOST_ARCS {
         Ok(arcs)
     } else {
@@ -90,12 +90,8 @@ pub(crate) fn arcs_of(
     }
 }
 
-fn split(
-    at: &dyn Fn(f64) -> Pose,
-    (from_m, to_m): (f64, f64),
-    beside_m: f64,
-    arcs: &mut Vec<CurveArc>,
-) {
+fn split(at: &dyn Fn(f64) -> Pose, part_m: Range<f64>, beside_m: f64, arcs: &mut Vec<CurveArc>) {
+    let (from_m, to_m) = (part_m.start, part_m.end);
     // What is already too much is not split any further.
     if arcs.len() as f64 > MOST_ARCS {
         return;
@@ -116,8 +112,8 @@ fn split(
     });
     if !is_near && to_m - from_m > LEAST_M {
         let middle_m = 0.5 * (from_m + to_m);
-        split(at, (from_m, middle_m), beside_m, arcs);
-        split(at, (middle_m, to_m), beside_m, arcs);
+        split(at, from_m..middle_m, beside_m, arcs);
+        split(at, middle_m..to_m, beside_m, arcs);
         return;
     }
     let mut along_m = from_m;
@@ -161,18 +157,17 @@ pub(crate) fn pair_of(start: Pose, end: Pose) -> [(Pose, Bend); 2] {
     } else {
         0.0
     };
-    let middle_m = (
+    let first = arc_to(
         0.5 * (seen.x_m + reach_m * (1.0 - cos)),
         0.5 * (seen.y_m - reach_m * sin),
     );
-    let first = arc_to(middle_m);
     let middle = start.bent(first.length_m, first.per_m);
     let left = middle.sees(&end);
-    [(start, first), (middle, arc_to((left.x_m, left.y_m)))]
+    [(start, first), (middle, arc_to(left.x_m, left.y_m))]
 }
 
 /// Arc that begins ahead and ends at a place.
-fn arc_to((ahead_m, left_m): (f64, f64)) -> Bend {
+fn arc_to(ahead_m: f64, left_m: f64) -> Bend {
     let square = ahead_m * ahead_m + left_m * left_m;
     let half_rad = libm::atan2(left_m, ahead_m);
     if square == 0.0 {
@@ -225,20 +220,41 @@ pub fn begun(all: &[Cubic], s_m: f64) -> Cubic {
     begun.or(all.first()).copied().unwrap_or_default()
 }
 
+/// Polynomials ahead and to the left, of a parameter from 0 to `most`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CubicPair {
+    pub ahead: Cubic,
+    pub left: Cubic,
+    pub most: f64,
+}
+
 /// Curve along two polynomials of one parameter, by its length.
 pub(crate) struct ParametricCurve {
     start: Pose,
-    /// Polynomials ahead and to the left, of a parameter up to `most`.
-    ahead: Cubic,
-    left: Cubic,
-    most: f64,
+    pair: CubicPair,
     /// Lengths at even parameters, scaled to the length that the file states.
     lengths_m: Vec<f64>,
 }
 
-impl ParametricCurve {
+impl CubicPair {
     /// Parts into which a curve is cut to measure it, as in esmini.
     const PARTS: u32 = 200;
+
+    /// Lengths along it at even parameters.
+    fn lengths_m(&self) -> Vec<f64> {
+        let step = self.most / f64::from(Self::PARTS);
+        let mut lengths_m = vec![0.0];
+        let mut sum_m = 0.0;
+        for part in 0..Self::PARTS {
+            let middle = (f64::from(part) + 0.5) * step;
+            sum_m += step * libm::hypot(self.ahead.slope(middle), self.left.slope(middle));
+            lengths_m.push(sum_m);
+        }
+        lengths_m
+    }
+}
+
+impl ParametricCurve {
     /// Halvings after which a parameter is as precise as its bits.
     const HALVINGS: u32 = 60;
 
@@ -247,13 +263,8 @@ impl ParametricCurve {
     /// # Errors
     ///
     /// Returns a message for a curve without a length.
-    pub fn new(
-        start: Pose,
-        (ahead, left): (Cubic, Cubic),
-        most: f64,
-        length_m: f64,
-    ) -> Result<ParametricCurve, String> {
-        let mut lengths_m = Self::lengths_m((ahead, left), most);
+    pub fn new(start: Pose, pair: CubicPair, length_m: f64) -> Result<ParametricCurve, String> {
+        let mut lengths_m = pair.lengths_m();
         let sum_m = lengths_m.last().copied().unwrap_or(0.0);
         if sum_m == 0.0 || !sum_m.is_finite() {
             return Err("its polynomials lead nowhere".to_owned());
@@ -263,9 +274,7 @@ impl ParametricCurve {
         }
         Ok(ParametricCurve {
             start,
-            ahead,
-            left,
-            most,
+            pair,
             lengths_m,
         })
     }
@@ -282,42 +291,33 @@ impl ParametricCurve {
             from_m: 0.0,
             terms: [0.0, 1.0, 0.0, 0.0],
         };
+        let up_to = |most: f64| CubicPair { ahead, left, most };
         let (mut least, mut most) = (0.0, length_m);
         for _ in 0..Self::HALVINGS {
             let middle = 0.5 * (least + most);
-            let lengths_m = Self::lengths_m((ahead, left), middle);
+            let lengths_m = up_to(middle).lengths_m();
             if lengths_m.last().is_some_and(|sum_m| *sum_m < length_m) {
                 least = middle;
             } else {
                 most = middle;
             }
         }
-        ParametricCurve::new(start, (ahead, left), most, length_m)
-    }
-
-    /// Lengths along two polynomials at even parameters up to one.
-    fn lengths_m((ahead, left): (Cubic, Cubic), most: f64) -> Vec<f64> {
-        let step = most / f64::from(Self::PARTS);
-        let mut lengths_m = vec![0.0];
-        let mut sum_m = 0.0;
-        for part in 0..Self::PARTS {
-            let middle = (f64::from(part) + 0.5) * step;
-            sum_m += step * libm::hypot(ahead.slope(middle), left.slope(middle));
-            lengths_m.push(sum_m);
-        }
-        lengths_m
+        ParametricCurve::new(start, up_to(most), length_m)
     }
 
     pub fn at(&self, s_m: f64) -> Pose {
         let after = self.lengths_m.partition_point(|it| *it <= s_m);
-        let part = after.clamp(1, Self::PARTS as usize);
+        let part = after.clamp(1, CubicPair::PARTS as usize);
         let (from_m, to_m) = (self.lengths_m[part - 1], self.lengths_m[part]);
         let share = part as f64 - 1.0 + (s_m - from_m) / (to_m - from_m);
-        let parameter = share * self.most / f64::from(Self::PARTS);
-        let (ahead, left) = (self.ahead.slope(parameter), self.left.slope(parameter));
+        let parameter = share * self.pair.most / f64::from(CubicPair::PARTS);
+        let (ahead, left) = (
+            self.pair.ahead.slope(parameter),
+            self.pair.left.slope(parameter),
+        );
         let on = self
             .start
-            .moved(self.ahead.at(parameter), self.left.at(parameter));
+            .moved(self.pair.ahead.at(parameter), self.pair.left.at(parameter));
         Pose {
             heading_rad: wrapped(self.start.heading_rad + libm::atan2(left, ahead)),
             ..on
@@ -366,9 +366,10 @@ mod tests {
             ),
         ];
         for (ahead, left, most, length_m) in cases {
-            let curve =
-                ParametricCurve::new(start, (ahead, left), most, length_m).expect("a curve");
-            let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, 4.0).expect("few arcs");
+            let pair = CubicPair { ahead, left, most };
+            let curve = ParametricCurve::new(start, pair, length_m).expect("a curve");
+            let at = |s_m: f64| curve.at(s_m);
+            let arcs = arcs_of(Curve { at: &at, length_m }, 4.0).expect("few arcs");
             // Chained from the start on: errors of the arcs would add up.
             let mut spot = start;
             let mut covered_m = 0.0;
@@ -395,8 +396,11 @@ mod tests {
         // y = x²/100 over x = 0 to 10, whose length is 10.0663 m, as 20 m.
         let curve = ParametricCurve::new(
             Pose::default(),
-            (cubic([0.0, 10.0, 0.0, 0.0]), cubic([0.0, 0.0, 1.0, 0.0])),
-            1.0,
+            CubicPair {
+                ahead: cubic([0.0, 10.0, 0.0, 0.0]),
+                left: cubic([0.0, 0.0, 1.0, 0.0]),
+                most: 1.0,
+            },
             20.0,
         )
         .expect("a curve");
@@ -426,14 +430,22 @@ mod tests {
 
     #[test]
     fn a_curve_without_end_or_length_is_refused() {
-        let flat = cubic([0.0; 4]);
-        assert!(ParametricCurve::new(Pose::default(), (flat, flat), 1.0, 5.0).is_err());
+        let flat = CubicPair {
+            ahead: Cubic::default(),
+            left: Cubic::default(),
+            most: 1.0,
+        };
+        assert!(ParametricCurve::new(Pose::default(), flat, 5.0).is_err());
         let wild = cubic([0.0, 0.0, 0.001, 1e-6]);
         let curve = ParametricCurve::of_function(Pose::default(), wild, 1e5).expect("a curve");
         let zigzag = |s_m: f64| Pose {
             heading_rad: 1e4 * libm::sin(s_m),
             ..curve.at(s_m)
         };
-        assert!(arcs_of(&zigzag, 1e5, 12.0).is_err());
+        let zigzag = Curve {
+            at: &zigzag,
+            length_m: 1e5,
+        };
+        assert!(arcs_of(zigzag, 12.0).is_err());
     }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::error::{At, ImportError};
+use super::lane_drive::{LaneFollower, LaneRoute};
 use super::roads::{OnLane, RoadMap};
 use super::tree::XmlNode;
 use crate::pose::Pose;
@@ -78,7 +79,14 @@ pub fn lane_road(path: &Path, text: &str, from: &LaneStart) -> Result<LaneRoad, 
         t_m: line.middle_at(&root, from.s_m, from.lane)?.0,
         forward: line.leads_forward(from.lane),
     };
-    let drive = roads.lane_drive(&root, &at, (from.via, from.length_m.min(MOST_M)))?;
+    let drive = roads.lane_drive(
+        &root,
+        &at,
+        LaneRoute {
+            via: from.via,
+            reach_m: from.length_m.min(MOST_M),
+        },
+    )?;
     if let Some(missing) = from
         .via
         .iter()
@@ -96,12 +104,19 @@ pub fn lane_road(path: &Path, text: &str, from: &LaneStart) -> Result<LaneRoad, 
     // Lane 0 of a world is the rightmost, so the road begins that many lanes to the right.
     let right = roads.lanes_beside(&drive, lane_width_m);
     let beside_m = -(right as f64) * lane_width_m;
-    let on = roads.lane_way(&root, &drive, (beside_m, 0.0))?;
+    let on = roads.lane_way(
+        &root,
+        &drive,
+        LaneFollower {
+            left_m: beside_m,
+            slowest_mps: 0.0,
+        },
+    )?;
     Ok(LaneRoad {
-        begins: on.way.begins,
+        begins: on.way.start(),
         lanes: right + 1,
         lane_width_m,
-        pieces: on.way.pieces(),
+        pieces: on.way.bends().into_iter().map(Piece::from).collect(),
         grades: roads.lane_grades(&root, &drive, beside_m)?,
         banks: roads.lane_banks(&root, &drive, beside_m)?,
         begins_z_m: line.height_m(from.s_m, at.t_m + f64::from(at.side()) * beside_m),

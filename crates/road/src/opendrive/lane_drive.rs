@@ -3,13 +3,15 @@
 
 use core::f64::consts::PI;
 
-use super::curve::{arcs_of, pair_of, self_overlap_m};
+use super::curve::{Curve, arcs_of, pair_of, self_overlap_m};
 use super::error::ImportError;
+use super::lanes::DrivenLane;
 use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
 use super::tree::XmlNode;
-use super::ways::{Bend, ImportedPath, OnWay, WINDS};
+use super::ways::{OnWay, WINDS, course, cut};
 use crate::pose::{Pose, wrapped};
+use crate::road::Bend;
 
 /// Length in metres that a lane may lose by slanting, on the whole way.
 ///
@@ -43,11 +45,29 @@ pub struct LaneStretch {
     to_m: f64,
 }
 
+/// Choice of a way along lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneRoute<'a> {
+    /// Roads that the way visits, in order.
+    pub via: &'a [String],
+    /// Greatest length of the way.
+    pub reach_m: f64,
+}
+
+/// Entity that follows a way along lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneFollower {
+    /// Its offset to the left of the middle of the lanes.
+    pub left_m: f64,
+    /// Its least speed.
+    pub slowest_mps: f64,
+}
+
 impl RoadMap {
     /// Returns the lanes that are driven from a place on, in order.
     ///
-    /// Where a junction offers several ways, `route` decides: the roads that
-    /// the way visits, in order. Without a decision the way ends there.
+    /// Where a junction offers several ways, the route decides. Without a decision the
+    /// way ends there.
     ///
     /// # Errors
     ///
@@ -56,22 +76,24 @@ impl RoadMap {
         &self,
         asks: &XmlNode,
         at: &OnLane,
-        (route, reach_m): (&[String], f64),
+        along: LaneRoute<'_>,
     ) -> Result<Vec<LaneStretch>, ImportError> {
         let mut all: Vec<LaneStretch> = Vec::new();
-        let mut next = Some((at.road.clone(), (at.lane, at.forward), Some(at.s_m)));
-        let mut left_m = reach_m;
+        let mut next = Some((at.road.clone(), at.driven(), Some(at.s_m)));
+        let mut left_m = along.reach_m;
         let mut parts = 0;
-        let mut route = route.iter().skip_while(|id| **id == at.road).peekable();
-        while let Some((id, lane, from_m)) = next.take() {
+        let mut route = along.via.iter().skip_while(|id| **id == at.road).peekable();
+        while let Some((id, driven, from_m)) = next.take() {
             let road = self.road(asks, &id)?;
             while route.next_if(|wanted| **wanted == id).is_some() {}
-            let (lane, forward) = lane;
-            let (stretches, end_lane) = through(road, &id, (lane, forward), from_m);
+            let (stretches, end_lane) = through(road, &id, driven, from_m);
             // Roads without a length, or nearly so, may link to each other in a circle.
             parts += 1 + stretches.len();
             if parts > MOST_PARTS {
-                let what = format!("more than {MOST_PARTS} roads and sections on {reach_m:.0} m");
+                let what = format!(
+                    "more than {MOST_PARTS} roads and sections on {:.0} m",
+                    along.reach_m
+                );
                 let help = "link roads of some length, in no circle of shorter ones";
                 return Err(road.node.refused(what, help));
             }
@@ -85,9 +107,10 @@ impl RoadMap {
             }
             let wanted = route.peek().map(|id| id.as_str());
             if let Some(lane) = end_lane {
+                let driven = DrivenLane { lane, ..driven };
                 next = self
-                    .after(road, (&id, lane, forward), wanted)
-                    .map(|(id, lane)| (id, lane, None));
+                    .after(road, &id, driven, wanted)
+                    .map(|(id, driven)| (id, driven, None));
             }
         }
         Ok(all)
@@ -97,9 +120,11 @@ impl RoadMap {
     fn after(
         &self,
         road: &ImportedRoad,
-        (id, lane, forward): (&str, i32, bool),
+        id: &str,
+        driven: DrivenLane,
         wanted: Option<&str>,
-    ) -> Option<(String, (i32, bool))> {
+    ) -> Option<(String, DrivenLane)> {
+        let DrivenLane { lane, forward } = driven;
         let side = usize::from(forward);
         let link = road.links[side].as_ref()?;
         let (over, to) = if link.is_junction {
@@ -135,7 +160,11 @@ impl RoadMap {
             self.get(&over.id)?.leads_forward(to),
         );
         let fits = (leads.0 == forward) == (leads.1 != over.at_end);
-        fits.then(|| (over.id.clone(), (to, !over.at_end)))
+        let driven = DrivenLane {
+            lane: to,
+            forward: !over.at_end,
+        };
+        fits.then(|| (over.id.clone(), driven))
     }
 
     /// Returns whether a road inside a junction ends at a road.
@@ -165,7 +194,7 @@ impl RoadMap {
         }
     }
 
-    /// Returns the way along lanes, at an offset to the left of their middle.
+    /// Returns the way along lanes of an entity.
     ///
     /// # Errors
     ///
@@ -174,7 +203,7 @@ impl RoadMap {
         &self,
         asks: &XmlNode,
         stretches: &[LaneStretch],
-        (left_m, slowest_mps): (f64, f64),
+        follower: LaneFollower,
     ) -> Result<OnWay, ImportError> {
         let mut begins = None;
         let mut pieces: Vec<Bend> = Vec::new();
@@ -183,10 +212,10 @@ impl RoadMap {
         for stretch in stretches {
             let road = self.road(asks, &stretch.road)?;
             let length_m = stretch.length_m();
-            let at = |along_m: f64| stretch.pose(road, along_m, left_m);
+            let at = |along_m: f64| stretch.pose(road, along_m, follower.left_m);
             lost_m += stretch.slant_m(road);
-            let arcs =
-                arcs_of(&at, length_m, 0.0).map_err(|what| road.node.refused(what, WINDS))?;
+            let curve = Curve { at: &at, length_m };
+            let arcs = arcs_of(curve, 0.0).map_err(|what| road.node.refused(what, WINDS))?;
             for arc in arcs {
                 if begins.is_none() {
                     begins = Some(arc.start);
@@ -208,7 +237,7 @@ impl RoadMap {
                 spot = end;
             }
         }
-        if SLANT_M.max(SLANT_S * slowest_mps) < lost_m {
+        if SLANT_M.max(SLANT_S * follower.slowest_mps) < lost_m {
             let what = format!("its lane slants, by {lost_m:.2} m of its way");
             let help = "a way along lanes of nearly constant width and offset is read";
             return Err(asks.refused(what, help));
@@ -217,18 +246,26 @@ impl RoadMap {
             let help = "place it before the end of its lane, in the direction of the traffic";
             asks.refused("its lane has no length", help)
         })?;
-        let ends_m = pieces.iter().map(|piece| piece.length_m).sum();
-        let way = ImportedPath { begins, pieces };
-        let turns = way.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
-        let overlap_m = self_overlap_m((&|at_m| way.at(at_m), ends_m), turns.sum(), ROUND_M);
-        let ends_m = overlap_m.map_or(ends_m, |overlap_m| {
-            (overlap_m - BEFORE_M).max(0.5 * overlap_m)
-        });
+        let way = course(asks, begins, &pieces)?;
+        let on_way = |at_m: f64| way.pose(at_m, 0.0);
+        let curve = Curve {
+            at: &on_way,
+            length_m: way.end_s_m(),
+        };
+        let on = match self_overlap_m(curve, way.turned_rad(), ROUND_M) {
+            None => {
+                let ends_m = way.end_s_m();
+                OnWay::start(way, ends_m)
+            }
+            // It ends before it comes back to itself, where a place has two stations.
+            Some(overlap_m) => {
+                let ends_m = (overlap_m - BEFORE_M).max(0.5 * overlap_m);
+                OnWay::start(course(asks, begins, &cut(pieces, ends_m))?, ends_m)
+            }
+        };
         Ok(OnWay {
-            way: way.cut(ends_m),
-            ends_m,
-            along_m: 0.0,
             is_lane: true,
+            ..on
         })
     }
 }
@@ -251,9 +288,10 @@ fn lengthen(pieces: &mut Vec<Bend>, mut bend: Bend) {
 fn through(
     road: &ImportedRoad,
     id: &str,
-    (mut lane, forward): (i32, bool),
+    driven: DrivenLane,
     from_m: Option<f64>,
 ) -> (Vec<LaneStretch>, Option<i32>) {
+    let DrivenLane { mut lane, forward } = driven;
     let from_m = from_m.unwrap_or(if forward { 0.0 } else { road.length_m });
     let sections = &road.lanes.sections;
     let mut section = road.lanes.section(from_m).map_or(0, |(section, _)| section);
@@ -320,7 +358,7 @@ impl LaneStretch {
     /// Place on the lane in the direction of travel, `left_m` to its left.
     pub(super) fn pose(&self, road: &ImportedRoad, along_m: f64, left_m: f64) -> Pose {
         let s_m = self.station_m(along_m);
-        let middle = road.lanes.middle((self.section, s_m), self.lane);
+        let middle = road.lanes.middle(self.section, s_m, self.lane);
         let (t_m, slope) = middle.unwrap_or_default();
         let forward = self.is_forward();
         let t_m = if forward { t_m + left_m } else { t_m - left_m };
@@ -339,7 +377,7 @@ impl LaneStretch {
         let part_m = self.length_m() / f64::from(PARTS);
         let parts = (0..PARTS).map(|part| {
             let s_m = self.station_m((f64::from(part) + 0.5) * part_m);
-            let middle = road.lanes.middle((self.section, s_m), self.lane);
+            let middle = road.lanes.middle(self.section, s_m, self.lane);
             let slope = middle.map_or(0.0, |(_, slope)| slope);
             0.5 * slope * slope * part_m
         });

@@ -29,6 +29,15 @@ pub struct SectionLane {
     pub links: [Option<i32>; 2],
 }
 
+/// Lane with the direction in which it is driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DrivenLane {
+    /// Id in the file.
+    pub lane: i32,
+    /// True along the reference line.
+    pub forward: bool,
+}
+
 /// Lanes from a station on.
 #[derive(Clone, Debug)]
 pub struct OpenDriveLaneSection {
@@ -80,10 +89,11 @@ impl RoadLanes {
     pub fn of(
         road: &XmlNode,
         lanes: &XmlNode,
-        (length_m, refused): (f64, &mut Option<ImportError>),
+        length_m: f64,
+        refused: &mut Option<ImportError>,
     ) -> Result<RoadLanes, ImportError> {
         for name in ["laneOffset", "laneSection"] {
-            few(lanes, lanes.all(name).count(), (name, MOST_SECTIONS))?;
+            few(lanes, lanes.all(name).count(), name, MOST_SECTIONS)?;
         }
         let offsets = lanes.all("laneOffset").map(|it| cubic(it, "s", 0.0));
         let banks = profile_of(road, "lateralProfile", "superelevation")?;
@@ -91,9 +101,9 @@ impl RoadLanes {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
             let sides = || section.children.iter().flat_map(|side| side.all("lane"));
             let counts = section.children.iter().map(|side| side.all("lane").count());
-            few(section, counts.sum(), ("lane", MOST_LANES))?;
+            few(section, counts.sum(), "lane", MOST_LANES)?;
             let widths = sides().map(|lane| lane.all("width").count());
-            few(section, widths.sum(), ("width", MOST_CUBICS))?;
+            few(section, widths.sum(), "width", MOST_CUBICS)?;
             let lanes = sides().map(|lane| section_lane(lane, s_m, refused));
             Ok(OpenDriveLaneSection {
                 s_m,
@@ -131,7 +141,7 @@ impl RoadLanes {
     /// Lateral position of the middle of a lane, and its slope along the road.
     ///
     /// `None` if the section at this station has no such lane.
-    pub fn middle(&self, (section, s_m): (usize, f64), lane: i32) -> Option<(f64, f64)> {
+    pub fn middle(&self, section: usize, s_m: f64, lane: i32) -> Option<(f64, f64)> {
         let lanes = self.sections.get(section)?;
         // Before numbers up to it are counted: a world may ask for any.
         if lane != 0 && lanes.lane(lane).is_none() {
@@ -162,12 +172,8 @@ impl RoadLanes {
     /// Returns the lane and the station at which a lane begins on its road.
     ///
     /// In the direction of travel, back over the links of sections.
-    pub fn first_of(
-        &self,
-        (mut lane, forward): (i32, bool),
-        s_m: f64,
-        length_m: f64,
-    ) -> (i32, f64) {
+    pub fn first_of(&self, driven: DrivenLane, s_m: f64, length_m: f64) -> (i32, f64) {
+        let DrivenLane { mut lane, forward } = driven;
         let mut section = self.section(s_m).map_or(0, |(section, _)| section);
         loop {
             let before = if forward {
@@ -191,7 +197,7 @@ impl RoadLanes {
     pub fn lane_at(&self, s_m: f64, t_m: f64) -> Option<i32> {
         let (number, section) = self.section(s_m)?;
         let is_on = |id: &i32| {
-            let middle = self.middle((number, s_m), *id);
+            let middle = self.middle(number, s_m, *id);
             let half_m = self.width_m(s_m, *id).unwrap_or(0.0) / 2.0;
             middle.is_some_and(|(middle_m, _)| (t_m - middle_m).abs() <= half_m)
         };
@@ -231,7 +237,7 @@ impl RoadLanes {
             within.chain([section.s_m]).map(move |s_m| (i, s_m))
         });
         let middles: Option<Vec<f64>> = begins
-            .map(|at| self.middle(at, lane).map(|(t_m, _)| t_m))
+            .map(|(section, s_m)| self.middle(section, s_m, lane).map(|(t_m, _)| t_m))
             .collect();
         let middles = middles?;
         let first_m = *middles.first()?;
@@ -249,7 +255,7 @@ fn profile_of(road: &XmlNode, list: &str, name: &str) -> Result<Vec<Cubic>, Impo
     let Some(profile) = road.child(list) else {
         return Ok(Vec::new());
     };
-    few(profile, profile.all(name).count(), (name, MOST_CUBICS))?;
+    few(profile, profile.all(name).count(), name, MOST_CUBICS)?;
     profile.all(name).map(|it| cubic(it, "s", 0.0)).collect()
 }
 
@@ -267,7 +273,8 @@ fn cubic(node: &XmlNode, start: &str, from_m: f64) -> Result<Cubic, ImportError>
 pub(super) fn few(
     node: &XmlNode,
     count: usize,
-    (name, most): (&str, usize),
+    name: &str,
+    most: usize,
 ) -> Result<(), ImportError> {
     if count <= most {
         return Ok(());
@@ -286,7 +293,7 @@ fn section_lane(
         let help = "give the lane a `width`";
         refused.get_or_insert_with(|| border.refused("a lane with a `border` is not read", help));
     }
-    few(lane, lane.all("width").count(), ("width", MOST_SECTIONS))?;
+    few(lane, lane.all("width").count(), "width", MOST_SECTIONS)?;
     let widths = lane.all("width").map(|it| cubic(it, "sOffset", s_m));
     let link = |name: &str| {
         let node = lane.child("link").and_then(|it| it.child(name));

@@ -1,11 +1,12 @@
 //! Reference lines of roads: lines, arcs, spirals and polynomials, as arcs.
 
-use super::curve::{Cubic, CurveArc, ParametricCurve, arcs_of};
+use super::curve::{Cubic, CubicPair, Curve, CurveArc, ParametricCurve, arcs_of};
 use super::error::ImportError;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
-use super::ways::{Bend, Spiral, WINDS};
+use super::ways::{Spiral, WINDS};
 use crate::pose::{Pose, wrapped};
+use crate::road::Bend;
 
 /// Lateral distance in metres up to which lanes stay near their curves.
 const LANES_M: f64 = 12.0;
@@ -28,7 +29,21 @@ pub struct ReferenceSegment {
     pub per_m: f64,
 }
 
+/// Place on a reference line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReferencePlace {
+    pub(super) s_m: f64,
+    pose: Pose,
+}
+
 impl ReferenceSegment {
+    pub(super) fn bend(&self) -> Bend {
+        Bend {
+            length_m: self.length_m,
+            per_m: self.per_m,
+        }
+    }
+
     /// Distance along the piece that is nearest to a place, and the distance to its
     /// left.
     pub fn sees(&self, spot: &Pose) -> (f64, f64) {
@@ -43,9 +58,11 @@ impl ReferenceSegment {
     }
 
     /// Station and place of its end.
-    pub fn end(&self) -> (f64, Pose) {
-        let end = self.start.bent(self.length_m, self.per_m);
-        (self.s_m + self.length_m, end)
+    pub(crate) fn end(&self) -> ReferencePlace {
+        ReferencePlace {
+            s_m: self.s_m + self.length_m,
+            pose: self.start.bent(self.length_m, self.per_m),
+        }
     }
 }
 
@@ -67,9 +84,10 @@ pub(crate) fn pieces_of(
             y_m: place("y", MOST_PLACE_M)?,
             heading_rad: place("hdg", MOST_HEADING_RAD)?,
         };
+        let from = ReferencePlace { s_m, pose: start };
         let curvature = |name: &str| plain.number_in(shape, name, -MOST_PER_M..=MOST_PER_M);
         let winds = |what: String| shape.refused(what, WINDS);
-        let bend = |per_m| chained((s_m, start), vec![Bend { length_m, per_m }]);
+        let bend = |per_m| chained(from, vec![Bend { length_m, per_m }]);
         let added = match shape.name.as_str() {
             "line" => bend(0.0),
             "arc" => {
@@ -79,7 +97,7 @@ pub(crate) fn pieces_of(
                     from_per_m: per_m,
                     to_per_m: per_m,
                 };
-                chained((s_m, start), arc.arcs(LANES_M).map_err(winds)?)
+                chained(from, arc.arcs(LANES_M).map_err(winds)?)
             }
             "spiral" => {
                 let spiral = Spiral {
@@ -87,13 +105,14 @@ pub(crate) fn pieces_of(
                     from_per_m: curvature("curvStart")?,
                     to_per_m: curvature("curvEnd")?,
                 };
-                chained((s_m, start), spiral.arcs(LANES_M).map_err(winds)?)
+                chained(from, spiral.arcs(LANES_M).map_err(winds)?)
             }
             // A piece without a length has no curve.
             "paramPoly3" | "poly3" if length_m == 0.0 => bend(0.0),
             "paramPoly3" | "poly3" => {
                 let curve = polynomial(shape, start, length_m)?;
-                let arcs = arcs_of(&|s_m| curve.at(s_m), length_m, LANES_M).map_err(winds)?;
+                let at = |s_m: f64| curve.at(s_m);
+                let arcs = arcs_of(Curve { at: &at, length_m }, LANES_M).map_err(winds)?;
                 arcs.into_iter().map(|arc| segment(s_m, arc)).collect()
             }
             other => {
@@ -107,7 +126,7 @@ pub(crate) fn pieces_of(
         // After an unsupported piece, the start of the next piece cannot be
         // checked.
         if refused.is_none() {
-            *refused = joins(geometry, before, (s_m, start)).err();
+            *refused = joins(geometry, before, from).err();
         }
         pieces.extend(added);
     }
@@ -121,15 +140,16 @@ pub(crate) fn pieces_of(
 }
 
 /// Pieces one after the other from a station and a place on.
-fn chained((mut s_m, mut start): (f64, Pose), bends: Vec<Bend>) -> Vec<ReferenceSegment> {
+fn chained(from: ReferencePlace, bends: Vec<Bend>) -> Vec<ReferenceSegment> {
+    let mut next = from;
     let pieces = bends.into_iter().map(|Bend { length_m, per_m }| {
         let piece = ReferenceSegment {
-            s_m,
-            start,
+            s_m: next.s_m,
+            start: next.pose,
             length_m,
             per_m,
         };
-        (s_m, start) = piece.end();
+        next = piece.end();
         piece
     });
     pieces.collect()
@@ -171,17 +191,22 @@ fn polynomial(shape: &XmlNode, start: Pose, length_m: f64) -> Result<ParametricC
     let ahead = cubic(["aU", "bU", "cU", "dU"])?;
     let left = cubic(["aV", "bV", "cV", "dV"])?;
     let by_length = shape.raw("pRange") == Some("arcLength");
-    let most = if by_length { length_m } else { 1.0 };
-    ParametricCurve::new(start, (ahead, left), most, length_m).map_err(refused)
+    let pair = CubicPair {
+        ahead,
+        left,
+        most: if by_length { length_m } else { 1.0 },
+    };
+    ParametricCurve::new(start, pair, length_m).map_err(refused)
 }
 
 /// Refuses a piece that does not start at the end of the previous piece.
 fn joins(
     geometry: &XmlNode,
-    before: Option<(f64, Pose)>,
-    (s_m, start): (f64, Pose),
+    before: Option<ReferencePlace>,
+    from: ReferencePlace,
 ) -> Result<(), ImportError> {
-    let (ends_m, end) = before.unwrap_or((0.0, start));
+    let (s_m, start) = (from.s_m, from.pose);
+    let (ends_m, end) = before.map_or((0.0, start), |it| (it.s_m, it.pose));
     let off_m = libm::hypot(start.x_m - end.x_m, start.y_m - end.y_m);
     let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
     // Only what is off is named, or two numbers that look alike would be compared.

@@ -6,9 +6,9 @@ use core::cmp::Ordering;
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeMap;
 
-use super::curve::{Cubic, begun, self_overlap_m};
+use super::curve::{Cubic, Curve, begun, self_overlap_m};
 use super::error::{Blockers, ImportError};
-use super::lanes::{RoadLanes, few, heights_of};
+use super::lanes::{DrivenLane, RoadLanes, few, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
 use super::reference_line::{MEET_M, MOST_ROAD_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
@@ -65,6 +65,14 @@ impl OnLane {
     /// Returns 1, or −1 if the left of its entity is the right of the road.
     pub fn side(&self) -> i32 {
         if self.forward { 1 } else { -1 }
+    }
+
+    /// Returns its lane with the direction of its entity.
+    pub fn driven(&self) -> DrivenLane {
+        DrivenLane {
+            lane: self.lane,
+            forward: self.forward,
+        }
     }
 }
 
@@ -203,7 +211,7 @@ impl RoadMap {
     /// Where lanes overlap, as in junctions, the direction of the place decides if
     /// it has one, and then its distance from the middle.
     pub fn nearest_lane(&self, spot: &Pose, is_turned: bool) -> Option<(OnLane, f64)> {
-        let on_lane = |(id, road): (&String, &ImportedRoad)| {
+        let on_lane = |id: &String, road: &ImportedRoad| {
             let (s_m, t_m) = road.nearest(spot)?;
             let (section, lanes) = road.lanes.section(s_m)?;
             let here = lanes
@@ -211,7 +219,7 @@ impl RoadMap {
                 .iter()
                 .filter(|lane| lane.drives)
                 .filter_map(|lane| {
-                    let (middle_m, slope) = road.lanes.middle((section, s_m), lane.id)?;
+                    let (middle_m, slope) = road.lanes.middle(section, s_m, lane.id)?;
                     let off_m = (t_m - middle_m).abs();
                     let is_on = off_m <= 0.5 * road.lanes.width_m(s_m, lane.id)?;
                     let turn_rad = if road.leads_forward(lane.id) { 0.0 } else { PI };
@@ -240,7 +248,7 @@ impl RoadMap {
         };
         let known = self.roads.iter().filter(|(_, road)| road.refused.is_none());
         let found = known
-            .filter_map(on_lane)
+            .filter_map(|(id, road)| on_lane(id, road))
             .min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal));
         found.map(|(_, at)| at)
     }
@@ -282,14 +290,14 @@ impl ImportedRoad {
         }
         // The declared length serves as the end of the road, so it must agree
         // with the pieces.
-        let ends_m = pieces.last().map_or(0.0, |piece| piece.end().0);
+        let ends_m = pieces.last().map_or(0.0, |piece| piece.end().s_m);
         if (ends_m - length_m).abs() > MEET_M {
             let what = format!("its length is {length_m:.3} m, that of its geometry {ends_m:.3} m");
             let help = "make both the same";
             refused.get_or_insert_with(|| road.refused(what, help));
         }
         let signals = road.all("signals").map(|it| it.children.len()).sum();
-        if let Err(error) = few(road, signals, ("signal", MOST_SIGNALS)) {
+        if let Err(error) = few(road, signals, "signal", MOST_SIGNALS) {
             refused.get_or_insert(error);
         }
         let lanes = road.inner("lanes")?;
@@ -299,7 +307,7 @@ impl ImportedRoad {
             node: road.clone(),
             length_m,
             pieces,
-            lanes: RoadLanes::of(road, lanes, (length_m, &mut refused))?,
+            lanes: RoadLanes::of(road, lanes, length_m, &mut refused)?,
             heights_m: heights_of(road)?,
             links: RoadLink::both(road)?,
             is_left_hand: road.raw("rule") == Some("LHT"),
@@ -322,7 +330,7 @@ impl ImportedRoad {
 
     /// Returns whether its carriageways overlap: it closes on itself, or crosses itself.
     fn comes_back(&self) -> bool {
-        let turns = self.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
+        let turns = self.pieces.iter().map(|it| it.bend().turn_rad());
         let side_m = |sign: i32| {
             let lanes = self.lanes.sections.iter().take(1).flat_map(|it| &it.lanes);
             let ids = lanes.map(|lane| lane.id).filter(|id| id * sign > 0);
@@ -330,7 +338,11 @@ impl ImportedRoad {
                 .sum::<f64>()
         };
         let at = |s_m: f64| self.at(s_m, 0.0);
-        self_overlap_m((&at, self.length_m), turns.sum(), side_m(1) + side_m(-1)).is_some()
+        let curve = Curve {
+            at: &at,
+            length_m: self.length_m,
+        };
+        self_overlap_m(curve, turns.sum(), side_m(1) + side_m(-1)).is_some()
     }
 
     /// Returns whether the reference line is straight between two stations.
@@ -400,7 +412,7 @@ impl ImportedRoad {
         lane: i32,
     ) -> Result<(f64, f64), ImportError> {
         let section = self.lanes.section(s_m).map_or(0, |(section, _)| section);
-        self.lanes.middle((section, s_m), lane).ok_or_else(|| {
+        self.lanes.middle(section, s_m, lane).ok_or_else(|| {
             let road = self.node.raw("id").unwrap_or_default();
             let section = self.lanes.section(s_m);
             let lanes: Vec<String> = section

@@ -4,17 +4,15 @@
 
 use core::f64::consts::FRAC_PI_2;
 
-use super::error::{At, ImportError};
+use super::error::ImportError;
 use super::tree::XmlNode;
 use crate::pose::{Pose, wrapped};
-use crate::road::{Course, Piece};
+use crate::road::{Bend, Course, MOST_WINDS_RAD};
 
 /// Greatest distance in metres of the arcs from their spiral.
 const NEAR_M: f64 = 0.001;
 /// Greatest distance in metres of a point from a line that counts as on it.
 const STRAIGHT_M: f64 = 1e-3;
-/// Greatest turn of an arc in radians: a world allows half a circle.
-const MOST_TURN_RAD: f64 = 3.0;
 /// Distance in metres from a corner within which a path turns.
 const CORNER_M: f64 = 1e-3;
 /// Greatest turn at a corner in radians: a path does not turn back.
@@ -24,32 +22,12 @@ const SAME_RAD: f64 = 1e-9;
 /// Radius in metres below which an arc counts as a corner.
 const SHARP_M: f64 = 1.0;
 
-/// Greatest turn of a piece in radians: 30 full circles.
-pub const MOST_WINDS_RAD: f64 = 200.0;
 /// Greatest number of arcs of a curve.
 pub(crate) const MOST_ARCS: f64 = 10_000.0;
 /// Fix of a way that a world refuses as its road.
 pub const FOLDS: &str = "keep its pieces above 0 m, and its radii above the width of its lanes";
 /// Fix of a curve that is too long or winds up.
 pub const WINDS: &str = "lessen its curvature or its length";
-
-/// Piece of a path: a line or an arc.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bend {
-    /// Length of the piece.
-    pub length_m: f64,
-    /// Curvature in 1/m, positive to the left.
-    pub per_m: f64,
-}
-
-/// Path of an entity: pieces from a place on, then straight.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ImportedPath {
-    /// Pose at the start.
-    pub begins: Pose,
-    /// Pieces. An empty list is a straight line.
-    pub pieces: Vec<Bend>,
-}
 
 /// Greatest distance in metres of an entity from its lane of a world.
 pub const MOST_ASIDE_M: f64 = 20.0;
@@ -63,8 +41,8 @@ const STEP_M: f64 = 2.0;
 /// Position on a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnWay {
-    /// Path on which the position is.
-    pub way: ImportedPath,
+    /// Path on which the position is. It is straight before and behind its pieces.
+    pub way: Course,
     /// Station of the position.
     pub along_m: f64,
     /// Station at which the file ends the path. The path continues straight after it.
@@ -84,68 +62,53 @@ pub struct Spiral {
     pub to_per_m: f64,
 }
 
-impl ImportedPath {
-    /// Returns a straight path from a place.
-    pub fn straight(begins: Pose) -> ImportedPath {
-        ImportedPath {
-            begins,
-            pieces: Vec::new(),
+/// Returns the start of the straight path through places.
+///
+/// # Errors
+///
+/// Returns an error for places beside the line, and for a path without a
+/// length.
+pub fn line_through(asks: &XmlNode, spots: &[Pose]) -> Result<Pose, ImportError> {
+    let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
+        return Err(asks.refused("a way without places", "give the way at least two places"));
+    };
+    let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
+    let begins = Pose {
+        // The direction is that of the line. The places may face elsewhere.
+        heading_rad: libm::atan2(dy, dx),
+        ..*first
+    };
+    let aside = spots
+        .iter()
+        .find(|spot| begins.sees(spot).y_m.abs() > STRAIGHT_M);
+    match aside {
+        Some(_) => Err(asks.refused(
+            "a way that turns at its places is not read",
+            "keep its places on one straight line, or write a clothoid spline",
+        )),
+        None if dx == 0.0 && dy == 0.0 => {
+            Err(asks.refused("a way that leads nowhere", "set its places apart"))
         }
+        None => Ok(begins),
     }
+}
 
-    /// Returns the path through places on one line.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error for places beside the line, and for a path without a
-    /// length.
-    pub fn through(asks: &XmlNode, spots: &[Pose]) -> Result<ImportedPath, ImportError> {
-        let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
-            return Err(asks.refused("a way without places", "give the way at least two places"));
-        };
-        let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
-        let begins = Pose {
-            // The direction is that of the line. The places may face elsewhere.
-            heading_rad: libm::atan2(dy, dx),
-            ..*first
-        };
-        let aside = spots
-            .iter()
-            .find(|spot| begins.sees(spot).y_m.abs() > STRAIGHT_M);
-        match aside {
-            Some(_) => Err(asks.refused(
-                "a way that turns at its places is not read",
-                "keep its places on one straight line, or write a clothoid spline",
-            )),
-            None if dx == 0.0 && dy == 0.0 => {
-                Err(asks.refused("a way that leads nowhere", "set its places apart"))
-            }
-            None => Ok(ImportedPath::straight(begins)),
-        }
-    }
+/// Path through places that turns at them.
+#[derive(Clone, Debug)]
+pub struct CorneredWay {
+    /// Path of lines, with a tight arc at each place.
+    pub way: Course,
+    /// Stations of the places.
+    pub stations_m: Vec<f64>,
+}
 
-    /// Returns the first part of the path.
-    pub(crate) fn cut(mut self, length_m: f64) -> ImportedPath {
-        let mut left_m = length_m;
-        for piece in &mut self.pieces {
-            piece.length_m = piece.length_m.min(left_m);
-            left_m -= piece.length_m;
-        }
-        self.pieces.retain(|piece| piece.length_m > 0.0);
-        self
-    }
-
+impl CorneredWay {
     /// Returns the path through places by straight lines, which turns at the places.
-    ///
-    /// Also returns the stations of the places.
     ///
     /// # Errors
     ///
     /// Returns an error for places that are no path, or at which it turns back.
-    pub fn cornered(
-        asks: &XmlNode,
-        spots: &[Pose],
-    ) -> Result<(ImportedPath, Vec<f64>), ImportError> {
+    pub fn through(asks: &XmlNode, spots: &[Pose]) -> Result<CorneredWay, ImportError> {
         let mut corners: Vec<Pose> = Vec::new();
         // Places in one another's place share a station.
         let numbers: Vec<usize> = spots
@@ -205,91 +168,67 @@ impl ImportedPath {
             at_m += line_m + arc_m;
             cut_m = next_cut_m;
         }
-        let stations = numbers.iter().map(|number| stations[*number]).collect();
-        Ok((ImportedPath { begins, pieces }, stations))
+        Ok(CorneredWay {
+            way: course(asks, begins, &pieces)?,
+            stations_m: numbers.iter().map(|number| stations[*number]).collect(),
+        })
+    }
+}
+
+/// Returns pieces from a place on as the course of a road.
+///
+/// # Errors
+///
+/// Returns an error of the element for pieces that are no road.
+pub fn course(asks: &XmlNode, begins: Pose, pieces: &[Bend]) -> Result<Course, ImportError> {
+    Course::of_bends(begins, pieces).map_err(|error| asks.refused(error.what, FOLDS))
+}
+
+/// Returns the first part of a path.
+pub(super) fn cut(mut pieces: Vec<Bend>, length_m: f64) -> Vec<Bend> {
+    let mut left_m = length_m;
+    for piece in &mut pieces {
+        piece.length_m = piece.length_m.min(left_m);
+        left_m -= piece.length_m;
+    }
+    pieces.retain(|piece| piece.length_m > 0.0);
+    pieces
+}
+
+impl OnWay {
+    /// Returns the start of a path with a length.
+    pub fn start(way: Course, ends_m: f64) -> OnWay {
+        OnWay {
+            way,
+            ends_m,
+            along_m: 0.0,
+            is_lane: false,
+        }
     }
 
     /// Returns true for a path that turns at places.
     pub fn has_corners(&self) -> bool {
-        self.pieces
-            .iter()
-            .any(|piece| piece.per_m.abs() * SHARP_M > 1.0)
+        self.way.most_curvature_per_m() * SHARP_M > 1.0
     }
 
-    /// Removes lines at the end, since a path continues straight after its pieces.
-    pub fn end_straight(&mut self) {
-        while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
-    }
-
-    /// Returns the pieces as those of a road.
-    pub fn pieces(&self) -> Vec<Piece> {
-        let pieces = self.pieces.iter().copied().flat_map(laid);
-        pieces
-            .map(|Bend { length_m, per_m }| {
-                if per_m == 0.0 {
-                    Piece::Line { length_m }
-                } else {
-                    let radius_m = 1.0 / per_m;
-                    Piece::Arc { length_m, radius_m }
-                }
-            })
-            .collect()
-    }
-
-    /// Returns the path as the course of a road.
-    ///
-    /// # Errors
-    ///
-    /// Returns a message for pieces that a world refuses.
-    pub fn course(&self) -> Result<Course, String> {
-        let pieces = self.pieces();
-        let Pose {
-            x_m,
-            y_m,
-            heading_rad,
-        } = self.begins;
-        Course::placed((x_m, y_m), heading_rad, &pieces, 0.0).map_err(|error| error.what)
-    }
-
-    /// Place on the path, with the direction of the path.
-    pub fn at(&self, along_m: f64) -> Pose {
-        let mut spot = self.begins;
-        let mut left_m = along_m;
-        for piece in &self.pieces {
-            if left_m <= piece.length_m {
-                return spot.bent(left_m, piece.per_m);
-            }
-            spot = spot.bent(piece.length_m, piece.per_m);
-            left_m -= piece.length_m;
-        }
-        spot.moved(left_m, 0.0)
-    }
-}
-
-impl OnWay {
     /// Returns the way with the position that is nearest to a place.
-    pub fn located(&self, asks: &XmlNode, spot: &Pose) -> Result<OnWay, ImportError> {
-        Ok(OnWay {
-            along_m: self.station_m(&asks.at(), spot)?,
+    pub fn located(&self, spot: &Pose) -> OnWay {
+        OnWay {
+            along_m: self.station_m(spot),
             ..self.clone()
-        })
+        }
     }
 
     /// Returns the station that is nearest to a place.
-    pub fn station_m(&self, at: &At, spot: &Pose) -> Result<f64, ImportError> {
-        let course = self
-            .way
-            .course()
-            .map_err(|what| at.error(what).helped(FOLDS))?;
-        Ok(course.locate(spot).s_m)
+    pub fn station_m(&self, spot: &Pose) -> f64 {
+        self.way.locate(spot).s_m
     }
 
     /// Returns the position of another way on this one, if it keeps its distance.
     ///
     /// The other may lead in the opposite direction.
-    pub fn shared_by(&self, asks: &XmlNode, other: &OnWay) -> Option<OnWay> {
-        let course = self.way.course().map_err(|what| asks.error(what)).ok()?;
-        let first = course.locate(&other.way.begins);
+    pub fn shared_by(&self, other: &OnWay) -> Option<OnWay> {
+        let first = self.way.locate(&other.way.start());
         if first.lateral_m.abs() > MOST_ASIDE_M {
             return None;
         }
@@ -303,7 +242,8 @@ impl OnWay {
         let ahead_m = other.ends_m.min(left_m);
         let steps = (ahead_m / STEP_M).ceil().max(1.0) as usize;
         let keeps = (0..=steps).all(|step| {
-            let at = course.locate(&other.way.at(ahead_m * step as f64 / steps as f64));
+            let along_m = ahead_m * step as f64 / steps as f64;
+            let at = self.way.locate(&other.way.pose(along_m, 0.0));
             let turned_rad = (at.heading_rad - first.heading_rad).abs();
             (at.lateral_m - first.lateral_m).abs() < SAME_WAY_M && turned_rad < SAME_WAY_RAD
         });
@@ -332,20 +272,7 @@ impl OnWay {
 
     /// Returns the place.
     pub fn spot(&self) -> Pose {
-        self.way.at(self.along_m)
-    }
-
-    /// Extends the first line of the path back to an earlier place.
-    pub fn begin_at(&mut self, first: Pose) {
-        let by_m = first.sees(&self.way.begins).x_m;
-        if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
-            // The position and the end keep their places, so their stations
-            // grow.
-            piece.length_m += by_m;
-            self.along_m += by_m;
-            self.ends_m += by_m;
-            self.way.begins = first;
-        }
+        self.way.pose(self.along_m, 0.0)
     }
 }
 
@@ -412,18 +339,6 @@ impl Spiral {
     }
 }
 
-/// Splits a piece into parts that a world accepts.
-pub fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
-    let parts = ((piece.length_m * piece.per_m).abs() / MOST_TURN_RAD)
-        .ceil()
-        .max(1.0);
-    let part = Bend {
-        length_m: piece.length_m / parts,
-        ..piece
-    };
-    core::iter::repeat_n(part, parts as usize)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -470,15 +385,13 @@ mod tests {
                 from_per_m,
                 to_per_m,
             };
-            let way = ImportedPath {
-                begins: Pose::default(),
-                pieces: spiral.arcs(beside_m).expect("few arcs"),
-            };
-            let arcs_m: f64 = way.pieces.iter().map(|piece| piece.length_m).sum();
+            let arcs = spiral.arcs(beside_m).expect("few arcs");
+            let way = Course::of_bends(Pose::default(), &arcs).expect("a course");
+            let arcs_m = way.end_s_m();
             assert!((arcs_m - length_m).abs() < 1e-9, "{arcs_m}");
             let steps = 2000;
             for (i, there) in exact(spiral, steps).iter().enumerate() {
-                let here = way.at(length_m * i as f64 / steps as f64);
+                let here = way.pose(length_m * i as f64 / steps as f64, 0.0);
                 for aside_m in [0.0, -beside_m] {
                     let (a, b) = (here.moved(0.0, aside_m), there.moved(0.0, aside_m));
                     let off_m = (a.x_m - b.x_m).hypot(a.y_m - b.y_m);

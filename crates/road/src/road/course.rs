@@ -3,75 +3,13 @@
 //! On a straight road s and lateral are x and y themselves, bit for bit.
 
 use core::f64::consts::PI;
+use core::ops::Range;
 
-use nalgebra::Vector2;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use self::leg_index::{LegBox, LegDisc, LegIndex};
-use crate::pose::{GroundFrame, Pose, rotation_by};
-
-/// A piece of a curved road.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(rename = "FixedPiece")]
-pub enum Piece {
-    /// A straight piece.
-    Line {
-        /// Length along the middle of lane 0.
-        length_m: f64,
-    },
-    /// A piece along a circle.
-    Arc {
-        /// Length along the middle of lane 0.
-        length_m: f64,
-        /// Radius of the circle. Positive turns left, negative right.
-        radius_m: f64,
-    },
-}
-
-/// A part of the course with constant curvature.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RoadPiece {
-    /// Start along the course.
-    pub from_s_m: f64,
-    /// Its length.
-    pub length_m: f64,
-    /// Its curvature, positive to the left.
-    pub curvature_per_m: f64,
-}
-
-/// Position and heading of an agent relative to a road.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OnRoad {
-    /// Station along the course.
-    pub s_m: f64,
-    /// Offset to the left of the course.
-    pub lateral_m: f64,
-    /// Heading relative to the course, counter-clockwise.
-    pub heading_rad: f64,
-    /// Curvature of the course at that station, positive to the left.
-    pub curvature_per_m: f64,
-}
-
-impl OnRoad {
-    /// Returns the velocity along and across the road of a body with a velocity along
-    /// and across its heading.
-    #[inline]
-    pub fn velocity_mps(&self, speed_mps: f64, lateral_mps: f64) -> Vector2<f64> {
-        rotation_by(self.heading_rad) * Vector2::new(speed_mps, lateral_mps)
-    }
-
-    /// Returns the same place for an agent that drives against the road.
-    pub fn reversed(&self) -> OnRoad {
-        OnRoad {
-            s_m: -self.s_m,
-            lateral_m: -self.lateral_m,
-            heading_rad: wrapped(self.heading_rad + PI),
-            curvature_per_m: -self.curvature_per_m,
-        }
-    }
-}
+use self::leg::Leg;
+use self::leg_index::LegIndex;
+use super::on_road::{OnRoad, wrapped};
+use super::piece::{Bend, Piece, RoadPiece};
+use crate::pose::Pose;
 
 /// Error: the course of a road is infeasible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -83,17 +21,6 @@ pub struct CourseError {
     pub help: String,
     /// Index of the piece or point, or `None` if the error concerns all of them.
     pub index: Option<usize>,
-}
-
-/// A piece with its placement in the world frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Leg {
-    from_s_m: f64,
-    length_m: f64,
-    start: Pose,
-    /// Frame of the start.
-    frame: GroundFrame,
-    curvature_per_m: f64,
 }
 
 /// The course of lane 0. Without legs it is world x itself.
@@ -114,6 +41,12 @@ const SAME_M: f64 = 1e-3;
 
 /// Length of straight road before the first and behind the last piece.
 pub(crate) const RUN_OUT_M: f64 = 10_000.0;
+const RUN_OUT: Bend = Bend {
+    length_m: RUN_OUT_M,
+    per_m: 0.0,
+};
+/// Greatest turn of a piece: 30 full circles.
+pub const MOST_WINDS_RAD: f64 = 200.0;
 /// Distance between the points with which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
 /// Length of border drawn before and behind the used part of a road.
@@ -133,49 +66,79 @@ impl Course {
                 index: None,
             });
         }
-        Course::begin(0.0, 0.0, 0.0).laid(pieces, reach_m)
+        Course::begin(Pose::default()).laid(pieces, reach_m)
     }
 
     /// Returns a road that begins at a given place. Without pieces it is straight.
-    pub fn placed(
-        (x_m, y_m): (f64, f64),
-        heading_rad: f64,
+    pub(crate) fn placed(
+        begins: Pose,
         pieces: &[Piece],
         reach_m: f64,
     ) -> Result<Course, CourseError> {
-        Course::begin(x_m, y_m, heading_rad).laid(pieces, reach_m)
+        Course::begin(begins).laid(pieces, reach_m)
+    }
+
+    /// Returns a straight road that begins at a place, to the bit.
+    pub fn straight_from(begins: Pose) -> Course {
+        let mut course = Course::begin(begins);
+        course.append_from(begins, RUN_OUT);
+        course
+    }
+
+    /// Returns a road of pieces of any turn that begins at a place, to the bit.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a piece without a length, and for one that winds up.
+    pub fn of_bends(begins: Pose, bends: &[Bend]) -> Result<Course, CourseError> {
+        let mut course = Course::begin(begins);
+        let mut start = begins;
+        for (i, bend) in bends.iter().enumerate() {
+            let (length_m, turn_rad) = (bend.length_m, bend.turn_rad());
+            // Also refuses what is no number. The turn bounds the number of parts.
+            let is_piece = length_m > 0.0 && turn_rad <= MOST_WINDS_RAD;
+            if !is_piece {
+                return Err(CourseError {
+                    what: format!("a piece of {length_m} m that turns by {turn_rad} rad"),
+                    help: format!("lengths are above 0, and turns up to {MOST_WINDS_RAD} rad"),
+                    index: Some(i),
+                });
+            }
+            for part in bend.parts() {
+                start = course.append_from(start, part);
+            }
+        }
+        course.append_from(start, RUN_OUT);
+        Ok(course)
     }
 
     /// Appends the pieces and the straight run-out.
     fn laid(self, pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
         let mut course = self;
         for (i, piece) in pieces.iter().enumerate() {
-            let (length_m, curvature_per_m) = match *piece {
-                Piece::Line { length_m } => (length_m, 0.0),
-                Piece::Arc { length_m, radius_m } => {
-                    if radius_m.abs() <= reach_m {
-                        return Err(CourseError {
-                            what: format!("a radius of {radius_m} m folds the lanes over"),
-                            help: format!("it must exceed {reach_m} m, the width of the road"),
-                            index: Some(i),
-                        });
-                    }
-                    (length_m, 1.0 / radius_m)
-                }
-            };
+            if let Piece::Arc { radius_m, .. } = piece
+                && radius_m.abs() <= reach_m
+            {
+                return Err(CourseError {
+                    what: format!("a radius of {radius_m} m folds the lanes over"),
+                    help: format!("it must exceed {reach_m} m, the width of the road"),
+                    index: Some(i),
+                });
+            }
+            let bend = Bend::from(*piece);
             // Beyond half a circle, `Leg::locate` (an atan2) would no longer be
             // unique.
-            if length_m <= 0.0 || (length_m * curvature_per_m).abs() > PI {
+            if bend.length_m <= 0.0 || bend.turn_rad() > PI {
                 return Err(CourseError {
-                    what: format!("a piece of {length_m} m"),
+                    what: format!("a piece of {} m", bend.length_m),
                     help: "lengths are above 0, and an arc turns by half a circle at most"
                         .to_owned(),
                     index: Some(i),
                 });
             }
-            course.append(length_m, curvature_per_m);
+            course.append(bend);
         }
-        course.append(RUN_OUT_M, 0.0);
+        course.append(RUN_OUT);
         Ok(course)
     }
 
@@ -205,7 +168,11 @@ impl Course {
                 ((dx * dx + dy * dy).sqrt(), libm::atan2(dy, dx))
             })
             .collect();
-        let mut course = Course::begin(points_m[0].0, points_m[0].1, sides[0].1);
+        let mut course = Course::begin(Pose {
+            x_m: points_m[0].0,
+            y_m: points_m[0].1,
+            heading_rad: sides[0].1,
+        });
         let mut cut_m = 0.0;
         for (i, &(length_m, heading_rad)) in sides.iter().enumerate() {
             let turn_rad = match sides.get(i + 1) {
@@ -221,40 +188,58 @@ impl Course {
                 let help = "move the points apart, or make the corners' radius smaller";
                 return Err(fail(what, help, Some(i)));
             }
-            course.append(length_m - cut_m - next_cut_m, 0.0);
+            course.append(Bend {
+                length_m: length_m - cut_m - next_cut_m,
+                per_m: 0.0,
+            });
             if turn_rad != 0.0 {
-                course.append(radius_m * turn_rad.abs(), turn_rad.signum() / radius_m);
+                course.append(Bend {
+                    length_m: radius_m * turn_rad.abs(),
+                    per_m: turn_rad.signum() / radius_m,
+                });
             }
             // The fillet shortens the next side as well.
             cut_m = next_cut_m;
         }
-        course.append(RUN_OUT_M, 0.0);
+        course.append(RUN_OUT);
         Ok(course)
     }
 
-    /// Begins with the straight run-in, so that s = 0 is at (x, y).
-    fn begin(x_m: f64, y_m: f64, heading_rad: f64) -> Course {
-        let origin = Pose {
-            x_m,
-            y_m,
-            heading_rad,
-        };
-        let start = origin.ahead(-RUN_OUT_M);
-        let first = Leg::new(-RUN_OUT_M, RUN_OUT_M, start, 0.0);
+    /// Begins with the straight run-in, so that s = 0 is at a place.
+    fn begin(origin: Pose) -> Course {
+        let first = Leg::new(-RUN_OUT_M, origin.ahead(-RUN_OUT_M), RUN_OUT);
         Course {
             index: LegIndex::of(first.bounds(), first.disc()),
             legs: vec![first],
         }
     }
 
-    fn append(&mut self, length_m: f64, curvature_per_m: f64) {
-        let Some(last) = self.legs.last() else {
-            return;
-        };
-        let (from_s_m, end) = (last.from_s_m + last.length_m, last.pose(last.length_m, 0.0));
-        let leg = Leg::new(from_s_m, length_m, end, curvature_per_m);
+    /// Appends a piece where the last leg ends.
+    ///
+    /// The first one so begins behind the run-in, with the rounding of its 10 km, which
+    /// recorded episodes contain.
+    fn append(&mut self, bend: Bend) {
+        if let Some(last) = self.legs.last() {
+            self.append_from(last.end(), bend);
+        }
+    }
+
+    /// Appends a piece that begins at a place, and returns its end.
+    fn append_from(&mut self, start: Pose, bend: Bend) -> Pose {
+        let ends_s_m = self
+            .legs
+            .last()
+            .map_or(0.0, |last| last.from_s_m + last.length_m);
+        let leg = Leg::new(ends_s_m, start, bend);
         self.index.push(leg.bounds(), leg.disc());
         self.legs.push(leg);
+        leg.end()
+    }
+
+    /// Returns the pose at which s = 0.
+    pub fn start(&self) -> Pose {
+        // The first leg is the run-in.
+        self.legs.get(1).map_or(Pose::default(), |leg| leg.start)
     }
 
     /// Returns the pieces in order, without the straight ends.
@@ -269,6 +254,20 @@ impl Course {
             curvature_per_m: leg.curvature_per_m,
         };
         between.map(piece).collect()
+    }
+
+    /// Returns the pieces in order, without their stations.
+    pub fn bends(&self) -> Vec<Bend> {
+        let bend = |piece: RoadPiece| Bend {
+            length_m: piece.length_m,
+            per_m: piece.curvature_per_m,
+        };
+        self.pieces().into_iter().map(bend).collect()
+    }
+
+    /// Returns the sum of the turns of its pieces, in either direction.
+    pub fn turned_rad(&self) -> f64 {
+        self.bends().iter().map(Bend::turn_rad).sum()
     }
 
     /// Returns the road coordinates of a pose, at the nearest point of the course.
@@ -291,7 +290,7 @@ impl Course {
     }
 
     /// Returns the greatest curvature of its pieces, in either direction.
-    pub(super) fn most_curvature_per_m(&self) -> f64 {
+    pub fn most_curvature_per_m(&self) -> f64 {
         let legs = self.legs.iter();
         legs.fold(0.0, |most, leg| most.max(leg.curvature_per_m.abs()))
     }
@@ -352,7 +351,7 @@ impl Course {
     /// Returns a line beside the course, as a polyline on the ground.
     ///
     /// It covers all pieces and the given interval, and 100 m beyond.
-    pub fn polyline_m(&self, lateral_m: f64, (from_m, to_m): (f64, f64)) -> Vec<[f64; 3]> {
+    pub fn polyline_m(&self, lateral_m: f64, used_m: Range<f64>) -> Vec<[f64; 3]> {
         let point = |s_m: f64| {
             let pose = self.pose(s_m, lateral_m);
             [pose.x_m, pose.y_m, 0.0]
@@ -360,7 +359,7 @@ impl Course {
         let Some(last) = self.legs.last() else {
             return vec![point(-100.0), point(900.0)];
         };
-        let mut stations_m = vec![from_m.min(0.0) - DRAWN_BEYOND_M];
+        let mut stations_m = vec![used_m.start.min(0.0) - DRAWN_BEYOND_M];
         // The run-in has negative s and is covered by the first station.
         for leg in self.legs.iter().filter(|leg| leg.from_s_m >= 0.0) {
             let points = if leg.curvature_per_m == 0.0 {
@@ -371,86 +370,9 @@ impl Course {
             let step_m = leg.length_m / points as f64;
             stations_m.extend((0..points).map(|i| leg.from_s_m + i as f64 * step_m));
         }
-        stations_m.push(last.from_s_m.max(to_m) + DRAWN_BEYOND_M);
+        stations_m.push(last.from_s_m.max(used_m.end) + DRAWN_BEYOND_M);
         stations_m.into_iter().map(point).collect()
     }
-}
-
-impl Leg {
-    fn new(from_s_m: f64, length_m: f64, start: Pose, curvature_per_m: f64) -> Leg {
-        Leg {
-            from_s_m,
-            length_m,
-            start,
-            frame: start.frame(),
-            curvature_per_m,
-        }
-    }
-
-    fn pose(&self, along_m: f64, lateral_m: f64) -> Pose {
-        let k = self.curvature_per_m;
-        let turn_rad = k * along_m;
-        let (turn_sin, turn_cos) = libm::sincos(turn_rad);
-        let (ahead_m, left_m) = if k == 0.0 {
-            // A branch and not a limit: k = 0 would divide by zero.
-            (along_m, lateral_m)
-        } else {
-            (
-                turn_sin / k - lateral_m * turn_sin,
-                (1.0 - turn_cos) / k + lateral_m * turn_cos,
-            )
-        };
-        let at_m = self.frame.to_world(ahead_m, left_m);
-        Pose {
-            x_m: at_m.x,
-            y_m: at_m.y,
-            heading_rad: self.heading_rad(along_m),
-        }
-    }
-
-    /// Returns the heading of the course at a distance from the start of the leg.
-    fn heading_rad(&self, along_m: f64) -> f64 {
-        wrapped(self.start.heading_rad + self.curvature_per_m * along_m)
-    }
-
-    /// Returns the distance to the leg and the coordinates at its nearest point.
-    fn locate(&self, pose: &Pose) -> (f64, OnRoad) {
-        let [ahead_m, left_m] = self.frame.to_local(pose.point_m()).into();
-        let k = self.curvature_per_m;
-        let (along_m, lateral_m) = if k == 0.0 {
-            (ahead_m, left_m)
-        } else {
-            let (across, towards) = (k * ahead_m, 1.0 - k * left_m);
-            let radii = (across * across + towards * towards).sqrt();
-            // Coordinates from the circle's centre, scaled by k. The centre
-            // itself is far away on slight bends and is never computed.
-            (libm::atan2(across, towards) / k, (1.0 - radii) / k)
-        };
-        let on_m = along_m.clamp(0.0, self.length_m);
-        let away_m = if on_m == along_m {
-            // Beside the leg the lateral offset is the distance, without
-            // rounding.
-            lateral_m.abs()
-        } else {
-            let end = self.pose(on_m, 0.0);
-            let (off_x, off_y) = (pose.x_m - end.x_m, pose.y_m - end.y_m);
-            (off_x * off_x + off_y * off_y).sqrt()
-        };
-        let at = OnRoad {
-            s_m: self.from_s_m + on_m,
-            lateral_m,
-            heading_rad: wrapped(pose.heading_rad - self.heading_rad(on_m)),
-            curvature_per_m: k,
-        };
-        (away_m, at)
-    }
-}
-
-/// Returns an angle in −π ..= π.
-///
-/// Recorded episodes contain its bits, which differ from those of `pose::wrapped`.
-pub fn wrapped(angle_rad: f64) -> f64 {
-    angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }
 
 impl Course {
@@ -491,33 +413,7 @@ fn keep_nearer(nearest: &mut Option<(f64, OnRoad)>, found: (f64, OnRoad)) {
     }
 }
 
-impl Leg {
-    /// Returns a disc around the leg.
-    fn disc(&self) -> LegDisc {
-        let middle = self.pose(0.5 * self.length_m, 0.0);
-        LegDisc {
-            middle_m: [middle.x_m, middle.y_m],
-            radius_m: 0.5 * self.length_m,
-        }
-    }
-
-    /// Returns a box around the leg.
-    fn bounds(&self) -> LegBox {
-        if self.curvature_per_m == 0.0 {
-            let end = self.pose(self.length_m, 0.0);
-            return LegBox {
-                least_m: [self.start.x_m.min(end.x_m), self.start.y_m.min(end.y_m)],
-                most_m: [self.start.x_m.max(end.x_m), self.start.y_m.max(end.y_m)],
-            };
-        }
-        let LegDisc { middle_m, radius_m } = self.disc();
-        LegBox {
-            least_m: middle_m.map(|at_m| at_m - radius_m),
-            most_m: middle_m.map(|at_m| at_m + radius_m),
-        }
-    }
-}
-
+mod leg;
 mod leg_index;
 #[cfg(test)]
 mod tests;

@@ -5,7 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::course::{Course, CourseError, Piece};
+use super::course::{Course, CourseError};
+use super::piece::Piece;
 
 /// A road. Lane 0 is the rightmost. Its middle is y = 0 on a straight road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

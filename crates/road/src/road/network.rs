@@ -1,8 +1,10 @@
 //! All roads of a world, and the crossings between the paths of its agents.
 
+use core::ops::Range;
 use std::sync::OnceLock;
 
-use super::course::{Course, OnRoad, wrapped};
+use super::course::Course;
+use super::on_road::{OnRoad, wrapped};
 use super::placement::{Direction, Priority};
 use crate::pose::Pose;
 
@@ -159,7 +161,7 @@ impl TravelLine<'_> {
             let next = (if far > 1 { step + far - 1 } else { step + 1 }).min(steps);
             let (next_away_m, here_m) = self.seen_m(other, s_m(next));
             if next == step + 1 && (before_m < 0.0) != (here_m < 0.0) {
-                found.extend(self.crossing(other, (s_m(step), s_m(next)), before_m < 0.0));
+                found.extend(self.crossing(other, s_m(step)..s_m(next), before_m < 0.0));
             }
             (step, away_m, before_m) = (next, next_away_m, here_m);
         }
@@ -176,9 +178,10 @@ impl TravelLine<'_> {
     fn crossing(
         &self,
         other: &TravelLine<'_>,
-        (mut from_m, mut to_m): (f64, f64),
+        between_m: Range<f64>,
         from_right: bool,
     ) -> Option<Crossing> {
+        let (mut from_m, mut to_m) = (between_m.start, between_m.end);
         // 60 halvings of a 0.5 m step exceed the precision of f64, so the loop
         // needs no tolerance.
         for _ in 0..60 {

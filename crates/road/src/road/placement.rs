@@ -4,9 +4,11 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::course::{Course, CourseError, Piece};
+use super::course::{Course, CourseError};
 use super::lanes::Road;
+use super::piece::Piece;
 use super::slope::{Bank, Grade, RoadProfile};
+use crate::pose::Pose;
 
 /// Named roads, in file order.
 pub type PlacedRoads = IndexMap<String, PlacedRoad>;
@@ -99,6 +101,11 @@ impl PlacedRoad {
         // The lanes lie on the left of lane 0, so an arc must be wider than all
         // of them.
         let reach_m = self.road.lanes() as f64 * self.road.lane_width_m();
-        Course::placed((x_m, y_m), heading_rad, &self.pieces, reach_m)
+        let begins = Pose {
+            x_m,
+            y_m,
+            heading_rad,
+        };
+        Course::placed(begins, &self.pieces, reach_m)
     }
 }

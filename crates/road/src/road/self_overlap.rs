@@ -3,6 +3,7 @@
 use core::f64::consts::PI;
 
 use super::course::{Course, RUN_OUT_M};
+use super::surface::SurfaceExtent;
 
 /// Greatest number of stations at which a road is examined.
 const MAX_STATIONS: f64 = 50_000.0;
@@ -21,21 +22,18 @@ pub struct SelfOverlap {
 impl Course {
     /// Returns the first stretch whose positions belong to another stretch.
     ///
-    /// A position belongs to the stretch whose middle of lane 0 is nearest. The
-    /// road is examined between two stations, from its right to its left border.
-    pub fn self_overlap(
-        &self,
-        (from_m, to_m): (f64, f64),
-        (right_m, left_m): (f64, f64),
-    ) -> Option<SelfOverlap> {
+    /// A position belongs to the stretch whose middle of lane 0 is nearest.
+    pub fn self_overlap(&self, extent: &SurfaceExtent) -> Option<SelfOverlap> {
         // A road whose headings differ by less than half a circle always
         // advances in one direction, so it cannot come back.
         if self.turning_rad() < PI {
             return None;
         }
         // Beyond its straight ends the road has no positions.
-        let from_m = from_m.max(-RUN_OUT_M);
-        let to_m = to_m.min(self.end_s_m() + RUN_OUT_M);
+        let from_m = extent.stations_m.start.max(-RUN_OUT_M);
+        let to_m = extent.stations_m.end.min(self.end_s_m() + RUN_OUT_M);
+        let (right_m, left_m) = (extent.borders_m.start, extent.borders_m.end);
+        let across_m = [right_m, 0.0, 0.5 * (right_m + left_m), left_m];
         // Narrower than any crossing of two such roads.
         let step_m = (0.5 * (left_m - right_m))
             .min(1.0)
@@ -43,7 +41,7 @@ impl Course {
         let mut found: Option<SelfOverlap> = None;
         for i in 0..=((to_m - from_m) / step_m).ceil() as usize {
             let s_m = (from_m + i as f64 * step_m).min(to_m);
-            match (self.other_station_m(s_m, (right_m, left_m)), &mut found) {
+            match (self.other_station_m(s_m, across_m), &mut found) {
                 (Some((least_m, most_m)), Some(known)) => {
                     known.here_m.1 = s_m;
                     known.there_m.0 = known.there_m.0.min(least_m);
@@ -66,9 +64,8 @@ impl Course {
     /// Returns the least and greatest station that a cross section has elsewhere.
     ///
     /// `None` if all its positions are found at its own station.
-    fn other_station_m(&self, s_m: f64, (right_m, left_m): (f64, f64)) -> Option<(f64, f64)> {
-        let across = [right_m, 0.0, 0.5 * (right_m + left_m), left_m];
-        let found = across.map(|lateral_m| self.locate(&self.pose(s_m, lateral_m)).s_m);
+    fn other_station_m(&self, s_m: f64, across_m: [f64; 4]) -> Option<(f64, f64)> {
+        let found = across_m.map(|lateral_m| self.locate(&self.pose(s_m, lateral_m)).s_m);
         let elsewhere = found.into_iter().filter(|at_m| (at_m - s_m).abs() > SAME_M);
         elsewhere.fold(None, |known, at_m| match known {
             None => Some((at_m, at_m)),
@@ -93,12 +90,12 @@ mod tests {
     use super::*;
     use crate::road::Piece;
 
-    const BORDERS_M: (f64, f64) = (-1.75, 5.25);
-
     fn overlap(pieces: &[Piece], beyond_m: f64) -> Option<SelfOverlap> {
         let course = Course::of_pieces(pieces, 7.0).expect("a course");
-        let to_m = course.end_s_m() + beyond_m;
-        course.self_overlap((0.0, to_m), BORDERS_M)
+        course.self_overlap(&SurfaceExtent {
+            stations_m: 0.0..course.end_s_m() + beyond_m,
+            borders_m: -1.75..5.25,
+        })
     }
 
     fn line(length_m: f64) -> Piece {

@@ -1,5 +1,7 @@
 //! Surface of a road as a mesh of triangles.
 
+use core::ops::Range;
+
 use super::course::Course;
 use super::slope::RoadProfile;
 
@@ -28,19 +30,19 @@ pub struct SurfaceMesh {
 }
 
 /// Part of a road that has a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SurfaceExtent {
-    /// First and last station.
-    pub stations_m: (f64, f64),
-    /// Right and left border of the lanes, as offsets to the left of the course.
-    pub borders_m: (f64, f64),
+    /// First to last station.
+    pub stations_m: Range<f64>,
+    /// Right to left border of the lanes, as offsets to the left of the course.
+    pub borders_m: Range<f64>,
 }
 
 impl SurfaceMesh {
     /// Adds the surface of a road.
     pub fn add(&mut self, course: &Course, profile: &RoadProfile, extent: &SurfaceExtent) {
-        let stations_m = stations_m(course, profile, extent.stations_m);
-        let offsets_m = offsets_m(course, profile, extent.borders_m);
+        let stations_m = stations_m(course, profile, &extent.stations_m);
+        let offsets_m = offsets_m(course, profile, &extent.borders_m);
         let (first, width) = (self.points_m.len() as u32, offsets_m.len() as u32);
         for &s_m in &stations_m {
             for &lateral_m in &offsets_m {
@@ -61,7 +63,7 @@ impl SurfaceMesh {
 }
 
 /// Returns stations between which the surface is nearly plane along the road.
-pub fn stations_m(course: &Course, profile: &RoadProfile, (from_m, to_m): (f64, f64)) -> Vec<f64> {
+pub fn stations_m(course: &Course, profile: &RoadProfile, within_m: &Range<f64>) -> Vec<f64> {
     let half_m = 0.5 * profile.vertical_curve_m;
     let grades = profile
         .grades
@@ -76,12 +78,12 @@ pub fn stations_m(course: &Course, profile: &RoadProfile, (from_m, to_m): (f64, 
     let mut edges: Vec<f64> = grades
         .chain(pieces)
         .chain(banks)
-        .filter(|s_m| (from_m..to_m).contains(s_m))
+        .filter(|s_m| within_m.contains(s_m))
         .collect();
-    edges.extend([from_m, to_m]);
+    edges.extend([within_m.start, within_m.end]);
     edges.sort_by(f64::total_cmp);
     edges.dedup();
-    let mut stations_m = vec![from_m];
+    let mut stations_m = vec![within_m.start];
     for pair in edges.windows(2) {
         let (length_m, middle_m) = (pair[1] - pair[0], 0.5 * (pair[0] + pair[1]));
         let mut facet_m = length_m;
@@ -102,7 +104,8 @@ pub fn stations_m(course: &Course, profile: &RoadProfile, (from_m, to_m): (f64, 
 }
 
 /// Returns the offsets between which the surface is nearly plane across the road.
-fn offsets_m(course: &Course, profile: &RoadProfile, (right_m, left_m): (f64, f64)) -> Vec<f64> {
+fn offsets_m(course: &Course, profile: &RoadProfile, borders_m: &Range<f64>) -> Vec<f64> {
+    let (right_m, left_m) = (borders_m.start, borders_m.end);
     let pieces = course.pieces();
     let bends = pieces.iter().map(|piece| piece.curvature_per_m);
     let (mut least_m, mut most_m) = (right_m - SHOULDER_M, left_m + SHOULDER_M);
@@ -203,8 +206,8 @@ mod tests {
         };
         let course = bend();
         let extent = SurfaceExtent {
-            stations_m: (-20.0, 150.0),
-            borders_m: (-1.75, 5.25),
+            stations_m: -20.0..150.0,
+            borders_m: -1.75..5.25,
         };
         let mut mesh = SurfaceMesh::default();
         mesh.add(&course, &profile, &extent);

@@ -1,9 +1,13 @@
 //! Roads of a world file: placement of named roads, and the roads of agents.
 
+use core::ops::Range;
+
 use super::check;
 use super::slope_and_wind;
 use super::starts;
-use crate::road::{Course, Direction, PlacedRoad, PlacedRoads, Road, RoadPlace, SelfOverlap};
+use crate::road::{
+    Course, Direction, PlacedRoad, PlacedRoads, Road, RoadPlace, SelfOverlap, SurfaceExtent,
+};
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -104,13 +108,16 @@ pub(super) fn beside_themselves(problems: &mut Problems, path: &ValuePath, spec:
         _ => path.to("road").to("pieces"),
     };
     let mut check = |number: usize, road: &Road, course: Course, place: &ValuePath| {
-        let (mut right_m, mut left_m) = (0.0_f64, 0.0_f64);
+        let mut borders_m = 0.0_f64..0.0_f64;
         for border_m in road.borders_m() {
-            right_m = right_m.min(border_m);
-            left_m = left_m.max(border_m);
+            borders_m.start = borders_m.start.min(border_m);
+            borders_m.end = borders_m.end.max(border_m);
         }
-        let driven_m = driven_m(spec, number, &course);
-        if let Some(overlap) = course.self_overlap(driven_m, (right_m, left_m)) {
+        let extent = SurfaceExtent {
+            stations_m: driven_m(spec, number, &course),
+            borders_m,
+        };
+        if let Some(overlap) = course.self_overlap(&extent) {
             refuse_overlap(problems, place, overlap);
         }
     };
@@ -127,8 +134,8 @@ pub(super) fn beside_themselves(problems: &mut Problems, path: &ValuePath, spec:
 }
 
 /// Stations between which a road is driven: its pieces, and the reach of its agents.
-fn driven_m(spec: &DriveSpec, road: usize, course: &Course) -> (f64, f64) {
-    let mut driven_m = (0.0_f64, course.end_s_m());
+fn driven_m(spec: &DriveSpec, road: usize, course: &Course) -> Range<f64> {
+    let mut driven_m = 0.0_f64..course.end_s_m();
     let agents = spec.agents.iter().enumerate();
     for (i, agent) in agents.filter(|(_, agent)| agent.road == road) {
         let front = starts::front(spec, i);
@@ -138,8 +145,8 @@ fn driven_m(spec: &DriveSpec, road: usize, course: &Course) -> (f64, f64) {
             Direction::With => (agent.body.length_m, way_m),
             Direction::Against => (way_m, agent.body.length_m),
         };
-        driven_m.0 = driven_m.0.min(front.lo - behind_m);
-        driven_m.1 = driven_m.1.max(front.hi + ahead_m);
+        driven_m.start = driven_m.start.min(front.lo - behind_m);
+        driven_m.end = driven_m.end.max(front.hi + ahead_m);
     }
     driven_m
 }

@@ -17,7 +17,7 @@ use super::joined::StartTrigger;
 use super::laws::{approached, gap_of, speed, speed_profile};
 use super::motion::is_still;
 use super::places::PositionContext;
-use super::relations::StoryElement;
+use super::story_element::StoryElement;
 use super::triggers::starts;
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
@@ -38,8 +38,10 @@ const SOON_S: f64 = 1.0;
 pub(super) fn acts(
     board: &XmlNode,
     scope: &ParameterScope,
-    (ground, friction_scale): (PositionContext<'_>, f64),
-    (entities, blockers): (&mut Vec<ImportedEntity>, &mut Blockers),
+    ground: PositionContext<'_>,
+    friction_scale: f64,
+    entities: &mut Vec<ImportedEntity>,
+    blockers: &mut Blockers,
 ) -> (Option<f64>, Vec<String>) {
     let mut reader = Reader {
         ground,
@@ -106,7 +108,7 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
-        let (actions, is_read) = self.moving(context.event, (context.actors, context.scope));
+        let (actions, is_read) = self.moving(context.event, context.actors, context.scope);
         if actions.is_empty() && is_read {
             return Ok(());
         }
@@ -214,7 +216,8 @@ impl Reader<'_> {
     fn moving<'a>(
         &mut self,
         event: &'a XmlNode,
-        (actors, scope): (&[String], &ParameterScope),
+        actors: &[String],
+        scope: &ParameterScope,
     ) -> (Vec<(&'a XmlNode, &'a XmlNode)>, bool) {
         let is_free = !actors.iter().any(|it| self.ground.is_steered(it));
         let mut all = Vec::new();
@@ -277,9 +280,9 @@ impl Reader<'_> {
                 step.laws.push(speed(it, scope, speeds, of)?);
             }
             "SpeedProfileAction" => {
-                let mut most_mps2 = script.speeds.most_mps2;
-                let profile = speed_profile(it, scope, &mut most_mps2)?;
-                let laws = script.profile(it, &profile, most_mps2)?;
+                let mut most = script.speeds.most;
+                let profile = speed_profile(it, scope, &mut most)?;
+                let laws = script.profile(it, &profile, most)?;
                 script.add_steps(&laws, step);
             }
             "LaneChangeAction" => {
@@ -293,7 +296,7 @@ impl Reader<'_> {
             // The gap becomes part of the initial state.
             "LongitudinalDistanceAction" if at_start && step.after_s == 0.0 => {
                 let now_mps = script.speeds.now_mps.unwrap_or(0.0);
-                script.gap_m = Some(gap_of(it, scope, (now_mps, &ground.ego.name))?);
+                script.gap_m = Some(gap_of(it, scope, &ground.ego.name, now_mps)?);
             }
             "SynchronizeAction" if at_start => {
                 // A meeting accelerates the entity itself, and its approach
@@ -303,7 +306,7 @@ impl Reader<'_> {
                     return Err(it.refused("a meeting with an agent that moves already is not read", help));
                 }
                 let ego_mps = self.constant_speeds().get(&ground.ego.name).copied();
-                let approach = approached(it, scope, (ground, ego_mps))?;
+                let approach = approached(it, scope, ground, ego_mps)?;
                 self.scripts[who].approach = Some(approach);
             }
             "FollowTrajectoryAction" if script.steps.is_empty() => {
@@ -334,10 +337,4 @@ fn moving<'a>(
     let inner = kind.only()?;
     let is_still = is_still(inner, scope, is_free)?;
     Ok((!is_still).then_some((kind, inner)))
-}
-
-/// Whether actions of an event act along the path and across it.
-fn directions(actions: &[&XmlNode]) -> (bool, bool) {
-    let has = |name: &str| actions.iter().any(|action| action.name == name);
-    (has("LongitudinalAction"), has("LateralAction"))
 }

@@ -26,10 +26,32 @@ pub(super) struct ImportedBody {
     pub on_foot: bool,
     /// Greatest speed, in m/s.
     pub most_mps: f64,
-    /// Greatest acceleration and deceleration, in m/s².
-    pub most_mps2: (f64, f64),
+    pub most: MostRates,
     /// Place of the body in the files.
     pub at: At,
+}
+
+/// Greatest acceleration and deceleration of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MostRates {
+    pub up_mps2: f64,
+    pub down_mps2: f64,
+}
+
+impl MostRates {
+    pub(super) const NONE: MostRates = MostRates {
+        up_mps2: f64::INFINITY,
+        down_mps2: f64::INFINITY,
+    };
+
+    /// Returns that of a change of the speed.
+    pub(super) fn towards(&self, from_mps: f64, to_mps: f64) -> f64 {
+        if from_mps <= to_mps {
+            self.up_mps2
+        } else {
+            self.down_mps2
+        }
+    }
 }
 
 impl ImportedBody {
@@ -54,7 +76,7 @@ impl ImportedBody {
         }
         let on_foot = entity.name == "Pedestrian";
         let sizes = format!("length_m: {length_m}, width_m: {width_m}, height_m: {height_m}");
-        let on_wheels = |(centre_m, wheelbase_m): (f64, f64), wheel_m: f64, track_m: f64| {
+        let on_wheels = |centre_m: f64, wheelbase_m: f64, wheel_m: f64, track_m: f64| {
             let front_m = centre_m + 0.5 * length_m;
             vehicle(ImportedVehicle {
                 name: &name,
@@ -84,7 +106,7 @@ impl ImportedBody {
                 )
             }
             "Vehicle" if is_bicycle(entity, scope, length_m)? => {
-                bicycle(entity, scope, &sizes, (height_m, mass_kg), front_m)?
+                bicycle(entity, scope, &sizes, height_m, mass_kg, front_m)?
             }
             "Vehicle" => {
                 let axles = entity.inner("Axles")?;
@@ -100,12 +122,12 @@ impl ImportedBody {
                 }
                 let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
                 let track_m = scope.number(front, "trackWidth")?;
-                on_wheels((centre_m, wheelbase_m), wheel_m, track_m)
+                on_wheels(centre_m, wheelbase_m, wheel_m, track_m)
             }
             // A `MiscObject` has no axles. Proportions of its box replace them.
             "MiscObject" => {
                 let centre_m = centre_m.max(0.3 * length_m);
-                on_wheels((centre_m, 0.6 * length_m), 0.1 * height_m, 0.8 * width_m)
+                on_wheels(centre_m, 0.6 * length_m, 0.1 * height_m, 0.8 * width_m)
             }
             other => {
                 let help = "write a Vehicle, a Pedestrian or a MiscObject";
@@ -121,10 +143,13 @@ impl ImportedBody {
             // possible.
             _ => Ok(f64::INFINITY),
         };
-        let most_mps2 = (most("maxAcceleration")?, most("maxDeceleration")?);
+        let rates = MostRates {
+            up_mps2: most("maxAcceleration")?,
+            down_mps2: most("maxDeceleration")?,
+        };
         Ok(ImportedBody {
             most_mps: most("maxSpeed")?,
-            most_mps2,
+            most: rates,
             name: name.to_lowercase(),
             ron,
             length_m,
@@ -171,7 +196,8 @@ fn bicycle(
     entity: &XmlNode,
     scope: &ParameterScope,
     sizes: &str,
-    (height_m, mass_kg): (f64, f64),
+    height_m: f64,
+    mass_kg: f64,
     front_m: f64,
 ) -> Result<String, ImportError> {
     let stock = Body::shipped("bicyclist").and_then(Result::ok);

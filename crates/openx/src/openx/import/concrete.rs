@@ -9,8 +9,7 @@ use super::places::Placed;
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::{OnLane, RoadMap};
 use crate::opendrive::ways::MOST_ASIDE_M;
-use crate::opendrive::ways::{Bend, FOLDS, ImportedPath};
-use crate::road::Grade;
+use crate::road::{Bend, Course, Grade, SurfaceExtent};
 use crate::sim::Pose;
 
 /// Step in metres in which a road that comes back onto itself is shortened.
@@ -60,9 +59,7 @@ impl Concrete {
             let is_far = |left_m: f64| left_m.abs() > MOST_ASIDE_M;
             // It may stand beside the way of somebody who crosses the ego's road.
             let ways = self.entities.iter().filter_map(|it| it.placed.way.as_ref());
-            let mut beside = ways
-                .filter_map(|on| on.way.course().ok())
-                .map(|course| course.locate(&entity.placed.spot).lateral_m);
+            let mut beside = ways.map(|on| on.way.locate(&entity.placed.spot).lateral_m);
             if is_far(left_m - middle_m) && beside.all(is_far) {
                 far.push(entity.name.clone());
             }
@@ -88,7 +85,7 @@ impl Concrete {
                     x_m: on.along_m,
                     ..on.spot().sees(&placed.spot)
                 },
-                _ => way.begins.sees(&placed.spot),
+                _ => way.start().sees(&placed.spot),
             }),
             RoadFrame::Beside { .. } if placed.lane.is_none() && placed.way.is_some() => {
                 Ok(self.in_plane(&placed.spot))
@@ -132,7 +129,7 @@ impl Concrete {
     pub(super) fn in_plane(&self, spot: &Pose) -> Pose {
         match &self.frame {
             RoadFrame::Straight(origin) => origin.sees(spot),
-            RoadFrame::Along(way) => way.begins.sees(spot),
+            RoadFrame::Along(way) => way.start().sees(spot),
             RoadFrame::Beside { road, t_m } => {
                 let line = self.roads.get(road);
                 line.map_or(*spot, |line| line.at(0.0, *t_m).sees(spot))
@@ -152,10 +149,7 @@ impl Concrete {
             RoadFrame::Along(way) if !self.is_on_road(placed) => way,
             _ => return self.in_frame(placed, at),
         };
-        let course = way
-            .course()
-            .map_err(|what| self.ego_at.error(what).helped(FOLDS))?;
-        let on = course.locate(&placed.spot);
+        let on = way.locate(&placed.spot);
         Ok(Pose {
             x_m: on.s_m,
             y_m: on.lateral_m,
@@ -245,17 +239,16 @@ impl Concrete {
             .filter_map(|it| it.placed.lane.as_ref());
         let stations = lanes.filter(|at| at.road == *road).map(|at| at.s_m);
         let last_m = stations.fold(0.0, f64::max);
-        let borders_m = (
-            -0.5 * self.lane_width_m,
-            (self.lanes as f64 - 0.5) * self.lane_width_m,
-        );
+        let borders_m = -0.5 * self.lane_width_m..(self.lanes as f64 - 0.5) * self.lane_width_m;
         let laps = |ends_m: f64| {
             let pieces = self.pieces_between(f64::INFINITY, ends_m);
-            let begins = Pose::default();
-            let course = ImportedPath { begins, pieces }.course().ok();
+            let course = Course::of_bends(Pose::default(), &pieces).ok();
             course.is_some_and(|course| {
-                let driven_m = (-BODY_M, course.end_s_m() + BODY_M);
-                course.self_overlap(driven_m, borders_m).is_some()
+                let extent = SurfaceExtent {
+                    stations_m: -BODY_M..course.end_s_m() + BODY_M,
+                    borders_m: borders_m.clone(),
+                };
+                course.self_overlap(&extent).is_some()
             })
         };
         if !laps(length_m) {
@@ -281,7 +274,7 @@ impl Concrete {
     fn pieces_between(&self, until_m: f64, ends_m: f64) -> Vec<Bend> {
         let (road, t_m) = match &self.frame {
             RoadFrame::Straight(_) => return Vec::new(),
-            RoadFrame::Along(way) => return way.pieces.clone(),
+            RoadFrame::Along(way) => return way.bends(),
             RoadFrame::Beside { road, t_m } => (road, t_m),
         };
         let Some(line) = self.roads.get(road) else {

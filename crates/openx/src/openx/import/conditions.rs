@@ -28,13 +28,14 @@ pub(super) fn formula(
     concrete: &Concrete,
     all: &[EntityInFrame],
     watch: &WatchedCondition,
-    (parameters, is_first): (&mut TriggerParameters<'_>, bool),
+    parameters: &mut TriggerParameters<'_>,
+    is_first: bool,
 ) -> Result<(String, bool), ImportError> {
     if let Measure::All(parts) | Measure::Any(parts) = &watch.measure {
         let mut texts = Vec::new();
         for part in parts {
             // It may hold after its entities have passed each other.
-            let (text, is_seen) = formula(concrete, all, part, (&mut *parameters, false))?;
+            let (text, is_seen) = formula(concrete, all, part, parameters, false)?;
             if is_seen {
                 let what = "an edge beside other conditions is not read";
                 let help = "write conditionEdge=\"none\"";
@@ -83,7 +84,7 @@ pub(super) fn formula(
         Measure::Speed | Measure::Acceleration | Measure::Faster { .. } | Measure::Gap { .. }
     );
     let turns = |it: &&EntityInFrame| match it.path {
-        EntityPath::Own(_, on) => on.is_lane || on.way.has_corners() || it.entity.body.on_foot,
+        EntityPath::Own(_, on) => on.is_lane || on.has_corners() || it.entity.body.on_foot,
         _ => false,
     };
     if is_on_roads && who.iter().chain(target.iter()).any(turns) {
@@ -106,7 +107,7 @@ pub(super) fn formula(
     let parts: Vec<String> = quantities
         .iter()
         .zip(&who)
-        .map(|(it, who)| it.text(watch, who, target, (parameter, is_first)))
+        .map(|(it, who)| it.text(watch, who, target, parameter, is_first))
         .collect();
     let text = match (&parts[..], watch.needs_all) {
         ([one], _) => one.clone(),
@@ -324,7 +325,8 @@ impl ConditionQuantity {
         watch: &WatchedCondition,
         who: &EntityInFrame,
         target: Option<&EntityInFrame>,
-        (parameter, is_first): (&str, bool),
+        parameter: &str,
+        is_first: bool,
     ) -> String {
         let speed = match (&watch.measure, target) {
             (Measure::Collision { .. }, Some(target)) => {
@@ -336,8 +338,8 @@ impl ConditionQuantity {
             Some(_) => format!("{parameter} * {speed}"),
             None => parameter.to_owned(),
         };
-        if let (Measure::Clearance { is_time, .. }, Some(target)) = (&watch.measure, target) {
-            return clearance(watch, (who, target), (&bound, *is_time), is_first);
+        if let (Measure::Clearance { .. }, Some(target)) = (&watch.measure, target) {
+            return clearance(watch, who, target, &bound, is_first);
         }
         let text = &self.text;
         // A formula has no strict comparison, so a small difference separates the
@@ -360,10 +362,12 @@ fn hypotenuse(along: &str, aside: &str) -> String {
 
 fn clearance(
     watch: &WatchedCondition,
-    (who, target): (&EntityInFrame, &EntityInFrame),
-    (bound, is_time): (&str, bool),
+    who: &EntityInFrame,
+    target: &EntityInFrame,
+    bound: &str,
     is_first: bool,
 ) -> String {
+    let is_time = matches!(watch.measure, Measure::Clearance { is_time: true, .. });
     let headway = format!("{}.{}.headway", who.name, target.name);
     let ahead = format!("{headway} - {}", tidy(target.rear_m()));
     let behind = format!("-{headway} - {}", tidy(who.rear_m()));

@@ -93,7 +93,7 @@ pub fn lane_places(
                 continue;
             };
             for lane in lanes.lanes.iter().filter(|lane| lane.drives) {
-                let Some((t_m, _)) = road.lanes.middle((section, s_m), lane.id) else {
+                let Some((t_m, _)) = road.lanes.middle(section, s_m, lane.id) else {
                     continue;
                 };
                 let at = road.at(s_m, t_m);

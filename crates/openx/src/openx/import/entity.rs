@@ -154,6 +154,30 @@ pub(super) struct WatchedCondition {
     pub at: At,
 }
 
+/// Lateral place of an entity, as its laws across the path change it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LateralState {
+    /// Offset from the reference line.
+    pub t_m: f64,
+    /// Sum of the lane changes so far, a share of the offset.
+    pub changed_m: f64,
+}
+
+impl LateralState {
+    pub(super) fn at_start(placed: &Placed) -> LateralState {
+        LateralState {
+            t_m: placed.lane.as_ref().map_or(0.0, |at| at.t_m),
+            changed_m: 0.0,
+        }
+    }
+
+    /// Adds a lane change.
+    pub(super) fn change(&mut self, by_m: f64) {
+        self.t_m += by_m;
+        self.changed_m += by_m;
+    }
+}
+
 /// Law of motion of a step.
 #[derive(Clone, Debug)]
 pub(super) enum ImportedLaw {
@@ -181,9 +205,7 @@ pub(super) enum ImportedLaw {
 
 impl ImportedLaw {
     /// Greatest lateral speed in m/s of a change across the path, or 0.
-    ///
-    /// It begins at a lateral offset and a sum of lane changes so far.
-    pub(super) fn across_mps(&self, (t_m, changed_m): (f64, f64)) -> f64 {
+    pub(super) fn across_mps(&self, from: LateralState) -> f64 {
         match self {
             ImportedLaw::LaneChange { by_m: 0.0, .. } => 0.0,
             ImportedLaw::LaneChange { rate_mps, .. } => *rate_mps,
@@ -191,19 +213,15 @@ impl ImportedLaw {
             ImportedLaw::Beside {
                 t_m: to_m,
                 most_lateral_mps2,
-            } => (0.5 * (to_m + changed_m - t_m).abs() * most_lateral_mps2).sqrt(),
+            } => (0.5 * (to_m + from.changed_m - from.t_m).abs() * most_lateral_mps2).sqrt(),
             ImportedLaw::Speed { .. } | ImportedLaw::Walk { .. } => 0.0,
         }
     }
 
     /// Duration in seconds, or `None` if it depends on the run.
     ///
-    /// It begins at a speed, a lateral offset and a sum of lane changes so far.
-    pub(super) fn lasts_s(
-        &self,
-        from_mps: Option<f64>,
-        (t_m, changed_m): (f64, f64),
-    ) -> Option<f64> {
+    /// It begins at a speed and a lateral place.
+    pub(super) fn lasts_s(&self, from_mps: Option<f64>, from: LateralState) -> Option<f64> {
         match self {
             ImportedLaw::Speed {
                 rate_mps2: None, ..
@@ -227,7 +245,7 @@ impl ImportedLaw {
                 most_lateral_mps2,
             } => {
                 // The greatest acceleration of a cosine is π²·by/(2·T²).
-                let by_m = to_m + changed_m - t_m;
+                let by_m = to_m + from.changed_m - from.t_m;
                 Some(PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt())
             }
             ImportedLaw::Walk { speed_mps, way_m } => Some(way_m / speed_mps),

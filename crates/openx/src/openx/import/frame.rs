@@ -2,15 +2,16 @@
 
 use core::f64::consts::PI;
 
-use super::ends::{slowest_mps, speeds_mps};
 use super::entity::ImportedEntity;
+use super::journey::{slowest_mps, speeds_mps};
 use super::places::{Placed, is_along};
 use crate::opendrive::error::{Blockers, ImportError};
-use crate::opendrive::lane_drive::LaneStretch;
+use crate::opendrive::lane_drive::{LaneFollower, LaneRoute, LaneStretch};
 use crate::opendrive::roads::OnLane;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{ImportedPath, MOST_ASIDE_M, OnWay, SAME_WAY_M, SAME_WAY_RAD};
+use crate::opendrive::ways::{MOST_ASIDE_M, OnWay, SAME_WAY_M, SAME_WAY_RAD};
+use crate::road::Course;
 use crate::sim::Pose;
 
 /// Least length in metres of the ego's lane ahead of the ego on a single road.
@@ -35,7 +36,7 @@ pub(super) enum RoadFrame {
     /// Parallel to a reference line, `t_m` to its left.
     Beside { road: String, t_m: f64 },
     /// Bent path.
-    Along(ImportedPath),
+    Along(Course),
 }
 
 /// Frame with the lanes of the world.
@@ -59,7 +60,8 @@ impl FrameOfEgo {
     pub(super) fn of(
         asks: &XmlNode,
         roads: &RoadMap,
-        (entities, stop_s): (&mut [ImportedEntity], Option<f64>),
+        entities: &mut [ImportedEntity],
+        stop_s: Option<f64>,
     ) -> Result<FrameOfEgo, ImportError> {
         let reach_m = reach_m(entities, stop_s);
         let Some(ego) = entities.iter().position(|it| it.is_ego) else {
@@ -68,7 +70,7 @@ impl FrameOfEgo {
         let it = if keeps_road(asks, roads, entities, ego)? {
             FrameOfEgo::of_road(asks, roads, &entities[ego])?
         } else {
-            let of_way = FrameOfEgo::of_way(asks, roads, (&mut entities[ego], reach_m));
+            let of_way = FrameOfEgo::of_way(asks, roads, &mut entities[ego], reach_m);
             match of_way {
                 // Its controller may drive off, straight ahead.
                 Err(_) if !entities[ego].moves() => FrameOfEgo::ahead_of(&entities[ego]),
@@ -77,7 +79,7 @@ impl FrameOfEgo {
         };
         let mut blockers = Blockers::default();
         for entity in entities.iter_mut().filter(|it| !it.is_ego) {
-            blockers.keep(it.place(asks, roads, (entity, reach_m)));
+            blockers.keep(it.place(asks, roads, entity, reach_m));
         }
         blockers.none()?;
         Ok(it)
@@ -105,16 +107,16 @@ impl FrameOfEgo {
         roads: &RoadMap,
         ego: &ImportedEntity,
     ) -> Result<FrameOfEgo, ImportError> {
-        if let Some(OnWay { way, .. }) = &ego.placed.way {
-            if way.has_corners() {
+        if let Some(on) = &ego.placed.way {
+            if on.has_corners() {
                 let help = "--leave-ego leaves its trajectory to your controller";
                 return Err(asks.refused("an ego on a way that turns at its places", help));
             }
             // A path has no lanes of its own, so two of a usual width are drawn.
-            return Ok(FrameOfEgo::usual(if way.pieces.is_empty() {
-                RoadFrame::Straight(way.begins)
+            return Ok(FrameOfEgo::usual(if on.way.piece_count() == 0 {
+                RoadFrame::Straight(on.way.start())
             } else {
-                RoadFrame::Along(way.clone())
+                RoadFrame::Along(on.way.clone())
             }));
         }
         let Some(at) = &ego.placed.lane else {
@@ -144,7 +146,14 @@ impl FrameOfEgo {
             t_m,
             ..at.clone()
         };
-        let drive = roads.lane_drive(asks, &begins, (&[], line.length_m))?;
+        let drive = roads.lane_drive(
+            asks,
+            &begins,
+            LaneRoute {
+                via: &[],
+                reach_m: line.length_m,
+            },
+        )?;
         let frame = if line.is_straight() {
             RoadFrame::Straight(line.at(0.0, t_m))
         } else {
@@ -167,16 +176,15 @@ impl FrameOfEgo {
     fn of_way(
         asks: &XmlNode,
         roads: &RoadMap,
-        (ego, reach_m): (&mut ImportedEntity, f64),
+        ego: &mut ImportedEntity,
+        reach_m: f64,
     ) -> Result<FrameOfEgo, ImportError> {
         let Some(at) = ego.placed.lane.clone().filter(|at| at.lane != 0) else {
             let what = "the ego is on no lane and on no way";
             return Err(asks.refused(what, "place it on a lane, or let it stand"));
         };
         let line = roads.road(asks, &at.road)?;
-        let first = line
-            .lanes
-            .first_of((at.lane, at.forward), at.s_m, line.length_m);
+        let first = line.lanes.first_of(at.driven(), at.s_m, line.length_m);
         let from = OnLane {
             lane: first.0,
             s_m: first.1,
@@ -185,9 +193,16 @@ impl FrameOfEgo {
         let drive = roads.lane_drive(
             asks,
             &from,
-            (&ego.route, reach_m + (from.s_m - at.s_m).abs()),
+            LaneRoute {
+                via: &ego.route,
+                reach_m: reach_m + (from.s_m - at.s_m).abs(),
+            },
         )?;
-        let on = roads.lane_way(asks, &drive, (0.0, slowest_mps(ego)))?;
+        let in_middle = LaneFollower {
+            left_m: 0.0,
+            slowest_mps: slowest_mps(ego),
+        };
+        let on = roads.lane_way(asks, &drive, in_middle)?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
         // The lanes of the first road are drawn where the ego's way has them
         // beside it throughout.
@@ -195,9 +210,15 @@ impl FrameOfEgo {
         let left_m = -(beside as f64) * width_m;
         let on = match beside {
             0 => on,
-            _ => roads.lane_way(asks, &drive, (left_m, slowest_mps(ego)))?,
+            _ => {
+                let beside = LaneFollower {
+                    left_m,
+                    ..in_middle
+                };
+                roads.lane_way(asks, &drive, beside)?
+            }
         };
-        let place = on.located(asks, &ego.placed.spot)?;
+        let place = on.located(&ego.placed.spot);
         let off = place.spot().sees(&ego.placed.spot);
         if off.x_m.abs() > SAME_WAY_M {
             let help = "place it on a lane, or name another entity with --ego";
@@ -229,27 +250,26 @@ impl FrameOfEgo {
         &self,
         asks: &XmlNode,
         roads: &RoadMap,
-        (entity, reach_m): (&mut ImportedEntity, f64),
+        entity: &mut ImportedEntity,
+        reach_m: f64,
     ) -> Result<(), ImportError> {
         let RoadFrame::Along(way) = &self.frame else {
-            return self.place_beside(asks, roads, (entity, reach_m));
+            return self.place_beside(asks, roads, entity, reach_m);
         };
         let frame = OnWay {
-            way: way.clone(),
-            along_m: 0.0,
-            ends_m: way.pieces.iter().map(|piece| piece.length_m).sum(),
             is_lane: true,
+            ..OnWay::start(way.clone(), way.end_s_m())
         };
         if entity.placed.way.is_some() || entity.body.on_foot {
             return Ok(());
         }
         if !entity.moves() {
             // A standing entity has a place wherever it is.
-            entity.placed.way = frame.located(asks, &entity.placed.spot).ok();
+            entity.placed.way = Some(frame.located(&entity.placed.spot));
             return Ok(());
         }
-        let own = own_way(asks, roads, (entity, reach_m))?;
-        entity.placed.way = Some(frame.shared_by(asks, &own).unwrap_or(own));
+        let own = own_way(asks, roads, entity, reach_m)?;
+        entity.placed.way = Some(frame.shared_by(&own).unwrap_or(own));
         Ok(())
     }
 
@@ -258,7 +278,8 @@ impl FrameOfEgo {
         &self,
         asks: &XmlNode,
         roads: &RoadMap,
-        (entity, reach_m): (&mut ImportedEntity, f64),
+        entity: &mut ImportedEntity,
+        reach_m: f64,
     ) -> Result<(), ImportError> {
         let has_way = entity.placed.way.is_some() || entity.body.on_foot || !entity.moves();
         let RoadFrame::Straight(origin) = &self.frame else {
@@ -276,7 +297,7 @@ impl FrameOfEgo {
         let along = is_along(seen.heading_rad, 0.0) || is_along(seen.heading_rad, PI);
         let is_beside = along && seen.y_m.abs() <= MOST_ASIDE_M;
         if !(is_straight && is_beside && entity.route.is_empty()) {
-            entity.placed.way = Some(own_way(asks, roads, (entity, reach_m))?);
+            entity.placed.way = Some(own_way(asks, roads, entity, reach_m)?);
         }
         Ok(())
     }
@@ -334,7 +355,8 @@ fn keeps_road(
 fn own_way(
     asks: &XmlNode,
     roads: &RoadMap,
-    (entity, reach_m): (&ImportedEntity, f64),
+    entity: &ImportedEntity,
+    reach_m: f64,
 ) -> Result<OnWay, ImportError> {
     let at = entity.placed.lane.as_ref().filter(|at| at.lane != 0);
     let at = at.ok_or_else(|| {
@@ -344,7 +366,14 @@ fn own_way(
             .error("it moves on no lane and on no way")
             .helped(help)
     })?;
-    let drive = roads.lane_drive(asks, at, (&entity.route, reach_m))?;
+    let drive = roads.lane_drive(
+        asks,
+        at,
+        LaneRoute {
+            via: &entity.route,
+            reach_m,
+        },
+    )?;
     let line = roads.road(asks, &at.road)?;
     let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
     let left_m = if at.forward {
@@ -352,8 +381,12 @@ fn own_way(
     } else {
         middle_m - at.t_m
     };
-    let on = roads.lane_way(asks, &drive, (left_m, slowest_mps(entity)))?;
-    if on.way.begins.sees(&entity.placed.spot).heading_rad.abs() > SAME_WAY_RAD {
+    let follower = LaneFollower {
+        left_m,
+        slowest_mps: slowest_mps(entity),
+    };
+    let on = roads.lane_way(asks, &drive, follower)?;
+    if on.way.start().sees(&entity.placed.spot).heading_rad.abs() > SAME_WAY_RAD {
         let help = "let it face along its lane, or let it follow a trajectory";
         return Err(entity.at.error("it moves across its lane").helped(help));
     }

@@ -4,7 +4,7 @@ use super::bodies::ImportedBody;
 use super::concrete::Concrete;
 use super::seen::EntityInFrame;
 use crate::opendrive::error::ImportError;
-use crate::opendrive::ways::{FOLDS, ImportedPath};
+use crate::opendrive::ways::FOLDS;
 use crate::road::Course;
 use crate::sim::Pose;
 
@@ -39,10 +39,16 @@ pub(super) fn place_by_gaps(
         let Some(course) = &course else {
             continue;
         };
-        let ego_pose = course.pose(at.x_m, at.y_m);
+        let rear_box = PlacedBox {
+            pose: course.pose(at.x_m, at.y_m),
+            body: ego_body,
+        };
         for _ in 0..CORRECTIONS {
-            let pose = course.pose(it.spot.x_m, it.spot.y_m);
-            let clear_m = clear_m((&pose, body), (&ego_pose, ego_body));
+            let own_box = PlacedBox {
+                pose: course.pose(it.spot.x_m, it.spot.y_m),
+                body,
+            };
+            let clear_m = own_box.clear_m(&rear_box);
             it.spot.x_m += (gap_m - clear_m) / scale;
         }
     }
@@ -51,22 +57,28 @@ pub(super) fn place_by_gaps(
 
 /// Course of the middle of lane 0, from the origin of the frame.
 fn course(concrete: &Concrete) -> Result<Course, ImportError> {
-    let way = ImportedPath {
-        begins: Pose::default(),
-        pieces: concrete.pieces(f64::INFINITY),
-    };
-    let course = way.course();
-    course.map_err(|what| concrete.ego_at.error(what).helped(FOLDS))
+    let pieces = concrete.pieces(f64::INFINITY);
+    let course = Course::of_bends(Pose::default(), &pieces);
+    course.map_err(|error| concrete.ego_at.error(error.what).helped(FOLDS))
 }
 
-/// Clear length between the box of an entity and that of the ego behind it.
-///
-/// It is measured along the axis of the entity.
-fn clear_m((pose, body): (&Pose, &ImportedBody), (ego, ego_body): (&Pose, &ImportedBody)) -> f64 {
-    let corners_m = [0.5, -0.5].map(|side| {
-        let corner = ego.moved(ego_body.front_m, side * ego_body.width_m);
-        pose.sees(&corner).x_m
-    });
-    let rear_m = body.front_m - body.length_m;
-    rear_m - corners_m[0].max(corners_m[1])
+/// Box of an entity at its reference point.
+struct PlacedBox<'a> {
+    pose: Pose,
+    body: &'a ImportedBody,
+}
+
+impl PlacedBox<'_> {
+    /// Clear length between the box and another one behind it.
+    ///
+    /// It is measured along the axis of the box.
+    fn clear_m(&self, behind: &PlacedBox<'_>) -> f64 {
+        let corners_m = [0.5, -0.5].map(|side| {
+            let front_m = behind.body.front_m;
+            let corner = behind.pose.moved(front_m, side * behind.body.width_m);
+            self.pose.sees(&corner).x_m
+        });
+        let rear_m = self.body.front_m - self.body.length_m;
+        rear_m - corners_m[0].max(corners_m[1])
+    }
 }

@@ -1,7 +1,7 @@
 //! Several conditions that begin one event: all of a group, or any of several groups.
 
 use super::entity::{Measure, WatchedCondition};
-use super::relations::StoryElement;
+use super::story_element::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 

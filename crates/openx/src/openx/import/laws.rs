@@ -1,5 +1,6 @@
 //! Laws of motion from the actions of a storyboard.
 
+use super::bodies::MostRates;
 use super::entity::{AT_ONCE_MPS, Approached, ImportedLaw, Steady};
 use super::places::PositionContext;
 use crate::opendrive::error::ImportError;
@@ -11,7 +12,8 @@ use crate::road::ChangeShape;
 pub(super) fn gap_of(
     action: &XmlNode,
     scope: &ParameterScope,
-    (speed_mps, ego): (f64, &str),
+    ego: &str,
+    speed_mps: f64,
 ) -> Result<f64, ImportError> {
     let is = |name: &str, value: &str| action.raw(name) == Some(value);
     // Without a displacement, the entity trails the other, and with limits it takes its time.
@@ -37,13 +39,11 @@ pub(super) fn gap_of(
 const OWN_APPROACH: &str = "the approach of a meeting before its steady part";
 
 /// Speed of an entity as far as it is known before the run.
-///
-/// `most_mps2` is the greatest acceleration and deceleration of its body.
 pub(super) struct Speeds {
     pub name: String,
     pub now_mps: Option<f64>,
     pub most_mps: f64,
-    pub most_mps2: (f64, f64),
+    pub most: MostRates,
 }
 
 /// Course of a change in the files, without a duration of its own for a step.
@@ -131,13 +131,12 @@ pub(super) fn speed(
     };
     let shape = shape.unwrap_or(ChangeShape::Linear);
     let most_mps2 = match known {
-        None => speeds.most_mps2.0.min(speeds.most_mps2.1),
-        Some(now_mps) if now_mps <= to_mps => speeds.most_mps2.0,
-        Some(_) => speeds.most_mps2.1,
+        None => speeds.most.up_mps2.min(speeds.most.down_mps2),
+        Some(now_mps) => speeds.most.towards(now_mps, to_mps),
     };
     // With an unknown direction, a rate that only one direction allows is
     // ambiguous.
-    let unsure = known.is_none() && speeds.most_mps2.0 != speeds.most_mps2.1;
+    let unsure = known.is_none() && speeds.most.up_mps2 != speeds.most.down_mps2;
     if unsure && rate_mps2.is_some_and(|rate| most_mps2 < rate) {
         let what = format!("a rate above {most_mps2} m/s², which its `Performance` may not allow");
         return Err(dynamics.refused(what, "give it a rate that the body can do either way"));
@@ -236,7 +235,8 @@ fn own_speed(
 pub(super) fn lane_change(
     it: &XmlNode,
     scope: &ParameterScope,
-    (by_m, speed_mps): (f64, Option<f64>),
+    by_m: f64,
+    speed_mps: Option<f64>,
 ) -> Result<ImportedLaw, ImportError> {
     keeps_place(it)?;
     let value = scope.number_or_zero(it, "value")?;
@@ -291,7 +291,8 @@ fn slanted_m(shape: ChangeShape, by_m: f64, way_m: f64) -> f64 {
 pub(super) fn approached(
     it: &XmlNode,
     scope: &ParameterScope,
-    (ground, ego_mps): (PositionContext<'_>, Option<f64>),
+    ground: PositionContext<'_>,
+    ego_mps: Option<f64>,
 ) -> Result<Approached, ImportError> {
     ground.catalogs.note(OWN_APPROACH, it);
     if scope.text(it, "masterEntityRef")? != ground.ego.name {
@@ -336,19 +337,19 @@ pub(super) fn approached(
 
 /// Reads a profile of speeds that change evenly, as durations and speeds.
 ///
-/// `most_mps2` is lowered to the limits of the profile.
+/// `most` is lowered to the limits of the profile.
 pub(super) fn speed_profile(
     it: &XmlNode,
     scope: &ParameterScope,
-    most_mps2: &mut (f64, f64),
+    most: &mut MostRates,
 ) -> Result<Vec<(f64, f64)>, ImportError> {
     if let Some(limits) = it.child("DynamicConstraints") {
-        for (name, most) in [
-            ("maxAcceleration", &mut most_mps2.0),
-            ("maxDeceleration", &mut most_mps2.1),
+        for (name, most_mps2) in [
+            ("maxAcceleration", &mut most.up_mps2),
+            ("maxDeceleration", &mut most.down_mps2),
         ] {
             if limits.raw(name).is_some() {
-                *most = most.min(scope.number(limits, name)?);
+                *most_mps2 = most_mps2.min(scope.number(limits, name)?);
             }
         }
     }

@@ -51,7 +51,8 @@ pub(super) struct ImportedLight {
 pub(super) fn lights(
     root: &XmlNode,
     scope: &ParameterScope,
-    (roads, passed): (&RoadMap, &[(String, f64)]),
+    roads: &RoadMap,
+    passed: &[(String, f64)],
     dropped: &DropLog,
 ) -> Result<Vec<ImportedLight>, ImportError> {
     let controllers: Vec<&XmlNode> = root
@@ -63,7 +64,7 @@ pub(super) fn lights(
     let mut found: Vec<ImportedLight> = Vec::new();
     for &controller in &controllers {
         let before = found.len();
-        for (signal, cycle) in cycles(controller, scope, (roads, &controllers))? {
+        for (signal, cycle) in cycles(controller, scope, roads, &controllers)? {
             let on_way = passed.iter().find(|(id, _)| *id == signal);
             let is_known = found.iter().any(|it| it.signal == signal);
             if let Some((_, line_m)) = on_way.filter(|_| !is_known) {
@@ -97,7 +98,8 @@ pub(super) fn lights(
 fn cycles(
     controller: &XmlNode,
     scope: &ParameterScope,
-    (roads, all): (&RoadMap, &[&XmlNode]),
+    roads: &RoadMap,
+    all: &[&XmlNode],
 ) -> Result<BTreeMap<String, LightCycle>, ImportError> {
     let begins_s = begins_s(controller, scope, all)?;
     let name = scope.text(controller, "name")?;

@@ -1,6 +1,8 @@
 //! Init of a storyboard: initial places, initial speeds and the end of the run.
 
-use super::bodies::ImportedBody;
+use std::collections::BTreeSet;
+
+use super::bodies::{ImportedBody, MostRates};
 use super::catalog::Catalogs;
 use super::dropped::{DropLog, time_s, times};
 use super::entity::{ImportedEntity, ImportedLaw};
@@ -71,6 +73,39 @@ pub(super) fn is_still(
     Ok(STILL.contains(&name))
 }
 
+/// Orders the entities of an Init so that each follows those to which it is relative.
+pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
+    fn name(it: &XmlNode) -> &str {
+        it.raw("entityRef").unwrap_or_default()
+    }
+    fn references<'a>(node: &'a XmlNode, all: &mut BTreeSet<&'a str>) {
+        if node.name != "Private" {
+            all.extend(node.raw("entityRef"));
+        }
+        node.children
+            .iter()
+            .for_each(|child| references(child, all));
+    }
+    // Searched once: a search for every pair of many entities takes minutes.
+    let referring = privates.iter().map(|it| {
+        let mut all = BTreeSet::new();
+        references(it, &mut all);
+        (*it, all)
+    });
+    let mut left: Vec<(&XmlNode, BTreeSet<&str>)> = referring.collect();
+    let mut all = Vec::new();
+    while !left.is_empty() {
+        let is_free = |(it, to): &(&XmlNode, BTreeSet<&str>)| {
+            let mut others = left.iter().filter(|(other, _)| name(other) != name(it));
+            !others.any(|(other, _)| to.contains(name(other)))
+        };
+        // Places that refer to each other in a circle are refused later.
+        let next = left.iter().position(is_free).unwrap_or(0);
+        all.push(left.remove(next).0);
+    }
+    all
+}
+
 /// Returns the `Private` of every entity that exists from the start on.
 ///
 /// An entity that the Init adds is placed there, and one that it deletes is gone. An
@@ -78,7 +113,8 @@ pub(super) fn is_still(
 pub(super) fn present(
     init: &XmlNode,
     objects: &[&XmlNode],
-    (absent, catalogs): (&[String], &Catalogs),
+    absent: &[String],
+    catalogs: &Catalogs,
     blockers: &mut Blockers,
 ) -> Vec<XmlNode> {
     let mut present: Vec<XmlNode> = init.all("Private").cloned().collect();
@@ -280,7 +316,9 @@ fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item =
 pub(super) fn first_speed_mps(
     private: &XmlNode,
     scope: &ParameterScope,
-    (before, body, unplaced): (&[ImportedEntity], Option<&ImportedBody>, &[String]),
+    before: &[ImportedEntity],
+    body: Option<&ImportedBody>,
+    unplaced: &[String],
 ) -> Result<(f64, Option<ImportedLaw>), ImportError> {
     let most_mps = body.map_or(f64::INFINITY, |it| it.most_mps);
     let mut speed_mps = 0.0;
@@ -294,7 +332,7 @@ pub(super) fn first_speed_mps(
                 name: private.need("entityRef")?.to_owned(),
                 now_mps: Some(speed_mps),
                 most_mps,
-                most_mps2: body.map_or((f64::INFINITY, f64::INFINITY), |it| it.most_mps2),
+                most: body.map_or(MostRates::NONE, |it| it.most),
             };
             let law = speed(action, scope, &mut speeds, |_| None)?;
             if ramp.replace(law).is_some() {
@@ -339,11 +377,12 @@ pub(super) fn first_speed_mps(
 pub(super) fn first_gap_m(
     private: &XmlNode,
     scope: &ParameterScope,
-    (speed_mps, ego): (f64, &str),
+    ego: &str,
+    speed_mps: f64,
 ) -> Result<Option<f64>, ImportError> {
     let mut gap_m = None;
     for action in longitudinal(private, "LongitudinalDistanceAction") {
-        gap_m = Some(gap_of(action, scope, (speed_mps, ego))?);
+        gap_m = Some(gap_of(action, scope, ego, speed_mps)?);
     }
     Ok(gap_m)
 }

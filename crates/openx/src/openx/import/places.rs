@@ -5,13 +5,15 @@ use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
 use super::ego_events::EgoRequest;
-use super::relations::StoryElement;
+use super::story_element::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::files::Files;
+use crate::opendrive::lane_drive::LaneRoute;
 use crate::opendrive::roads::{OnLane, RoadMap};
 use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{ImportedPath, OnWay};
+use crate::opendrive::ways::{OnWay, line_through};
+use crate::road::Course;
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between two directions that count as equal.
@@ -42,8 +44,19 @@ pub(super) struct Placed {
 impl Placed {
     /// Returns true for a place on a path that turns at its places.
     pub(super) fn turns(&self) -> bool {
-        self.way.as_ref().is_some_and(|on| on.way.has_corners())
+        self.way.as_ref().is_some_and(OnWay::has_corners)
     }
+}
+
+/// Place beside the middle of a lane, with the direction of an entity there.
+struct BesideLane<'a> {
+    road: &'a str,
+    lane: i32,
+    forward: bool,
+    /// Station on the reference line.
+    s_m: f64,
+    /// Offset to the left of the middle of the lane.
+    offset_m: f64,
 }
 
 /// Context to which positions may refer.
@@ -117,12 +130,19 @@ impl PositionContext<'_> {
                 let offset_m = scope.number_or_zero(it, "offset")?;
                 let s_m = scope.number(it, "s")?;
                 let forward = self.roads.road(it, &road)?.leads_forward(lane);
-                self.on_lane(it, scope, (&road, lane, forward), (s_m, offset_m))
+                let place = BesideLane {
+                    road: &road,
+                    lane,
+                    forward,
+                    s_m,
+                    offset_m,
+                };
+                self.on_lane(it, scope, place)
             }
             "RoadPosition" => {
                 let road = self.road_id(it, scope)?;
                 let (s_m, t_m) = (scope.number(it, "s")?, scope.number_or_zero(it, "t")?);
-                self.on_road(it, scope, road, (s_m, t_m))
+                self.on_road(it, scope, &road, s_m, t_m)
             }
             "RelativeLanePosition" => {
                 let other = self.other(it, scope)?;
@@ -149,7 +169,14 @@ impl PositionContext<'_> {
                 let lane = beside(at.lane, scope.lane(it, "dLane")? * side);
                 let forward = !by_lane || line.leads_forward(lane);
                 let offset_m = scope.number_or_zero(it, "offset")? * f64::from(side);
-                self.on_lane(it, scope, (&at.road, lane, forward), (s_m, offset_m))
+                let place = BesideLane {
+                    road: &at.road,
+                    lane,
+                    forward,
+                    s_m,
+                    offset_m,
+                };
+                self.on_lane(it, scope, place)
             }
             "RelativeRoadPosition" => {
                 let other = self.other(it, scope)?;
@@ -161,7 +188,7 @@ impl PositionContext<'_> {
                 let s_m = at.s_m + scope.number(it, "ds")?;
                 let flat = self.roads.road(it, &at.road)?.lanes.flat(at.s_m).0;
                 let t_m = at.t_m / flat + scope.number(it, "dt")?;
-                self.on_road(it, scope, at.road.clone(), (s_m, t_m))
+                self.on_road(it, scope, &at.road, s_m, t_m)
             }
             "RelativeObjectPosition" => {
                 let other = self.other(it, scope)?.spot;
@@ -260,19 +287,21 @@ impl PositionContext<'_> {
         &self,
         it: &XmlNode,
         scope: &ParameterScope,
-        (road, lane, forward): (&str, i32, bool),
-        (s_m, offset_m): (f64, f64),
+        place: BesideLane<'_>,
     ) -> Result<Placed, ImportError> {
+        let BesideLane {
+            road, lane, s_m, ..
+        } = place;
         let line = self.roads.road(it, road)?;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
         let (middle_m, slope) = line.middle_at(it, s_m, lane)?;
-        let t_m = middle_m + offset_m * line.lanes.flat(s_m).0;
+        let t_m = middle_m + place.offset_m * line.lanes.flat(s_m).0;
         let mut on = line.at(s_m, t_m);
         if slope != 0.0 {
             let slant_rad = libm::atan2(slope, 1.0 - line.per_m(s_m) * t_m);
             on.heading_rad = wrapped(on.heading_rad + slant_rad);
         }
-        let driven = if forward {
+        let driven = if place.forward {
             on
         } else {
             Pose {
@@ -280,7 +309,14 @@ impl PositionContext<'_> {
                 ..on
             }
         };
-        self.faced(it, scope, (driven, road, lane), (s_m, t_m))
+        let at = OnLane {
+            road: road.to_owned(),
+            lane,
+            s_m,
+            t_m,
+            forward: place.forward,
+        };
+        self.faced(it, scope, driven, at)
     }
 
     /// Returns a place on a road, turned by its `Orientation`.
@@ -288,21 +324,18 @@ impl PositionContext<'_> {
         &self,
         it: &XmlNode,
         scope: &ParameterScope,
-        (spot, road, lane): (Pose, &str, i32),
-        (s_m, t_m): (f64, f64),
+        unturned: Pose,
+        at: OnLane,
     ) -> Result<Placed, ImportError> {
-        let spot = self.turned(it, scope, spot)?;
-        let line = self.roads.road(it, road)?;
+        let spot = self.turned(it, scope, unturned)?;
+        let line = self.roads.road(it, &at.road)?;
         // An entity goes on in the direction that it faces.
-        let turned_rad = wrapped(spot.heading_rad - line.at(s_m, 0.0).heading_rad);
+        let turned_rad = wrapped(spot.heading_rad - line.at(at.s_m, 0.0).heading_rad);
         Ok(Placed {
             spot,
             lane: Some(OnLane {
-                road: road.to_owned(),
-                lane,
-                s_m,
-                t_m,
                 forward: turned_rad.abs() < FRAC_PI_2,
+                ..at
             }),
             way: None,
         })
@@ -334,14 +367,21 @@ impl PositionContext<'_> {
         &self,
         it: &XmlNode,
         scope: &ParameterScope,
-        road: String,
-        (s_m, t_m): (f64, f64),
+        road: &str,
+        s_m: f64,
+        stated_t_m: f64,
     ) -> Result<Placed, ImportError> {
-        let line = self.roads.road(it, &road)?;
+        let line = self.roads.road(it, road)?;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
-        let t_m = t_m * line.lanes.flat(s_m).0;
-        let lane = line.lanes.lane_at(s_m, t_m).unwrap_or(0);
-        self.faced(it, scope, (line.at(s_m, t_m), &road, lane), (s_m, t_m))
+        let t_m = stated_t_m * line.lanes.flat(s_m).0;
+        let at = OnLane {
+            road: road.to_owned(),
+            lane: line.lanes.lane_at(s_m, t_m).unwrap_or(0),
+            s_m,
+            t_m,
+            forward: true,
+        };
+        self.faced(it, scope, line.at(s_m, t_m), at)
     }
 
     fn on_route(&self, it: &XmlNode, scope: &ParameterScope) -> Result<Placed, ImportError> {
@@ -362,7 +402,7 @@ impl PositionContext<'_> {
         let along_m = scope.number(on, "pathS")?;
         // Only the direction of the route matters here: it must be straight, with
         // the lanes along it.
-        let begins = ImportedPath::through(&route, &spots)?.begins;
+        let begins = line_through(&route, &spots)?;
         let mut bends = stops
             .iter()
             .filter(|stop| stop.lane.is_some())
@@ -393,10 +433,8 @@ impl PositionContext<'_> {
             spot: begins.moved(along_m, 0.0),
             lane: None,
             way: Some(OnWay {
-                way: ImportedPath::straight(begins),
                 along_m,
-                ends_m,
-                is_lane: false,
+                ..OnWay::start(Course::straight_from(begins), ends_m)
             }),
         })
     }
@@ -411,7 +449,14 @@ impl PositionContext<'_> {
         let on = it.inner("InRoutePosition")?.only()?;
         let mut left_m = scope.number(on, "pathS")?;
         let visited: Vec<String> = stops.iter().map(|stop| stop.road.clone()).collect();
-        let drive = self.roads.lane_drive(it, stops[0], (&visited, left_m))?;
+        let drive = self.roads.lane_drive(
+            it,
+            stops[0],
+            LaneRoute {
+                via: &visited,
+                reach_m: left_m,
+            },
+        )?;
         let found = drive.iter().find(|stretch| {
             let is_here = left_m <= stretch.length_m();
             left_m -= if is_here { 0.0 } else { stretch.length_m() };
@@ -426,9 +471,14 @@ impl PositionContext<'_> {
             Some(_) if stretch.road == stops[0].road => scope.lane(on, "laneId")?,
             _ => stretch.lane,
         };
-        let at = (stretch.road.as_str(), lane, stretch.is_forward());
-        let offset_m = scope.number_or_zero(on, "laneOffset")?;
-        self.on_lane(it, scope, at, (stretch.station_m(left_m), offset_m))
+        let place = BesideLane {
+            road: &stretch.road,
+            lane,
+            forward: stretch.is_forward(),
+            s_m: stretch.station_m(left_m),
+            offset_m: scope.number_or_zero(on, "laneOffset")?,
+        };
+        self.on_lane(it, scope, place)
     }
 
     /// Place at the start of a route that bends.
@@ -447,14 +497,14 @@ impl PositionContext<'_> {
                 let help = "place it by a `LanePosition`";
                 on.refused("a place along a route that bends is not read", help)
             })?;
-        let offset_m = scope.number_or_zero(on, "laneOffset")?;
-        let (road, number) = (lane.road.clone(), lane.lane);
-        self.on_lane(
-            on,
-            scope,
-            (&road, number, lane.forward),
-            (lane.s_m, offset_m),
-        )
+        let place = BesideLane {
+            road: &lane.road,
+            lane: lane.lane,
+            forward: lane.forward,
+            s_m: lane.s_m,
+            offset_m: scope.number_or_zero(on, "laneOffset")?,
+        };
+        self.on_lane(on, scope, place)
     }
 
     /// Returns a route and its waypoints.
@@ -488,7 +538,7 @@ impl PositionContext<'_> {
         at: &Placed,
     ) -> Result<Vec<String>, ImportError> {
         let (_, stops) = self.route(assigned.only()?, scope)?;
-        let from = at.way.as_ref().map_or(at.spot, |on| on.way.begins);
+        let from = at.way.as_ref().map_or(at.spot, |on| on.way.start());
         let road = |it: &Placed| it.lane.as_ref().map(|lane| lane.road.clone());
         let same_road = road(at).is_some() && stops.iter().all(|stop| road(stop) == road(at));
         let is_ahead = |stop: &Placed| {

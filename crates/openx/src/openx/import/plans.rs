@@ -35,8 +35,8 @@ pub(super) fn plan(
             EntityPath::Own(begins, on) => {
                 // On a bent path, the station is the distance along the pieces.
                 let along_m = match &approach.here.way {
-                    Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
-                    _ if on.is_lane => on.station_m(&it.entity.at, &approach.here.spot)?,
+                    Some(here) if here.way == on.way && on.way.piece_count() > 0 => here.along_m,
+                    _ if on.is_lane => on.station_m(&approach.here.spot),
                     _ => begins.sees(&here).x_m,
                 };
                 along_m + it.front_along_m()
@@ -61,7 +61,7 @@ pub(super) fn plan(
     draft.text("Script([");
     let mut number = 1;
     for step in &it.entity.steps {
-        number = step_of(draft, concrete, all, it, (step, number), triggers)?;
+        number = step_of(draft, concrete, all, it, step, number, triggers)?;
     }
     draft.text(if it.entity.steps.is_empty() {
         "])"
@@ -77,17 +77,18 @@ fn step_of(
     concrete: &Concrete,
     all: &[EntityInFrame],
     it: &EntityInFrame,
-    (step, number): (&ImportedStep, usize),
+    step: &ImportedStep,
+    first: usize,
     triggers: &mut Vec<(String, f64)>,
 ) -> Result<usize, ImportError> {
-    let mut number = number;
+    let mut number = first;
     let mut when = String::new();
     if let Some(watch) = &step.when {
         let mut parameters = TriggerParameters {
             name: &it.name,
             list: triggers,
         };
-        let (formula, is_edge) = formula(concrete, all, watch, (&mut parameters, number == 1))?;
+        let (formula, is_edge) = formula(concrete, all, watch, &mut parameters, number == 1)?;
         if is_edge {
             // An empty step waits until the formula is false.
             draft.text(&format!(

@@ -3,7 +3,7 @@
 use core::f64::consts::{FRAC_PI_3, PI};
 
 use super::concrete::Concrete;
-use super::ends::leaves_s;
+use super::journey::leaves_s;
 use super::places::Placed;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m};
 use crate::opendrive::error::ImportError;
@@ -13,11 +13,19 @@ const BEYOND_S: f64 = 5.0;
 /// Lateral distance in metres within which the end of a road is the end of a path.
 const BESIDE_M: f64 = 20.0;
 
+/// Start of the ego along its road.
+#[derive(Clone, Copy)]
+pub(super) struct EgoStart {
+    /// Station of its front.
+    pub front_m: f64,
+    pub speed_mps: f64,
+}
+
 /// End of the expected encounters in seconds, where it is known.
 pub(super) fn ends_s(
     concrete: &Concrete,
     all: &[EntityInFrame],
-    (ego_front_m, ego_mps): (f64, f64),
+    start: EgoStart,
 ) -> Result<Option<f64>, ImportError> {
     let mut until_s: Option<f64> = None;
     for it in all.iter().filter(|it| !it.entity.is_ego) {
@@ -26,10 +34,10 @@ pub(super) fn ends_s(
                 let ego = concrete.station(&approach.ego, &it.entity.at)?;
                 // The ego coasts, so it arrives at a time that is known in
                 // advance.
-                (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
+                (ego.x_m + ego_lever_m(all) - start.front_m) / start.speed_mps
             }
             None => {
-                let way_m = it.spot.x_m - ego_front_m;
+                let way_m = it.spot.x_m - start.front_m;
                 let away_mps = match it.path {
                     EntityPath::With => it.entity.speed_mps,
                     EntityPath::Against => -it.entity.speed_mps,
@@ -37,7 +45,7 @@ pub(super) fn ends_s(
                 };
                 // Steps change the speeds, so the time of the encounter is not
                 // known.
-                match way_m / (ego_mps - away_mps) {
+                match way_m / (start.speed_mps - away_mps) {
                     encounter_s if it.entity.steps.is_empty() => encounter_s,
                     _ => continue,
                 }
@@ -59,7 +67,7 @@ pub(super) fn ends_s(
 pub(super) fn first_leaves_s<'a>(
     concrete: &Concrete,
     all: &'a [EntityInFrame<'a>],
-    (ego_front_m, ego_mps): (f64, f64),
+    start: EgoStart,
 ) -> Result<(f64, Option<&'a EntityInFrame<'a>>), ImportError> {
     let mut first = (f64::INFINITY, None);
     for it in all {
@@ -68,14 +76,14 @@ pub(super) fn first_leaves_s<'a>(
         let own_s = match &it.entity.approach {
             Some(approach) => {
                 let ego = concrete.station(&approach.ego, &it.entity.at)?;
-                let encounter_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
+                let encounter_s = (ego.x_m + ego_lever_m(all) - start.front_m) / start.speed_mps;
                 // Pedestrians stop at the end of their path.
                 if on_foot && approach.here.way.is_some() {
                     continue;
                 }
                 encounter_s + ahead_m(&approach.here) / approach.speed_mps
             }
-            None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
+            None => leaves_s(it.entity, ahead_m(&it.entity.placed), start.speed_mps),
         };
         // A standing entity never leaves, even from the end of a road.
         if own_s.is_finite() && own_s < first.0 {
@@ -93,12 +101,12 @@ fn road_ahead_m(concrete: &Concrete, placed: &Placed, on_foot: bool) -> f64 {
     let roads = &concrete.roads;
     if let Some(on) = &placed.way {
         // What comes after the end of such a path is not in the file.
-        if on_foot || on.is_lane || on.way.has_corners() {
+        if on_foot || on.is_lane || on.has_corners() {
             return on.ends_m - on.along_m;
         }
         // A path continues straight after its end, up to the last end of a
         // road.
-        let end = on.way.at(on.ends_m);
+        let end = on.way.pose(on.ends_m, 0.0);
         let ends = roads.all().flat_map(|(_, line)| {
             let places = [line.at(0.0, 0.0), line.at(line.length_m, 0.0)];
             places.map(|place| end.sees(&place))

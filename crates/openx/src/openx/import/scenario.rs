@@ -14,18 +14,21 @@ use super::draft::Draft;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::{ImportedEntity, ImportedStep};
+use super::file_content::{
+    FileContent, absent, ambiguous, changed_parameters, steered, turns_relative,
+};
 use super::frame::{DELETED, FrameOfEgo};
 use super::lights::lights;
 use super::motion;
+use super::motion::ordered;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
-use super::relations::{absent, ambiguous, changed_parameters, ordered, steered};
 use super::request::Import;
 use super::world::draft;
 use crate::opendrive::error::{Blockers, ImportError, UnreadPart};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
-use crate::opendrive::scope::{ParameterScope, number};
+use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 
 /// Valid range of friction coefficients.
@@ -46,17 +49,37 @@ pub(super) struct Protocol {
     maps: Vec<(String, PathBuf)>,
 }
 
-/// What the Init of a scenario says, beside its roads and entities.
+/// Content of a scenario, in the frame of its files.
 struct BegunScenario<'a> {
     /// `Private` of the ego.
     asks: &'a XmlNode,
     init: &'a XmlNode,
     privates: &'a [&'a XmlNode],
+    roads: Rc<RoadMap>,
+    entities: Vec<ImportedEntity>,
     /// Factor on the friction of all roads.
     scale: f64,
     stop_s: Option<f64>,
     /// Entities that have a problem.
     unread: Vec<String>,
+}
+
+/// Entities of an Init, as far as they have been read.
+#[derive(Default)]
+struct BegunEntities {
+    entities: Vec<ImportedEntity>,
+    /// Their places, by name.
+    placed: BTreeMap<String, Placed>,
+    /// Names of those that have a problem.
+    unread: Vec<String>,
+}
+
+impl BegunEntities {
+    fn add(&mut self, entity: ImportedEntity) {
+        self.placed
+            .insert(entity.name.clone(), entity.placed.clone());
+        self.entities.push(entity);
+    }
 }
 
 impl Protocol {
@@ -102,15 +125,6 @@ impl Protocol {
     /// Returns the number of elements of the file.
     pub(super) fn elements(&self) -> usize {
         self.root.count()
-    }
-
-    /// Returns true if an `Orientation` without a type is relative.
-    ///
-    /// Up to OpenSCENARIO 1.2 it is absolute.
-    fn turns_relative(&self) -> bool {
-        let header = self.root.child("FileHeader");
-        let minor = header.and_then(|it| it.raw("revMinor"));
-        minor.and_then(number).is_some_and(|minor| minor >= 3.0)
     }
 
     fn declarations(&self) -> Option<&XmlNode> {
@@ -188,54 +202,41 @@ impl Protocol {
             .keep(self.road_map(scope, files).map_err(unread))
             .unwrap_or_else(|| Rc::new(RoadMap::unread()));
         blockers.keep(self.catalogs.sound());
-        let changed = changed_parameters(&self.root);
-        let absent = absent(init);
-        let present = motion::present(init, &objects, (&absent, &self.catalogs), blockers);
-        let privates: Vec<&XmlNode> = present.iter().collect();
-        let steered = steered(&self.root, &objects);
-        let ambiguous = ambiguous(board);
-        let nowhere = BTreeMap::new();
-        let ground = PositionContext {
-            roads: &roads,
+        let content = FileContent {
             catalogs: &self.catalogs,
             files,
-            placed: &nowhere,
-            unplaced: &[],
             ego: &self.ego,
-            changed: &changed,
-            steered: &steered,
-            absent: &absent,
-            turns_relative: self.turns_relative(),
-            ambiguous: &ambiguous,
-            depth: 0,
+            roads,
+            absent: absent(init),
+            changed: changed_parameters(&self.root),
+            steered: steered(&self.root, &objects),
+            ambiguous: ambiguous(board),
+            turns_relative: turns_relative(&self.root),
         };
-        let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
-        let mut entities: Vec<ImportedEntity> = Vec::new();
-        let mut unread: Vec<String> = Vec::new();
-        for begun in ordered(&privates) {
-            let ground = PositionContext {
-                // An entity cannot refer to a later one.
-                placed: &placed,
-                unplaced: &unread,
-                ..ground
-            };
-            match blockers.keep(self.entity(begun, scope, (ground, &objects[..], &entities[..]))) {
-                Some(entity) => {
-                    placed.insert(entity.name.clone(), entity.placed.clone());
-                    entities.push(entity);
-                }
-                None => unread.extend(begun.raw("entityRef").map(str::to_owned)),
+        let present = motion::present(init, &objects, &content.absent, &self.catalogs, blockers);
+        let privates: Vec<&XmlNode> = present.iter().collect();
+        let mut begun = BegunEntities::default();
+        for private in ordered(&privates) {
+            // An entity cannot refer to a later one.
+            let ground = content.ground(&begun.placed, &begun.unread);
+            let read = self.entity(private, scope, ground, &objects, &begun.entities);
+            match blockers.keep(read) {
+                Some(entity) => begun.add(entity),
+                None => begun
+                    .unread
+                    .extend(private.raw("entityRef").map(str::to_owned)),
             }
         }
-        let ground = PositionContext {
-            placed: &placed,
-            unplaced: &unread,
-            ..ground
-        };
+        let BegunEntities {
+            mut entities,
+            placed,
+            mut unread,
+        } = begun;
+        let ground = content.ground(&placed, &unread);
         let scale = blockers
             .keep(motion::friction_scale(init, scope, ground))
             .unwrap_or(1.0);
-        let (acts_stop_s, broken) = acts(board, scope, (ground, scale), (&mut entities, blockers));
+        let (acts_stop_s, broken) = acts(board, scope, ground, scale, &mut entities, blockers);
         // The road of the ego decides: one world has one friction and one speed
         // limit.
         let stop_s = blockers
@@ -252,18 +253,20 @@ impl Protocol {
             blockers.add(self.no_ego(&objects));
             return None;
         };
-        if roads.is_unread() || unread.contains(&self.ego.name) {
+        if content.roads.is_unread() || unread.contains(&self.ego.name) {
             return None;
         }
         let begun = BegunScenario {
             asks,
             init,
             privates: &privates,
+            roads: content.roads,
+            entities,
             scale,
             stop_s,
             unread,
         };
-        let concrete = self.concrete(begun, scope, (roads, entities));
+        let concrete = self.concrete(begun, scope);
         blockers.keep(concrete)
     }
 
@@ -301,12 +304,13 @@ impl Protocol {
         &self,
         begun: BegunScenario<'_>,
         scope: &ParameterScope,
-        (roads, mut entities): (Rc<RoadMap>, Vec<ImportedEntity>),
     ) -> Result<Concrete, ImportError> {
         let BegunScenario {
             asks,
             init,
             privates,
+            roads,
+            mut entities,
             scale,
             stop_s,
             unread,
@@ -317,7 +321,7 @@ impl Protocol {
             lanes,
             lane_width_m,
             drive,
-        } = FrameOfEgo::of(asks, &roads, (&mut entities, stop_s))?;
+        } = FrameOfEgo::of(asks, &roads, &mut entities, stop_s)?;
         let ego = entities
             .iter()
             .find(|it| it.is_ego)
@@ -352,7 +356,7 @@ impl Protocol {
             None
         });
         let grades = blockers.keep(roads.lane_grades(asks, &drive, left_m));
-        let lights = blockers.keep(lights(&self.root, scope, (&roads, &passed), &self.dropped));
+        let lights = blockers.keep(lights(&self.root, scope, &roads, &passed, &self.dropped));
         blockers.none()?;
         let mut concrete = Concrete {
             grades: grades.unwrap_or_default(),
@@ -390,7 +394,9 @@ impl Protocol {
         &self,
         begun: &XmlNode,
         scope: &ParameterScope,
-        (ground, objects, before): (PositionContext<'_>, &[&XmlNode], &[ImportedEntity]),
+        ground: PositionContext<'_>,
+        objects: &[&XmlNode],
+        before: &[ImportedEntity],
     ) -> Result<ImportedEntity, ImportError> {
         let name = begun.need("entityRef")?;
         let object = objects
@@ -410,9 +416,8 @@ impl Protocol {
         let body = blockers.keep(self.body(object, scope, ground.files));
         let body = body.map(|body| body.beside(before.iter().map(|it| &it.body)));
         let begins = blockers.keep(motion::begins(begun, scope, ground));
-        let known = (before, body.as_ref(), ground.unplaced);
-        let first = blockers.keep(motion::first_speed_mps(begun, scope, known));
-        let (speed_mps, ramp) = first.unwrap_or_default();
+        let first = motion::first_speed_mps(begun, scope, before, body.as_ref(), ground.unplaced);
+        let (speed_mps, ramp) = blockers.keep(first).unwrap_or_default();
         let is_ego = name == self.ego.name;
         // The trajectory of an ego that is left states the speed with which it begins.
         let timed_mps =
@@ -429,11 +434,8 @@ impl Protocol {
             laws: vec![law],
             ..ImportedStep::default()
         });
-        let gap_m = blockers.keep(motion::first_gap_m(
-            begun,
-            scope,
-            (speed_mps, &self.ego.name),
-        ));
+        let first_gap_m = motion::first_gap_m(begun, scope, &self.ego.name, speed_mps);
+        let gap_m = blockers.keep(first_gap_m);
         blockers.none()?;
         let (Some(body), Some((placed, route))) = (body, begins) else {
             return Err(begun.refused("it is not read", "report this file"));

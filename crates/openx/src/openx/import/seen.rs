@@ -99,7 +99,7 @@ pub(super) fn seen<'a>(
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {
         (Some(on), true) => {
             let placed = super::places::Placed {
-                spot: on.way.begins,
+                spot: on.way.start(),
                 ..entity.placed.clone()
             };
             concrete.in_frame(&placed, &entity.at)?.heading_rad
@@ -121,10 +121,10 @@ pub(super) fn seen<'a>(
     let own = entity.placed.way.as_ref();
     // Who walks on a path in another direction than these does so on its own.
     let is_square = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter().any(near);
-    let turns = own.is_some_and(|on| on.way.has_corners());
+    let turns = own.is_some_and(|on| on.has_corners());
     let own = own.filter(|_| moves && (turns || entity.body.on_foot && !is_square));
     let path = if let Some(on) = own {
-        EntityPath::Own(concrete.in_plane(&on.way.begins), on)
+        EntityPath::Own(concrete.in_plane(&on.way.start()), on)
     } else if entity.body.on_foot {
         if !shares_road {
             let help = "let it follow a trajectory";
@@ -152,7 +152,7 @@ pub(super) fn seen<'a>(
         EntityPath::Against
     } else {
         match (&entity.placed.way, moves) {
-            (Some(on), true) => EntityPath::Own(concrete.in_plane(&on.way.begins), on),
+            (Some(on), true) => EntityPath::Own(concrete.in_plane(&on.way.start()), on),
             (None, true) => {
                 let help = "let it follow a trajectory, or place it along a lane";
                 let what = "it moves across the ego's road on no way of its own";

@@ -4,7 +4,8 @@ use super::places::{PositionContext, is_along};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::opendrive::ways::{Bend, ImportedPath, OnWay, Spiral, WINDS};
+use crate::opendrive::ways::{CorneredWay, OnWay, Spiral, WINDS, course, line_through};
+use crate::road::{Bend, Course};
 use crate::sim::{Pose, wrapped};
 
 /// Greatest angle in radians between the heading at a place and the line to the next.
@@ -67,23 +68,15 @@ impl PositionContext<'_> {
                         Ok(placed.spot)
                     })
                     .collect::<Result<Vec<Pose>, ImportError>>()?;
-                if let Ok(way) = ImportedPath::through(shape, &vertices) {
-                    let last = vertices.last().unwrap_or(&way.begins);
-                    return Ok(OnWay {
-                        ends_m: way.begins.sees(last).x_m,
-                        way,
-                        along_m: 0.0,
-                        is_lane: false,
-                    });
+                if let Ok(begins) = line_through(shape, &vertices) {
+                    let last = vertices.last().unwrap_or(&begins);
+                    let way = Course::straight_from(begins);
+                    return Ok(OnWay::start(way, begins.sees(last).x_m));
                 }
                 faces_ahead(shape, &vertices)?;
-                let (way, stations) = ImportedPath::cornered(shape, &vertices)?;
-                Ok(OnWay {
-                    ends_m: stations.last().copied().unwrap_or(0.0),
-                    way,
-                    along_m: 0.0,
-                    is_lane: false,
-                })
+                let CorneredWay { way, stations_m } = CorneredWay::through(shape, &vertices)?;
+                let ends_m = stations_m.last().copied().unwrap_or(0.0);
+                Ok(OnWay::start(way, ends_m))
             }
             "Clothoid" => self.clothoid(shape, scope),
             "ClothoidSpline" => self.spline(shape, scope),
@@ -113,12 +106,7 @@ impl PositionContext<'_> {
         };
         let arcs = spiral.arcs(0.0);
         let pieces = arcs.map_err(|what| shape.refused(what, WINDS))?;
-        Ok(OnWay {
-            way: ImportedPath { begins, pieces },
-            along_m: 0.0,
-            ends_m: length_m,
-            is_lane: false,
-        })
+        Ok(OnWay::start(course(shape, begins, &pieces)?, length_m))
     }
 
     /// Returns a path of lines, arcs and spirals.
@@ -164,30 +152,31 @@ impl PositionContext<'_> {
             shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")
         })?;
         let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
-        let mut on = OnWay {
-            ends_m: lengths.sum(),
-            way: ImportedPath {
-                begins: begins.spot,
-                pieces,
-            },
-            along_m: 0.0,
-            is_lane: false,
-        };
+        let mut ends_m: f64 = lengths.sum();
+        let (mut start, mut along_m) = (begins.spot, 0.0);
         // A path that starts on a straight road is extended back to the start
         // of the road. Points that start elsewhere on the road then share a
         // world.
         let lane = begins.lane.as_ref().filter(|at| at.s_m > 0.0);
         if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
             let first = line.at(0.0, at.t_m);
-            let is_on = line.is_straight() && is_along(first.sees(&begins.spot).heading_rad, 0.0);
-            if is_on {
-                on.begin_at(first);
+            let is_on = line.is_straight() && is_along(first.sees(&start).heading_rad, 0.0);
+            if let Some(piece) = pieces.first_mut().filter(|it| is_on && it.per_m == 0.0) {
+                // The position and the end keep their places, so their stations
+                // grow.
+                along_m = first.sees(&start).x_m;
+                piece.length_m += along_m;
+                ends_m += along_m;
+                start = first;
             }
         }
         // A path continues straight after its last piece, so a final line adds
         // nothing.
-        on.way.end_straight();
-        Ok(on)
+        while pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
+        Ok(OnWay {
+            along_m,
+            ..OnWay::start(course(shape, start, &pieces)?, ends_m)
+        })
     }
 
     /// Returns the path of an action, and its places with times if it states them.
@@ -204,7 +193,7 @@ impl PositionContext<'_> {
         let mut on = self.way(&trajectory, &own)?;
         let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
         // The run ends with the path if that has corners, before it begins again.
-        if closed && !on.way.has_corners() {
+        if closed && !on.has_corners() {
             let help = "write closed=\"false\"";
             return Err(trajectory.refused("a trajectory that begins again is not read", help));
         }
@@ -225,9 +214,9 @@ impl PositionContext<'_> {
             places.push((own.number(vertex, "time")?, spot));
         }
         let spots: Vec<Pose> = places.iter().map(|(_, spot)| *spot).collect();
-        let (_, stations) = ImportedPath::cornered(shape, &spots)?;
+        let stations_m = CorneredWay::through(shape, &spots)?.stations_m;
         let times = places.iter().map(|(at_s, _)| *at_s);
-        let timed: Vec<TimedPlace> = times.zip(stations).collect();
+        let timed: Vec<TimedPlace> = times.zip(stations_m).collect();
         if timed.windows(2).any(|pair| pair[1].0 <= pair[0].0) {
             let help = "let each place have a later time than the one before it";
             return Err(shape.refused("times that do not rise", help));

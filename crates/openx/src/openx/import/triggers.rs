@@ -3,7 +3,7 @@
 use super::entity::{Measure, WatchedCondition};
 use super::joined::{StartTrigger, all_of, any_of};
 use super::places::PositionContext;
-use super::relations::StoryElement;
+use super::story_element::StoryElement;
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::{ParameterScope, RULES, compared};
 use crate::opendrive::tree::XmlNode;

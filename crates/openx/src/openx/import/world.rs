@@ -2,16 +2,16 @@
 
 use super::concrete::Concrete;
 use super::draft::{Draft, tidy};
-use super::ends::to_mps;
 use super::frame::DELETED;
 use super::gaps::place_by_gaps;
+use super::journey::to_mps;
 use super::places::Placed;
 use super::plans::plan;
-use super::run_end::{ends_s, first_leaves_s};
+use super::run_end::{EgoStart, ends_s, first_leaves_s};
 use super::seen::{EntityInFrame, EntityPath, seen};
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::grade_list;
-use crate::opendrive::ways::{Bend, laid};
+use crate::road::Bend;
 
 /// Time between two samples in seconds.
 const SAMPLE_S: f64 = 0.05;
@@ -55,21 +55,20 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         .iter()
         .position(|it| it.entity.is_ego)
         .ok_or_else(|| concrete.ego_at.error("the ego is deleted").helped(DELETED))?;
-    let (ego_front_m, ego_mps) = (
-        all[ego].spot.x_m + all[ego].entity.body.front_m,
-        all[ego].entity.speed_mps,
-    );
+    let start = EgoStart {
+        front_m: all[ego].spot.x_m + all[ego].entity.body.front_m,
+        speed_mps: all[ego].entity.speed_mps,
+    };
     // A stated gap to the ego replaces the place in the file.
     place_by_gaps(concrete, &mut all, ego)?;
-    let ego_at = (ego_front_m, ego_mps);
     // A run ends before an entity that moves as in the file leaves its road.
-    let (leaves_s, leaver) = first_leaves_s(concrete, &all, ego_at)?;
+    let (leaves_s, leaver) = first_leaves_s(concrete, &all, start)?;
     if let Some(leaver) = leaver.filter(|_| leaves_s < SAMPLE_S) {
         let help = "place it farther from the end of its road, or let it drive slower";
         let what = format!("it leaves its road after {:.3} s", leaves_s.max(0.0));
         return Err(leaver.entity.at.error(what).helped(help));
     }
-    let known_s = ends_s(concrete, &all, ego_at)?;
+    let known_s = ends_s(concrete, &all, start)?;
     // A run lasts at least one second, even if the file ends it earlier.
     let requested_s = known_s.unwrap_or(USUAL_S).max(1.0);
     // Whole samples: rounded up if there is road left, otherwise down.
@@ -233,16 +232,16 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
     draft.text("    roads: {\n");
     for (it, begins, on) in ways {
         // The width of a path with corners is below their radius.
-        let width = if on.way.has_corners() {
+        let width = if on.has_corners() {
             format!(", lane_width_m: {PATH_M:?}")
         } else {
             String::new()
         };
         // A path without pieces is a straight road.
-        let pieces = if on.way.pieces.is_empty() {
+        let pieces = if on.way.piece_count() == 0 {
             String::new()
         } else {
-            format!(", pieces: [{}]", bends(&on.way.pieces))
+            format!(", pieces: [{}]", bends(&on.way.bends()))
         };
         draft.mark(&it.entity.at);
         draft.text(&format!(
@@ -258,7 +257,7 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[EntityInFrame], until_s: 
 
 /// Pieces in the form of a world file.
 fn bends(pieces: &[Bend]) -> String {
-    let pieces = pieces.iter().copied().flat_map(laid).map(|piece| {
+    let pieces = pieces.iter().copied().flat_map(Bend::parts).map(|piece| {
         if piece.per_m == 0.0 {
             format!("Line(length_m: {})", tidy(piece.length_m))
         } else {
@@ -435,7 +434,7 @@ fn obstacle(
     let mut nearest = shares_road.then(|| (String::new(), front));
     for other in all {
         match other.path {
-            EntityPath::Own(begins, on) if on.way.pieces.is_empty() => {
+            EntityPath::Own(begins, on) if on.way.piece_count() == 0 => {
                 let seen = begins.sees(&front);
                 let best_m = nearest.as_ref().map_or(f64::INFINITY, |it| it.1.y_m.abs());
                 if seen.y_m.abs() < best_m {

@@ -103,3 +103,40 @@ fn courses_that_cannot_be_laid_say_why() {
     assert!(Course::of_points(&near, 20.0, 7.0).is_err());
     assert!(Course::of_points(&near[..1], 20.0, 7.0).is_err());
 }
+
+#[test]
+fn a_road_of_bends_begins_at_its_place_to_the_bit_and_turns_as_far_as_asked() {
+    let begins = Pose {
+        x_m: 123.4,
+        y_m: -56.7,
+        heading_rad: 2.3,
+    };
+    let circle = |turn_rad: f64| Bend {
+        length_m: 20.0 * turn_rad,
+        per_m: -0.05,
+    };
+    let course = Course::of_bends(begins, &[circle(5.0)]).expect("a course");
+    assert_eq!(course.start(), begins);
+    assert_eq!(course.pose(0.0, 0.0), begins);
+    // A leg turns by half a circle at most, so that its places have one station.
+    assert_eq!(course.piece_count(), 2);
+    assert!((course.turned_rad() - 5.0).abs() < 1e-12);
+    let there = course.pose(70.0, 1.0);
+    assert!((course.locate(&there).s_m - 70.0).abs() < 1e-9);
+    // Before its start the road is straight, as behind its end.
+    let before = course.pose(-10.0, 0.0);
+    assert!((before.ahead(10.0).x_m - begins.x_m).abs() < 1e-9);
+    assert_eq!(
+        Course::straight_from(begins),
+        Course::of_bends(begins, &[]).expect("a course")
+    );
+    // Each part of a piece takes memory, so that its turn is bounded.
+    for length_m in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+        let bend = Bend {
+            length_m,
+            per_m: -0.05,
+        };
+        let error = Course::of_bends(begins, &[circle(1.0), bend]).expect_err("no course");
+        assert_eq!(error.index, Some(1));
+    }
+}

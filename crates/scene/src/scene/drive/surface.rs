@@ -22,8 +22,8 @@ pub(super) fn surface_of(spec: &DriveSpec, network: &RoadNetwork) -> Option<Grou
         let lanes = spec.road_at(road);
         let half_m = 0.5 * lanes.lane_width_m();
         let extent = SurfaceExtent {
-            stations_m: (-reach_m, course.end_s_m() + reach_m),
-            borders_m: (-half_m, lanes.lane_middle_m(lanes.lanes() - 1) + half_m),
+            stations_m: -reach_m..course.end_s_m() + reach_m,
+            borders_m: -half_m..lanes.lane_middle_m(lanes.lanes() - 1) + half_m,
         };
         mesh.add(course, &spec.profile_of(road), &extent);
     }
@@ -38,7 +38,7 @@ pub(super) fn polyline_m(
     reach_m: (f64, f64),
 ) -> Vec<[f64; 3]> {
     if profile.is_flat() {
-        return course.polyline_m(lateral_m, reach_m);
+        return course.polyline_m(lateral_m, reach_m.0..reach_m.1);
     }
     // A flat road is drawn as far.
     let (from_m, to_m) = (
@@ -51,7 +51,7 @@ pub(super) fn polyline_m(
         to_m
     };
     let mut last_m = f64::NEG_INFINITY;
-    let mut stations_m = stations_m(course, profile, (from_m, to_m));
+    let mut stations_m = stations_m(course, profile, &(from_m..to_m));
     // A facet of a metre suffices for a picture.
     stations_m.retain(|s_m| {
         let is_drawn = *s_m == to_m || *s_m - last_m >= 1.0;

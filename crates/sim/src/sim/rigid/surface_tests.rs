@@ -47,8 +47,8 @@ struct OnRoad<'a> {
 impl<'a> OnRoad<'a> {
     fn new(course: Course, profile: RoadProfile<'a>) -> OnRoad<'a> {
         let extent = SurfaceExtent {
-            stations_m: (-500.0, 500.0),
-            borders_m: (-1.75, 1.75),
+            stations_m: -500.0..500.0,
+            borders_m: -1.75..1.75,
         };
         let mut mesh = SurfaceMesh::default();
         mesh.add(&course, &profile, &extent);

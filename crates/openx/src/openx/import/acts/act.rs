@@ -6,7 +6,7 @@ use crate::opendrive::error::ImportError;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::joined::StartTrigger;
-use crate::openx::import::relations::StoryElement;
+use crate::openx::import::story_element::StoryElement;
 use crate::openx::import::triggers::starts;
 
 impl Reader<'_> {
@@ -52,7 +52,7 @@ impl Reader<'_> {
         let mut moves = false;
         for (_, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
-                let (actions, is_read) = self.moving(event, (actors, scope));
+                let (actions, is_read) = self.moving(event, actors, scope);
                 if !self.is_left(actors, &actions) {
                     moves |= !actions.is_empty() || !is_read;
                 } else if !matches!(begins, Ok(StartTrigger::Never)) {
@@ -93,7 +93,7 @@ impl Reader<'_> {
         }
         for (group, actors, maneuver, scope) in &context {
             for event in maneuver.all("Event") {
-                let (actions, _) = self.moving(event, (actors, scope));
+                let (actions, _) = self.moving(event, actors, scope);
                 if self.is_left(actors, &actions) {
                     continue;
                 }

@@ -1,14 +1,14 @@
 //! Begins of the steps of an entity.
 
-use super::script::{EventContext, ended, stop_aside};
-use super::{Reader, SOON_S, directions};
+use super::script::{Directions, EventContext, ended, stop_aside};
+use super::{Reader, SOON_S};
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::tree::XmlNode;
-use crate::openx::import::ends::to_mps;
 use crate::openx::import::entity::AT_ONCE_MPS;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep, Measure, WatchedCondition};
 use crate::openx::import::joined::StartTrigger;
-use crate::openx::import::relations::StoryElement;
+use crate::openx::import::journey::to_mps;
+use crate::openx::import::story_element::StoryElement;
 use crate::openx::import::triggers::starts;
 
 /// Problem of a lane change by distance while the speed changes, and its fix.
@@ -52,7 +52,7 @@ impl Reader<'_> {
         // Some actions are only read at the start of the run.
         let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
         let script = &self.scripts[who];
-        let (from_mps, from_m) = (script.speeds.now_mps, (script.t_m, script.changed_m));
+        let (from_mps, from) = (script.speeds.now_mps, script.lateral);
         // What follows a trajectory stands until then, whatever speed comes with it.
         let (routes, others): (Vec<&XmlNode>, Vec<&XmlNode>) =
             actions.iter().partition(|it| it.name == "RoutingAction");
@@ -67,7 +67,7 @@ impl Reader<'_> {
             script.speeds.now_mps = to_mps(&rest, 0.0).or(script.speeds.now_mps);
             step.laws.push(rest);
         }
-        let across = step.laws.iter().map(|law| law.across_mps(from_m));
+        let across = step.laws.iter().map(|law| law.across_mps(from));
         let across_mps = across.fold(0.0, f64::max);
         if across_mps > 0.0 {
             script.across_mps = across_mps;
@@ -88,7 +88,7 @@ impl Reader<'_> {
         let lasts_s = step
             .laws
             .iter()
-            .map(|law| law.lasts_s(from_mps, from_m))
+            .map(|law| law.lasts_s(from_mps, from))
             .reduce(|a, b| a.zip(b).map(|(a, b)| a.max(b)))
             .unwrap_or(Some(0.0));
         let begins_s = script.ends_s.filter(|_| step.when.is_none());
@@ -124,8 +124,8 @@ impl Reader<'_> {
         if goes_on && lags && script.across_mps < AT_ONCE_MPS {
             step.overlaps |= across_mps > 0.0;
             script.aside_s = f64::INFINITY;
-            let along = step.laws.iter().filter(|law| law.across_mps(from_m) == 0.0);
-            let mut along_s = along.map(|law| law.lasts_s(from_mps, from_m));
+            let along = step.laws.iter().filter(|law| law.across_mps(from) == 0.0);
+            let mut along_s = along.map(|law| law.lasts_s(from_mps, from));
             let along_s = along_s.try_fold(0.0, |a, b| Some(f64::max(a, b?)));
             let begins_s = begins_s.zip(along_s);
             script.ends_s = begins_s.map(|(at_s, lasts_s)| at_s + step.after_s + lasts_s);
@@ -187,7 +187,8 @@ impl Reader<'_> {
             return Err(event.refused(what, "let the act begin by a time"));
         }
         // A change by distance follows a speed that stays.
-        let changes_speed = directions(actions).0;
+        let acts = Directions::of(actions);
+        let changes_speed = acts.along;
         let (by_distance, goes_on_until_s) = (script.is_by_distance, script.aside_until_s());
         // Whether all that came before has ended when the act begins.
         let (ends_s, aside_s, same_act) = (
@@ -227,7 +228,7 @@ impl Reader<'_> {
             StartTrigger::At(at_s)
                 if priority != "skip"
                     && let Some((after_s, left)) =
-                        self.scripts[who].overlap(at_s, directions(actions), replaces) =>
+                        self.scripts[who].overlap(at_s, acts, replaces) =>
             {
                 step.after_s = after_s;
                 rest = left;
@@ -263,7 +264,7 @@ impl Reader<'_> {
             StartTrigger::When { watch, delay_s }
                 if same_act
                     && priority != "skip"
-                    && self.scripts[who].overlaps_with(&watch, directions(actions)) =>
+                    && self.scripts[who].overlaps_with(&watch, acts) =>
             {
                 if replaces {
                     // It cuts the change across the path, wherever that is by then.

@@ -32,12 +32,12 @@ impl Reader<'_> {
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
         let script = &mut self.scripts[who];
-        let by_m = to_m - script.t_m;
+        let by_m = to_m - script.lateral.t_m;
         let dynamics = it.inner("LaneChangeActionDynamics")?;
-        let law = lane_change(dynamics, scope, (by_m, script.speeds.now_mps))?;
+        let law = lane_change(dynamics, scope, by_m, script.speeds.now_mps)?;
         script.lane = Some(to);
-        script.t_m = to_m;
-        script.changed_m += by_m;
+        script.lateral.t_m = to_m;
+        script.lateral.changed_m += by_m;
         Ok(law)
     }
 
@@ -71,15 +71,15 @@ impl Reader<'_> {
             }
         };
         let to_m = middle_m + offset_m;
-        let by_m = to_m - self.scripts[who].t_m;
+        let by_m = to_m - self.scripts[who].lateral.t_m;
         let law = match shape {
             // The greatest lateral acceleration of a cosine determines its duration.
             Some(ChangeShape::Cosine) => {
                 // A world adds lane changes and offsets, so the changes so far are
                 // subtracted.
-                let t_m = to_m - self.scripts[who].changed_m;
+                let t_m = to_m - self.scripts[who].lateral.changed_m;
                 let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
-                self.scripts[who].t_m = to_m;
+                self.scripts[who].lateral.t_m = to_m;
                 return Ok(ImportedLaw::Beside {
                     t_m,
                     most_lateral_mps2,
@@ -104,8 +104,8 @@ impl Reader<'_> {
             },
         };
         let script = &mut self.scripts[who];
-        script.t_m = to_m;
-        script.changed_m += by_m;
+        script.lateral.t_m = to_m;
+        script.lateral.changed_m += by_m;
         Ok(law)
     }
 
@@ -126,7 +126,7 @@ impl Reader<'_> {
             let on = self.own_lane(who, target)?;
             return Ok(OnLane {
                 lane: script.lane.unwrap_or(on.lane),
-                t_m: script.t_m,
+                t_m: script.lateral.t_m,
                 ..on
             });
         }

@@ -3,13 +3,13 @@
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
-use crate::openx::import::ends::to_mps;
 use crate::openx::import::entity::{
-    Approached, ImportedEntity, ImportedLaw, ImportedStep, WatchedCondition,
+    Approached, ImportedEntity, ImportedLaw, ImportedStep, LateralState, WatchedCondition,
 };
+use crate::openx::import::journey::to_mps;
 use crate::openx::import::laws::Speeds;
 use crate::openx::import::places::Placed;
-use crate::openx::import::relations::StoryElement;
+use crate::openx::import::story_element::StoryElement;
 use crate::road::ChangeShape;
 
 /// Event with its surrounding elements.
@@ -25,15 +25,34 @@ pub(super) struct EventContext<'a> {
     pub actors: &'a [String],
 }
 
+/// Whether an event acts along the path and across it.
+#[derive(Clone, Copy)]
+pub(super) struct Directions {
+    pub along: bool,
+    pub across: bool,
+}
+
+impl Directions {
+    pub(super) fn of(actions: &[&XmlNode]) -> Directions {
+        let has = |name: &str| actions.iter().any(|action| action.name == name);
+        Directions {
+            along: has("LongitudinalAction"),
+            across: has("LateralAction"),
+        }
+    }
+
+    fn is_along_only(self) -> bool {
+        self.along && !self.across
+    }
+}
+
 /// Steps of one entity, as far as they have been read.
 pub(super) struct EntityScript {
     pub name: String,
     pub placed: Placed,
     pub speeds: Speeds,
-    /// Lane, lateral offset, and the sum of its lane changes.
     pub lane: Option<i32>,
-    pub t_m: f64,
-    pub changed_m: f64,
+    pub lateral: LateralState,
     pub steps: Vec<ImportedStep>,
     pub approach: Option<Approached>,
     pub gap_m: Option<f64>,
@@ -75,11 +94,10 @@ impl EntityScript {
                 name: entity.name.clone(),
                 now_mps: Some(final_mps(entity)),
                 most_mps: entity.body.most_mps,
-                most_mps2: entity.body.most_mps2,
+                most: entity.body.most,
             },
             lane: entity.placed.lane.as_ref().map(|at| at.lane),
-            t_m: entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m),
-            changed_m: 0.0,
+            lateral: LateralState::at_start(&entity.placed),
             // The Init may already contain a step.
             has_begun: !entity.steps.is_empty(),
             steps: entity.steps.clone(),
@@ -109,11 +127,7 @@ impl EntityScript {
     /// Lets a step that waits begin beside a change across the path that waits too.
     ///
     /// Returns false if it might begin first, or if both cannot overlap.
-    pub(super) fn overlaps_with(
-        &mut self,
-        watch: &WatchedCondition,
-        (along, across): (bool, bool),
-    ) -> bool {
+    pub(super) fn overlaps_with(&mut self, watch: &WatchedCondition, acts: Directions) -> bool {
         let Some(last) = self.steps.last_mut() else {
             return false;
         };
@@ -123,7 +137,7 @@ impl EntityScript {
         );
         let before = last.when.as_ref().filter(|_| last.after_s == 0.0);
         let follows = before.is_some_and(|before| watch.follows(before));
-        last.overlaps = is_across && follows && along && !across;
+        last.overlaps = is_across && follows && acts.is_along_only();
         last.overlaps
     }
 
@@ -135,7 +149,7 @@ impl EntityScript {
     pub(super) fn overlap(
         &mut self,
         at_s: f64,
-        (along, across): (bool, bool),
+        acts: Directions,
         replaces: bool,
     ) -> Option<(f64, Option<ImportedLaw>)> {
         let (begins_s, from_mps) = self.last?;
@@ -151,7 +165,9 @@ impl EntityScript {
             return None;
         }
         match &mut last.laws[..] {
-            [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }] if along && !across => {
+            [ImportedLaw::LaneChange { .. } | ImportedLaw::Beside { .. }]
+                if acts.is_along_only() =>
+            {
                 last.overlaps = true;
                 // The next step counts from the begin of this one, and ends beside it.
                 self.aside_s = if stops {
@@ -172,7 +188,7 @@ impl EntityScript {
                 },
             ] => {
                 // Whether one of two changes of speed wins is said by the priority only.
-                if along && !replaces {
+                if acts.along && !replaces {
                     return None;
                 }
                 let from_mps = from_mps?;
@@ -186,7 +202,7 @@ impl EntityScript {
                 *to_mps = from_mps + sign * *rate_mps2 * (at_s - begins_s);
                 self.speeds.now_mps = Some(*to_mps);
                 self.ends_s = Some(at_s);
-                Some((0.0, (!along && !stops).then_some(rest)))
+                Some((0.0, (!acts.along && !stops).then_some(rest)))
             }
             _ => None,
         }
@@ -212,7 +228,7 @@ fn final_mps(entity: &ImportedEntity) -> f64 {
 /// Duration in seconds of the step of the Init.
 fn first_s(entity: &ImportedEntity) -> Option<f64> {
     let laws = entity.steps.iter().flat_map(|step| &step.laws);
-    let mut lasts = laws.map(|law| law.lasts_s(Some(entity.speed_mps), (0.0, 0.0)));
+    let mut lasts = laws.map(|law| law.lasts_s(Some(entity.speed_mps), LateralState::default()));
     lasts.try_fold(0.0, |sum, lasts_s| Some(sum + lasts_s?))
 }
 

@@ -6,6 +6,7 @@ use super::script::EventContext;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::OnWay;
+use crate::openx::import::bodies::MostRates;
 use crate::openx::import::entity::{ImportedLaw, ImportedStep};
 use crate::openx::import::trajectories::TimedPlace;
 use crate::road::ChangeShape;
@@ -57,7 +58,7 @@ impl Reader<'_> {
             Some(times)
                 if let [(_, from_m), (lasts_s, to_m)] = times[..]
                     && script.on_foot
-                    && way.way.pieces.is_empty() =>
+                    && way.way.piece_count() == 0 =>
             {
                 script.placed.way = Some(way);
                 step.laws.push(ImportedLaw::Walk {
@@ -100,7 +101,7 @@ impl EntityScript {
         &mut self,
         it: &XmlNode,
         profile: &[(f64, f64)],
-        (up_mps2, down_mps2): (f64, f64),
+        most: MostRates,
     ) -> Result<Vec<(ImportedLaw, f64)>, ImportError> {
         let mut now_mps = self.speeds.now_mps.ok_or_else(|| {
             let help = "begin the profile where the speed is known";
@@ -112,11 +113,7 @@ impl EntityScript {
         let mut laws = Vec::new();
         for (lasts_s, to_mps) in profile {
             let rate_mps2 = (*lasts_s > 0.0).then(|| (to_mps - now_mps).abs() / lasts_s);
-            let most_mps2 = if now_mps < *to_mps {
-                up_mps2
-            } else {
-                down_mps2
-            };
+            let most_mps2 = most.towards(now_mps, *to_mps);
             if rate_mps2.is_some_and(|rate| most_mps2 < rate) {
                 let what = format!("a rate above {most_mps2} m/s², which its body may not allow");
                 return Err(it.refused(what, "give the entry a longer time"));

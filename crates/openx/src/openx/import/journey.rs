@@ -1,18 +1,16 @@
 //! Earliest times at which entities leave their roads.
 
-use super::entity::{ImportedEntity, ImportedLaw, ImportedStep};
+use super::entity::{ImportedEntity, ImportedLaw, ImportedStep, LateralState};
 
 /// Earliest time in seconds at which an entity has driven `ahead_m`.
 ///
 /// Relative speeds assume an ego that coasts.
 pub(super) fn leaves_s(entity: &ImportedEntity, ahead_m: f64, ego_mps: f64) -> f64 {
-    let t_m = entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m);
     let mut journey = Journey {
         time_s: 0.0,
         left_m: ahead_m,
         speed_mps: entity.speed_mps,
-        t_m,
-        changed_m: 0.0,
+        lateral: LateralState::at_start(&entity.placed),
     };
     for (i, step) in entity.steps.iter().enumerate() {
         if step.when.is_some() {
@@ -67,9 +65,7 @@ struct Journey {
     time_s: f64,
     left_m: f64,
     speed_mps: f64,
-    /// Lateral offset from the reference line, and the share of it from lane changes.
-    t_m: f64,
-    changed_m: f64,
+    lateral: LateralState,
 }
 
 impl Journey {
@@ -107,7 +103,7 @@ impl Journey {
         }
         let (mut ramp_s, mut aside_s, mut ends_mps) = (0.0, 0.0, self.speed_mps);
         for law in &step.laws {
-            let lasts_s = law.lasts_s(Some(self.speed_mps), (self.t_m, self.changed_m));
+            let lasts_s = law.lasts_s(Some(self.speed_mps), self.lateral);
             match law {
                 ImportedLaw::Speed {
                     rate_mps2, shape, ..
@@ -123,12 +119,11 @@ impl Journey {
                 }
                 ImportedLaw::LaneChange { by_m, .. } => {
                     aside_s = lasts_s.unwrap_or(0.0);
-                    self.t_m += by_m;
-                    self.changed_m += by_m;
+                    self.lateral.change(*by_m);
                 }
                 ImportedLaw::Beside { t_m, .. } => {
                     aside_s = lasts_s.unwrap_or(0.0);
-                    self.t_m = t_m + self.changed_m;
+                    self.lateral.t_m = t_m + self.lateral.changed_m;
                 }
                 // Pedestrians stop at the end of their path and never leave a
                 // road.

@@ -1,58 +1,66 @@
-//! Relations between the entities and the elements of a file.
+//! Content of a scenario's files to which its places and events refer.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 
+use super::catalog::Catalogs;
+use super::ego_events::EgoRequest;
+use super::places::{Placed, PositionContext};
+use super::story_element::StoryElement;
+use crate::opendrive::files::Files;
+use crate::opendrive::roads::RoadMap;
+use crate::opendrive::scope::number;
 use crate::opendrive::tree::XmlNode;
 
-/// Element of a storyboard, as conditions refer to it.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct StoryElement {
-    /// Kind: `act`, `maneuver`, `event`, `action`, ….
-    pub kind: String,
-    pub name: String,
+/// Content of the files, beside the entities that are read one after another.
+pub(super) struct FileContent<'a> {
+    pub catalogs: &'a Catalogs,
+    pub files: Files<'a>,
+    pub ego: &'a EgoRequest,
+    pub roads: Rc<RoadMap>,
+    /// Entities that the Init deletes.
+    pub absent: Vec<String>,
+    /// Parameters that an action changes during the run.
+    pub changed: Vec<String>,
+    /// Entities that a controller may move.
+    pub steered: Vec<String>,
+    /// Elements whose kind and name another element has, too.
+    pub ambiguous: Vec<StoryElement>,
+    /// True if an `Orientation` without a type is relative.
+    pub turns_relative: bool,
 }
 
-impl StoryElement {
-    /// Returns the element of a node, or `None` without a name.
-    pub(super) fn of(kind: &str, node: &XmlNode) -> Option<StoryElement> {
-        node.raw("name").map(|name| StoryElement {
-            kind: kind.to_owned(),
-            name: name.to_owned(),
-        })
-    }
-}
-
-/// Orders the entities of an Init so that each follows those to which it is relative.
-pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
-    fn name(it: &XmlNode) -> &str {
-        it.raw("entityRef").unwrap_or_default()
-    }
-    fn references<'a>(node: &'a XmlNode, all: &mut BTreeSet<&'a str>) {
-        if node.name != "Private" {
-            all.extend(node.raw("entityRef"));
+impl FileContent<'_> {
+    /// Returns the context of a place, with the entities that have one so far.
+    pub(super) fn ground<'a>(
+        &'a self,
+        placed: &'a BTreeMap<String, Placed>,
+        unplaced: &'a [String],
+    ) -> PositionContext<'a> {
+        PositionContext {
+            roads: &self.roads,
+            catalogs: self.catalogs,
+            files: self.files,
+            placed,
+            ego: self.ego,
+            changed: &self.changed,
+            unplaced,
+            steered: &self.steered,
+            absent: &self.absent,
+            turns_relative: self.turns_relative,
+            ambiguous: &self.ambiguous,
+            depth: 0,
         }
-        node.children
-            .iter()
-            .for_each(|child| references(child, all));
     }
-    // Searched once: a search for every pair of many entities takes minutes.
-    let referring = privates.iter().map(|it| {
-        let mut all = BTreeSet::new();
-        references(it, &mut all);
-        (*it, all)
-    });
-    let mut left: Vec<(&XmlNode, BTreeSet<&str>)> = referring.collect();
-    let mut all = Vec::new();
-    while !left.is_empty() {
-        let is_free = |(it, to): &(&XmlNode, BTreeSet<&str>)| {
-            let mut others = left.iter().filter(|(other, _)| name(other) != name(it));
-            !others.any(|(other, _)| to.contains(name(other)))
-        };
-        // Places that refer to each other in a circle are refused later.
-        let next = left.iter().position(is_free).unwrap_or(0);
-        all.push(left.remove(next).0);
-    }
-    all
+}
+
+/// Returns whether an `Orientation` without a type is relative.
+///
+/// Up to OpenSCENARIO 1.2 it is absolute.
+pub(super) fn turns_relative(root: &XmlNode) -> bool {
+    let header = root.child("FileHeader");
+    let minor = header.and_then(|it| it.raw("revMinor"));
+    minor.and_then(number).is_some_and(|minor| minor >= 3.0)
 }
 
 /// Names of the entities that an Init deletes.
