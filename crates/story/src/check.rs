@@ -4,7 +4,7 @@ mod actions;
 mod conditions;
 
 use crate::ron_file::{Problems, ValuePath};
-use crate::tree::{CheckedCondition, CheckedEffect, ElementKind, StoryElement};
+use crate::tree::{BoardElement, CheckedCondition, CheckedEffect, ElementKind};
 use crate::values::{
     Act, EventPriority, ManeuverGroup, Story, StoryEvent, StoryManeuver, Storyboard,
 };
@@ -36,7 +36,7 @@ pub struct StoryNames<'a> {
 /// Storyboard without mistakes, ready to run.
 #[derive(Clone, Debug)]
 pub struct CheckedStoryboard {
-    pub(crate) elements: Vec<StoryElement>,
+    pub(crate) elements: Vec<BoardElement>,
     pub(crate) conditions: Vec<CheckedCondition>,
     pub(crate) variables: Vec<f64>,
     /// Number of agents.
@@ -111,7 +111,7 @@ struct Check<'a, 'b> {
     problems: &'a mut Problems<'b>,
     names: StoryNames<'a>,
     variables: Vec<String>,
-    elements: Vec<StoryElement>,
+    elements: Vec<BoardElement>,
     conditions: Vec<CheckedCondition>,
 }
 
@@ -175,7 +175,7 @@ impl Check<'_, '_> {
             let what = format!("more than {MOST_PARTS} elements");
             self.wrong(path, what, "split the world");
         }
-        self.elements.push(StoryElement {
+        self.elements.push(BoardElement {
             kind,
             path: names,
             parent,

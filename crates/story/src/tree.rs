@@ -21,7 +21,7 @@ pub enum ElementKind {
 
 /// Element of a checked storyboard.
 #[derive(Clone, Debug)]
-pub(crate) struct StoryElement {
+pub(crate) struct BoardElement {
     pub kind: ElementKind,
     /// Names from the story on.
     pub path: Vec<String>,
