@@ -248,7 +248,7 @@ fn pet_s(situation: &SituationPlan) -> Option<f64> {
 }
 
 fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<Exit, Failure> {
-    let worlds = recorded.worlds.iter().zip(files).map(|(world, (_, file))| {
+    let each = recorded.worlds.iter().zip(files).map(|(world, (_, file))| {
         let situations = world.situations.iter().map(|it| {
             json!({
                 "recording": it.source, "time_s": it.time_s,
@@ -261,7 +261,7 @@ fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Resul
         });
         json!({ "file": file, "situations": situations.collect::<Vec<_>>() })
     });
-    let worlds: Vec<_> = worlds.collect();
+    let worlds: Vec<_> = each.collect();
     print_json(&json!({
         "worlds": worlds, "found": recorded.found, "left_out": recorded.left_out,
     }))?;

@@ -67,8 +67,8 @@ fn observed(world: &World) -> Vec<Value> {
 
 /// Returns the signals that the world computes from others, with their expressions.
 fn derived(drive: Option<&DriveSpec>) -> Vec<Value> {
-    let derived = drive.map_or(&[][..], |spec| &spec.derived);
-    let derived = derived.iter().map(|derived| {
+    let signals = drive.map_or(&[][..], |spec| &spec.derived);
+    let derived = signals.iter().map(|derived| {
         json!({
             "name": derived.signal.name,
             "unit": derived.signal.unit,

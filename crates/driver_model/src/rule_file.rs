@@ -192,11 +192,11 @@ impl TrafficRuleFile {
 fn without_always(formula: Formula) -> Formula {
     let text = formula.to_string();
     let body = || {
-        let rest = text.strip_prefix("always")?;
+        let with_bounds = text.strip_prefix("always")?;
         let rest = ["[0, T]", "[0, inf]"]
             .iter()
-            .find_map(|bounds| rest.strip_prefix(bounds))
-            .unwrap_or(rest);
+            .find_map(|bounds| with_bounds.strip_prefix(bounds))
+            .unwrap_or(with_bounds);
         let inner = rest.strip_prefix(" (")?.strip_suffix(')')?;
         // Whole only if the first parenthesis closes at the end.
         let mut depth = 0_i32;

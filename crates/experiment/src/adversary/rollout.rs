@@ -357,8 +357,8 @@ impl EvalRequest<'_> {
 ///
 /// `None`: a failure was not recorded, or there are none.
 pub fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
-    let all: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
-    let mut all = all.filter(|all| !all.is_empty())?;
+    let recorded: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
+    let mut all = recorded.filter(|all| !all.is_empty())?;
     all.sort_by(|a, b| descending(&a.badness, &b.badness));
     let shapes: Vec<CrashFeatures> = all.iter().map(|one| one.shape.clone()).collect();
     Some(clusters(&shapes).len())

@@ -209,12 +209,12 @@ impl Calibration {
         } else {
             1
         };
-        let walks = (1..=wanted).rev().map(|switches: usize| {
+        let all_walks = (1..=wanted).rev().map(|switches: usize| {
             let each = self.sequences[switches - 1];
             (switches, starts.saturating_mul(each))
         });
         // Where the search solves nothing, more of the same hardly helps.
-        let mut walks = walks.filter(|(_, all)| self.searched > 0 && *all > 0 && !costly(*all));
+        let mut walks = all_walks.filter(|(_, all)| self.searched > 0 && *all > 0 && !costly(*all));
         let (command, simulations) = match walks.next() {
             Some((switches, all)) => (
                 format!("brakecheck eval RUN --starts {starts} --search {switches}"),

@@ -132,12 +132,12 @@ impl ExperimentCell {
             .map(|nth| solved[nth * solved.len() / most])
             .collect();
         let bench = || self.ego.scenario().bench();
-        let judged = EpisodeLoop::uncounted(watch).run(&sample, bench, |bench, index, _| {
+        let answers = EpisodeLoop::uncounted(watch).run(&sample, bench, |bench, index, _| {
             let again = self.replay(bench, *index);
             Some(self.ego.scenario().is_preventable(&again))
         });
         // A start that an interruption left out is in no count.
-        let judged: Vec<Option<bool>> = judged.into_iter().flatten().collect();
+        let judged: Vec<Option<bool>> = answers.into_iter().flatten().collect();
         let count = |wanted: Option<bool>| judged.iter().filter(|it| **it == wanted).count();
         let (avoided, others) = (count(Some(true)), count(Some(false)));
         let not_judged = count(None);

@@ -62,9 +62,9 @@ impl Confirmer<'_> {
         let Some(&last) = actions.last() else {
             return Confirmed::default();
         };
-        let rest = actions[shared..].iter().copied();
+        let unplayed = actions[shared..].iter().copied();
         // The last action is held beyond the end of the sequence.
-        let mut rest = rest.chain(std::iter::repeat(last));
+        let mut rest = unplayed.chain(std::iter::repeat(last));
         while let (Some(here), Some(action)) = (self.benches.last(), rest.next()) {
             if here.is_done() {
                 let (fault, outcome) = (here.fault().cloned(), Confirmed::on(here));

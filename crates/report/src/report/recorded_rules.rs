@@ -10,12 +10,12 @@ use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 pub fn recorded_rules_junit<'a>(
     recordings: impl Iterator<Item = (&'a str, &'a [RuleResult])>,
 ) -> String {
-    let suite = |(name, rules): (&str, &[RuleResult])| TestSuite {
+    let suites = recordings.map(|(name, rules)| TestSuite {
         name: name.to_owned(),
         time_s: None,
         cases: rules.iter().map(|rule| case_of(name, rule)).collect(),
-    };
-    junit(&recordings.map(suite).collect::<Vec<_>>())
+    });
+    junit(&suites.collect::<Vec<_>>())
 }
 
 fn case_of(recording: &str, rule: &RuleResult) -> TestCase {
