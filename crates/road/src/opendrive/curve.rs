@@ -26,7 +26,7 @@ const MOST_SAMPLES: f64 = 20_000.0;
 
 /// Curve as a place at each distance, whose heading is the tangent.
 #[derive(Clone, Copy)]
-pub(crate) struct Curve<'a> {
+pub(crate) struct PlaneCurve<'a> {
     pub at: &'a dyn Fn(f64) -> Pose,
     pub length_m: f64,
 }
@@ -34,7 +34,7 @@ pub(crate) struct Curve<'a> {
 /// Distance along a curve at which it comes near an earlier part of itself.
 ///
 /// `turn_rad` is the sum of its turns in either direction.
-pub(crate) fn self_overlap_m(curve: Curve<'_>, turn_rad: f64, width_m: f64) -> Option<f64> {
+pub(crate) fn self_overlap_m(curve: PlaneCurve<'_>, turn_rad: f64, width_m: f64) -> Option<f64> {
     // Nothing comes back that has not turned round.
     if turn_rad <= PI {
         return None;
@@ -80,7 +80,7 @@ pub(crate) struct CurveArc {
 /// # Errors
 ///
 /// Returns a message for a curve that would need too many arcs.
-pub(crate) fn arcs_of(curve: Curve<'_>, beside_m: f64) -> Result<Vec<CurveArc>, String> {
+pub(crate) fn arcs_of(curve: PlaneCurve<'_>, beside_m: f64) -> Result<Vec<CurveArc>, String> {
     let mut arcs = Vec::new();
     split(curve.at, 0.0..curve.length_m, beside_m, &mut arcs);
     if arcs.len() as f64 <= MOST_ARCS {
@@ -369,7 +369,7 @@ mod tests {
             let pair = CubicPair { ahead, left, most };
             let curve = ParametricCurve::new(start, pair, length_m).expect("a curve");
             let at = |s_m: f64| curve.at(s_m);
-            let arcs = arcs_of(Curve { at: &at, length_m }, 4.0).expect("few arcs");
+            let arcs = arcs_of(PlaneCurve { at: &at, length_m }, 4.0).expect("few arcs");
             // Chained from the start on: errors of the arcs would add up.
             let mut spot = start;
             let mut covered_m = 0.0;
@@ -442,7 +442,7 @@ mod tests {
             heading_rad: 1e4 * libm::sin(s_m),
             ..curve.at(s_m)
         };
-        let zigzag = Curve {
+        let zigzag = PlaneCurve {
             at: &zigzag,
             length_m: 1e5,
         };

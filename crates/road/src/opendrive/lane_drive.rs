@@ -3,9 +3,9 @@
 
 use core::f64::consts::PI;
 
-use super::curve::{Curve, arcs_of, pair_of, self_overlap_m};
+use super::curve::{PlaneCurve, arcs_of, pair_of, self_overlap_m};
 use super::error::ImportError;
-use super::lanes::DrivenLane;
+use super::lanes::DirectedLane;
 use super::links::RoadLink;
 use super::roads::{ImportedRoad, OnLane, RoadMap};
 use super::tree::XmlNode;
@@ -107,7 +107,7 @@ impl RoadMap {
             }
             let wanted = route.peek().map(|id| id.as_str());
             if let Some(lane) = end_lane {
-                let driven = DrivenLane { lane, ..driven };
+                let driven = DirectedLane { lane, ..driven };
                 next = self
                     .after(road, &id, driven, wanted)
                     .map(|(id, driven)| (id, driven, None));
@@ -121,10 +121,10 @@ impl RoadMap {
         &self,
         road: &ImportedRoad,
         id: &str,
-        driven: DrivenLane,
+        driven: DirectedLane,
         wanted: Option<&str>,
-    ) -> Option<(String, DrivenLane)> {
-        let DrivenLane { lane, forward } = driven;
+    ) -> Option<(String, DirectedLane)> {
+        let DirectedLane { lane, forward } = driven;
         let side = usize::from(forward);
         let link = road.links[side].as_ref()?;
         let (over, to) = if link.is_junction {
@@ -160,7 +160,7 @@ impl RoadMap {
             self.get(&over.id)?.leads_forward(to),
         );
         let fits = (leads.0 == forward) == (leads.1 != over.at_end);
-        let driven = DrivenLane {
+        let driven = DirectedLane {
             lane: to,
             forward: !over.at_end,
         };
@@ -214,7 +214,7 @@ impl RoadMap {
             let length_m = stretch.length_m();
             let at = |along_m: f64| stretch.pose(road, along_m, follower.left_m);
             lost_m += stretch.slant_m(road);
-            let curve = Curve { at: &at, length_m };
+            let curve = PlaneCurve { at: &at, length_m };
             let arcs = arcs_of(curve, 0.0).map_err(|what| road.node.refused(what, WINDS))?;
             for arc in arcs {
                 if begins.is_none() {
@@ -248,7 +248,7 @@ impl RoadMap {
         })?;
         let way = course(asks, begins, &pieces)?;
         let on_way = |at_m: f64| way.pose(at_m, 0.0);
-        let curve = Curve {
+        let curve = PlaneCurve {
             at: &on_way,
             length_m: way.end_s_m(),
         };
@@ -288,10 +288,10 @@ fn lengthen(pieces: &mut Vec<Bend>, mut bend: Bend) {
 fn through(
     road: &ImportedRoad,
     id: &str,
-    driven: DrivenLane,
+    driven: DirectedLane,
     from_m: Option<f64>,
 ) -> (Vec<LaneStretch>, Option<i32>) {
-    let DrivenLane { mut lane, forward } = driven;
+    let DirectedLane { mut lane, forward } = driven;
     let from_m = from_m.unwrap_or(if forward { 0.0 } else { road.length_m });
     let sections = &road.lanes.sections;
     let mut section = road.lanes.section(from_m).map_or(0, |(section, _)| section);

@@ -31,7 +31,7 @@ pub struct SectionLane {
 
 /// Lane with the direction in which it is driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DrivenLane {
+pub struct DirectedLane {
     /// Id in the file.
     pub lane: i32,
     /// True along the reference line.
@@ -172,8 +172,8 @@ impl RoadLanes {
     /// Returns the lane and the station at which a lane begins on its road.
     ///
     /// In the direction of travel, back over the links of sections.
-    pub fn first_of(&self, driven: DrivenLane, s_m: f64, length_m: f64) -> (i32, f64) {
-        let DrivenLane { mut lane, forward } = driven;
+    pub fn first_of(&self, driven: DirectedLane, s_m: f64, length_m: f64) -> (i32, f64) {
+        let DirectedLane { mut lane, forward } = driven;
         let mut section = self.section(s_m).map_or(0, |(section, _)| section);
         loop {
             let before = if forward {

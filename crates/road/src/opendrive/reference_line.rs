@@ -1,6 +1,6 @@
 //! Reference lines of roads: lines, arcs, spirals and polynomials, as arcs.
 
-use super::curve::{Cubic, CubicPair, Curve, CurveArc, ParametricCurve, arcs_of};
+use super::curve::{Cubic, CubicPair, CurveArc, ParametricCurve, PlaneCurve, arcs_of};
 use super::error::ImportError;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
@@ -112,7 +112,7 @@ pub(crate) fn pieces_of(
             "paramPoly3" | "poly3" => {
                 let curve = polynomial(shape, start, length_m)?;
                 let at = |s_m: f64| curve.at(s_m);
-                let arcs = arcs_of(Curve { at: &at, length_m }, LANES_M).map_err(winds)?;
+                let arcs = arcs_of(PlaneCurve { at: &at, length_m }, LANES_M).map_err(winds)?;
                 arcs.into_iter().map(|arc| segment(s_m, arc)).collect()
             }
             other => {

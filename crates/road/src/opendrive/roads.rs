@@ -6,9 +6,9 @@ use core::cmp::Ordering;
 use core::f64::consts::{FRAC_PI_2, PI};
 use std::collections::BTreeMap;
 
-use super::curve::{Cubic, Curve, begun, self_overlap_m};
+use super::curve::{Cubic, PlaneCurve, begun, self_overlap_m};
 use super::error::{Blockers, ImportError};
-use super::lanes::{DrivenLane, RoadLanes, few, heights_of};
+use super::lanes::{DirectedLane, RoadLanes, few, heights_of};
 use super::links::{Junctions, RoadLink, controllers};
 use super::reference_line::{MEET_M, MOST_ROAD_M, ReferenceSegment, pieces_of};
 use super::scope::ParameterScope;
@@ -68,8 +68,8 @@ impl OnLane {
     }
 
     /// Returns its lane with the direction of its entity.
-    pub fn driven(&self) -> DrivenLane {
-        DrivenLane {
+    pub fn driven(&self) -> DirectedLane {
+        DirectedLane {
             lane: self.lane,
             forward: self.forward,
         }
@@ -338,7 +338,7 @@ impl ImportedRoad {
                 .sum::<f64>()
         };
         let at = |s_m: f64| self.at(s_m, 0.0);
-        let curve = Curve {
+        let curve = PlaneCurve {
             at: &at,
             length_m: self.length_m,
         };
