@@ -86,7 +86,7 @@ fn is_world(text: &str) -> bool {
     first_word(own).is_some_and(|word| did_you_mean(&own[word], KINDS).is_some())
 }
 
-/// What `check` states about a world that can be used.
+/// Returns the statements of `check` about a world that can be used.
 fn checked(world: &Scenario) -> CheckedText {
     let mut problems: Vec<WorldProblem> = traffic_problems(world);
     problems.extend(shown(world.warnings.clone(), true));

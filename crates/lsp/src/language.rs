@@ -1,4 +1,4 @@
-//! What an editor needs to know about worlds, given by the program.
+//! Knowledge of worlds for an editor, given by the program.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ pub struct WorldProblem {
     pub help: Option<String>,
     /// Bytes of [`CheckedText::text`] with the problem.
     pub span: Range<usize>,
-    /// Whether the world can be used nevertheless.
+    /// True if the world can be used nevertheless.
     pub is_warning: bool,
 }
 

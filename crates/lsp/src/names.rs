@@ -54,7 +54,7 @@ pub fn declared(text: &str, kind: NameKind) -> Vec<String> {
     }
 }
 
-/// Whether a key of the innermost group is a name of a kind.
+/// Returns whether a key of the innermost group is a name of a kind.
 fn is_key_of(text: &str, scanner: &Scanner<'_>, kind: NameKind, depth: usize) -> bool {
     let maps: &[&str] = match kind {
         NameKind::KeyOf(map) => &[map],
@@ -68,7 +68,7 @@ fn is_key_of(text: &str, scanner: &Scanner<'_>, kind: NameKind, depth: usize) ->
     map.bracket == '{' && key.is_some_and(|key| maps.contains(&key))
 }
 
-/// Whether a text in quotes is the name of an agent: `agents: [Vehicle(name: "…")]`.
+/// Returns whether a text in quotes is the name of an agent: `agents: [Vehicle(name: "…")]`.
 fn is_agent(text: &str, scanner: &Scanner<'_>, kind: NameKind) -> bool {
     let key_of = |key: &Option<std::ops::Range<usize>>| key.clone().map(|key| &text[key]);
     let [_, list, agent] = &scanner.groups[..] else {

@@ -21,7 +21,7 @@ pub struct RonGroup {
     pub key: Option<Range<usize>>,
     /// Number of commas before the place.
     pub index: usize,
-    /// Whether the current value has begun.
+    /// True if the current value has begun.
     has_value: bool,
 }
 

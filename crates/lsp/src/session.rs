@@ -68,7 +68,7 @@ pub fn serve(
     let mut session = Session {
         language,
         output,
-        stage: Stage::Fresh,
+        stage: SessionStage::Fresh,
         has_snippets: false,
         open: BTreeMap::new(),
     };
@@ -76,7 +76,7 @@ pub fn serve(
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Stage {
+enum SessionStage {
     Fresh,
     Running,
     ShutDown,
@@ -85,9 +85,9 @@ enum Stage {
 struct OpenWorld {
     document: Document,
     version: Option<i64>,
-    /// Whether it was not checked since its last change.
+    /// True if it was not checked since its last change.
     is_changed: bool,
-    /// Whether the editor shows problems of it.
+    /// True if the editor shows problems of it.
     has_problems: bool,
     /// Names of the last version without a mistake.
     names: Vec<KnownName>,
@@ -96,7 +96,7 @@ struct OpenWorld {
 struct Session<'a, W> {
     language: &'a dyn WorldLanguage,
     output: &'a mut W,
-    stage: Stage,
+    stage: SessionStage,
     has_snippets: bool,
     /// Documents by their URIs.
     open: BTreeMap<String, OpenWorld>,
@@ -145,7 +145,7 @@ impl<W: Write> Session<'_, W> {
 
     /// A document that has to be checked.
     fn changed(&self) -> Option<String> {
-        if self.stage == Stage::ShutDown {
+        if self.stage == SessionStage::ShutDown {
             return None;
         }
         let mut all = self.open.iter();
@@ -170,8 +170,8 @@ impl<W: Write> Session<'_, W> {
         match (head.method.as_deref(), head.id) {
             (Some("exit"), None) => {
                 return Ok(Some(match self.stage {
-                    Stage::ShutDown => SessionEnd::Orderly,
-                    Stage::Fresh | Stage::Running => SessionEnd::Abrupt,
+                    SessionStage::ShutDown => SessionEnd::Orderly,
+                    SessionStage::Fresh | SessionStage::Running => SessionEnd::Abrupt,
                 }));
             }
             (Some(method), Some(id)) => {
@@ -194,25 +194,28 @@ impl<W: Write> Session<'_, W> {
 
     fn request(&mut self, method: &str, message: &[u8]) -> RequestResult {
         match (self.stage, method) {
-            (Stage::Fresh, "initialize") => {
+            (SessionStage::Fresh, "initialize") => {
                 let params: InitializeParams = params_of(message)?;
                 self.has_snippets = params.has_snippets();
-                self.stage = Stage::Running;
+                self.stage = SessionStage::Running;
                 Ok(capabilities())
             }
-            (Stage::Fresh, _) => Err((NOT_INITIALIZED, "`initialize` comes first".to_owned())),
-            (Stage::ShutDown, _) => {
+            (SessionStage::Fresh, _) => {
+                Err((NOT_INITIALIZED, "`initialize` comes first".to_owned()))
+            }
+            (SessionStage::ShutDown, _) => {
                 let what = format!("`{method}` after `shutdown`");
                 Err((INVALID_REQUEST, what))
             }
-            (Stage::Running, "shutdown") => {
-                self.stage = Stage::ShutDown;
+            (SessionStage::Running, "shutdown") => {
+                self.stage = SessionStage::ShutDown;
                 Ok(Value::Null)
             }
-            (Stage::Running, "textDocument/hover") => self.at_place(message, |document, cursor| {
-                hover(document, cursor.and_then(|it| it.hover()))
-            }),
-            (Stage::Running, "textDocument/completion") => {
+            (SessionStage::Running, "textDocument/hover") => self
+                .at_place(message, |document, cursor| {
+                    hover(document, cursor.and_then(|it| it.hover()))
+                }),
+            (SessionStage::Running, "textDocument/completion") => {
                 let has_snippets = self.has_snippets;
                 self.at_place(message, |document, cursor| {
                     cursor.map_or(Value::Null, |it| {
@@ -220,7 +223,9 @@ impl<W: Write> Session<'_, W> {
                     })
                 })
             }
-            (Stage::Running, _) => Err((METHOD_NOT_FOUND, format!("unknown method `{method}`"))),
+            (SessionStage::Running, _) => {
+                Err((METHOD_NOT_FOUND, format!("unknown method `{method}`")))
+            }
         }
     }
 
@@ -243,7 +248,7 @@ impl<W: Write> Session<'_, W> {
 
     /// Follows a notification. Unknown and wrong ones have no answer.
     fn notification(&mut self, method: &str, message: &[u8]) -> io::Result<()> {
-        if self.stage != Stage::Running {
+        if self.stage != SessionStage::Running {
             return Ok(());
         }
         match method {
