@@ -90,9 +90,9 @@ impl EpisodeFrames {
     }
 
     fn push_all(&mut self, frames: &[Frame], trace: Option<&Trace>) {
+        let column = |name: &str| trace?.signal(&format!("{name}.speed"));
         let agents = self.stage.agents.iter();
-        let columns = agents.map(|agent| trace?.signal(&format!("{}.speed", agent.name)));
-        let columns: Vec<Option<&[f64]>> = columns.collect();
+        let columns: Vec<Option<&[f64]>> = agents.map(|agent| column(&agent.name)).collect();
         for (sample, frame) in frames.iter().enumerate() {
             // The trace may end before the last frame.
             let speed = |column: &Option<&[f64]>| {

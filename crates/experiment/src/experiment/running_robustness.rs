@@ -63,8 +63,8 @@ pub fn decided(scenario: &Scenario, episode: &Episode) -> Option<SampleInstant> 
     };
     let judged = episode.judged.min(episode.trace.len());
     // Later samples are aftermath, which does not affect the verdict.
-    let lost = lost.filter(|sample| *sample < judged);
-    let sample = lost.unwrap_or(judged.saturating_sub(1));
+    let in_time = lost.filter(|sample| *sample < judged);
+    let sample = in_time.unwrap_or(judged.saturating_sub(1));
     Some(ending_at(episode, sample))
 }
 

@@ -46,8 +46,8 @@ pub(super) struct TestMessage {
 pub(super) fn junit(suites: &[TestSuite]) -> String {
     let all: Vec<&TestCase> = suites.iter().flat_map(|suite| &suite.cases).collect();
     let total_s = suites.iter().map(|suite| suite.time_s).sum::<Option<f64>>();
-    let root = counted("testsuites", "brakecheck", &all);
-    let root = timed(root, total_s).children(suites.iter().map(element_of));
+    let counts = counted("testsuites", "brakecheck", &all);
+    let root = timed(counts, total_s).children(suites.iter().map(element_of));
     // Invariant: memory takes any document.
     root.document().unwrap_or_default()
 }
@@ -87,14 +87,14 @@ fn timed(element: XmlElement, time_s: Option<f64>) -> XmlElement {
 
 impl TestCase {
     fn element(&self) -> XmlElement {
-        let case = XmlElement::new("testcase")
+        let named = XmlElement::new("testcase")
             .text("classname", &self.class)
             .text("name", &self.name);
         let requirement = self.requirement.as_ref().map(|it| {
             let property = XmlElement::new("property").text("name", "requirement");
             XmlElement::new("properties").child(property.text("value", it))
         });
-        let case = timed(case, self.time_s).children(requirement);
+        let case = timed(named, self.time_s).children(requirement);
         match &self.outcome {
             TestOutcome::Passed => case,
             TestOutcome::Failed(it) => case.child(it.element("failure")),

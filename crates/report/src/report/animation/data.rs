@@ -25,8 +25,9 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
         film.focus.iter().map(|f| f.size_m[1]).collect(),
     ]
     .map(|values| list(&values, 2));
-    let lights = (0..film.phases.len()).map(|light| turns(&picture.shown, light));
-    let lights: Vec<String> = lights.collect();
+    let lights: Vec<String> = (0..film.phases.len())
+        .map(|light| turns(&picture.shown, light))
+        .collect();
     let contact = picture
         .contact_m()
         .map_or("null".to_owned(), |at| list(&at, 3));
@@ -77,8 +78,10 @@ fn body(picture: &Picture<'_>, who: usize) -> String {
 
 /// Times at which a light changes, with the new phase.
 fn turns(shown: &EpisodeFrames, light: usize) -> String {
-    let turns = shown.light_turns(light).into_iter();
-    let turns = turns.map(|(at, phase)| format!("[{},\"{}\"]", n(at.time_s, 3), phase_word(phase)));
+    let turns = shown
+        .light_turns(light)
+        .into_iter()
+        .map(|(at, phase)| format!("[{},\"{}\"]", n(at.time_s, 3), phase_word(phase)));
     format!("[{}]", turns.collect::<Vec<_>>().join(","))
 }
 

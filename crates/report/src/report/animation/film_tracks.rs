@@ -247,9 +247,11 @@ impl BodyTrack {
             let parts = slope(&x_m).into_iter().zip(slope(&y_m));
             parts.map(|(x, y)| libm::hypot(x, y)).collect()
         };
-        let published = kept[..recorded].iter().map(|it| it.speeds_mps[who]);
         // Without the signal, speeds follow from the places.
-        let published: Option<Vec<f64>> = published.collect();
+        let published: Option<Vec<f64>> = kept[..recorded]
+            .iter()
+            .map(|it| it.speeds_mps[who])
+            .collect();
         let mut speed_mps = published.unwrap_or_else(|| of_places(0..recorded));
         let mut accel_mps2 = slopes(&times_s[..recorded], &speed_mps);
         let after_mps = of_places(recorded..times_s.len());
