@@ -37,7 +37,7 @@ pub fn declared(text: &str, kind: NameKind) -> Vec<String> {
     let mut scanner = Scanner::new(text);
     loop {
         let before = scanner.groups.len();
-        let found = {
+        let place = {
             let Some(visit) = scanner.next_visit() else {
                 return names;
             };
@@ -47,7 +47,7 @@ pub fn declared(text: &str, kind: NameKind) -> Vec<String> {
                 Visit::Other => None,
             }
         };
-        let found = found.map(|name| text[name].to_owned());
+        let found = place.map(|name| text[name].to_owned());
         if let Some(name) = found.filter(|name| !names.contains(name)) {
             names.push(name);
         }
