@@ -14,9 +14,7 @@ use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::EgoArgs;
 use crate::experiment::{EgoUnderTest, consent_to};
-use crate::risk::{
-    KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic, ValueKind,
-};
+use crate::risk::{KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic};
 use crate::rl::Policy;
 use crate::run_dir::RunDir;
 use crate::sim::PlantKind;
@@ -69,9 +67,6 @@ pub(super) struct RiskArgs {
     /// For slow programs. The risk itself is measured on the ego only.
     #[arg(long, value_name = "N", value_parser = count(10..=1_000_000))]
     surrogate: Option<u64>,
-    /// Form of the failure probability by which traffic is tilted.
-    #[arg(long, default_value = "network", value_parser = one_of::<ValueKind>())]
-    value: ValueKind,
     /// Directory of finished runs, from which the same command continues.
     ///
     /// So does one with a greater budget or another width.
@@ -157,7 +152,6 @@ fn settings(args: &RiskArgs) -> RiskSettings {
         seed: args.seed,
         learn_on: args.learn_on,
         surrogate: args.surrogate,
-        value: args.value,
     }
 }
 

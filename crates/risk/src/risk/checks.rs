@@ -281,7 +281,7 @@ mod tests {
     use super::super::pool::{WeightedFailure, WeightedFault};
     use super::super::record::{EgoFailure, RunEnd};
     use super::super::start_tree::StartTree;
-    use super::super::value::{Value, ValueKind};
+    use super::super::value_network::ValueNetwork;
     use super::*;
     use crate::ego::Fault;
 
@@ -462,7 +462,7 @@ mod tests {
             (vec![share], if share < 0.5 { 1.0 } else { 0.0 })
         });
         let tree = StartTree::fit(&starts.collect::<Vec<_>>(), 1);
-        let value = Value::new(ValueKind::Table, [1, 1, 1], 0);
+        let value = ValueNetwork::flat([1, 1, 1]);
         let mixture = Mixture::of(value, vec![tree; 2]);
         let probe = |share: f64, mode: &str| {
             let mut run = RiskRun::ending(RunEnd::Failed(EgoFailure {

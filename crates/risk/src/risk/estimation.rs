@@ -147,8 +147,7 @@ impl<'a> Estimation<'a> {
             .iter()
             .map(|ego| ego.name().to_owned())
             .collect();
-        let (kind, seed) = (request.settings.value, request.settings.seed);
-        let learning = Learning::begin(&players[0].world, names, kind, seed);
+        let learning = Learning::begin(&players[0].world, names, request.settings.seed);
         Estimation {
             natural: Vec::new(),
             faults: vec![RunFaults::default(); players.len()],
@@ -519,9 +518,9 @@ impl<'a> Estimation<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::RiskTraffic;
     use super::super::record::KnownFailure;
     use super::super::tests::{TRAFFIC, directory, traffic, world};
-    use super::super::{RiskTraffic, ValueKind};
     use super::*;
     use crate::ego::Fault;
     use crate::scene::Start;
@@ -754,7 +753,6 @@ mod tests {
             request.known = &all;
             request.settings.budget = 100;
             request.settings.natural = 50;
-            request.settings.value = ValueKind::Table;
             (request.settings.learn_on, request.settings.surrogate) = (learn_on, surrogate);
             let watch = Watch::unwatched();
             let mut estimation = Estimation::begin(&request, vec![None], &watch);

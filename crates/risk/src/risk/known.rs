@@ -208,7 +208,7 @@ impl RiskRequest<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::tests::{TRAFFIC, world};
-    use super::super::{RiskSettings, RiskTraffic, ValueKind};
+    use super::super::{RiskSettings, RiskTraffic};
     use super::*;
     use crate::experiment::Watch;
 
@@ -230,7 +230,6 @@ mod tests {
         request.settings = RiskSettings {
             budget: 3_000,
             natural: 200,
-            value: ValueKind::Table,
             ..RiskSettings::default()
         };
         let report = request

@@ -4,12 +4,13 @@ use indexmap::IndexMap;
 use rand::RngExt;
 use rayon::prelude::*;
 
+use super::decisions::ActionValues;
 use super::mixture::Mixture;
 use super::pool::RiskEstimate;
 use super::record::RiskRun;
 use super::run::RiskWorld;
 use super::start_tree::StartTree;
-use super::value::{Value, ValueKind};
+use super::value_network::ValueNetwork;
 use crate::seed::generator;
 
 /// Most kinds of failure with a proposal of their own.
@@ -31,24 +32,18 @@ pub(super) struct Learning {
     egos: Vec<String>,
     /// Kinds of failure with a head of their own.
     modes: Vec<String>,
-    value: Option<Value>,
+    value: Option<ValueNetwork>,
     /// Natural starts with their first states, `None` outside X_init.
     pool: Vec<(Vec<f64>, Option<FirstState>)>,
     /// Inputs of V, and joint actions.
     sizes: (usize, usize),
     dimensions: usize,
-    kind: ValueKind,
     seed: u64,
 }
 
 impl Learning {
     /// Draws natural starts, from which the tilted starts are fitted.
-    pub(super) fn begin(
-        world: &RiskWorld,
-        egos: Vec<String>,
-        kind: ValueKind,
-        seed: u64,
-    ) -> Learning {
+    pub(super) fn begin(world: &RiskWorld, egos: Vec<String>, seed: u64) -> Learning {
         let law = &world.starts;
         // No episode is played, so one bench is fast enough.
         let mut bench = world.scenario.bench();
@@ -67,7 +62,6 @@ impl Learning {
             pool: drawn.collect(),
             sizes: (world.inputs(), world.scenario.spaces().actions),
             dimensions: law.dimensions(),
-            kind,
             seed,
         }
     }
@@ -127,7 +121,7 @@ impl Learning {
         let (inputs, actions) = self.sizes;
         let heads = 1 + self.modes.len();
         let sizes = [inputs, heads, actions];
-        let fresh = || Value::new(self.kind, sizes, self.seed);
+        let fresh = || ValueNetwork::new(sizes, self.seed);
         // The last network is close already, so a fit continues from it.
         let mut value = self.value.clone().unwrap_or_else(fresh);
         value.fit(&fitted, self.seed.wrapping_add(stage));
@@ -183,7 +177,7 @@ impl Learning {
     }
 
     /// Fits the proposals of starts to V at the first decisions.
-    fn start_trees(&self, value: &Value) -> Vec<StartTree> {
+    fn start_trees(&self, value: &ValueNetwork) -> Vec<StartTree> {
         let actions = self.sizes.1;
         let rows = self.pool.par_iter().map(|(_, state)| match state {
             // A start outside X_init cannot fail.
@@ -240,7 +234,6 @@ mod tests {
             pool: Vec::new(),
             sizes: (1, 2),
             dimensions: 1,
-            kind: ValueKind::Table,
             seed: 0,
         }
     }
@@ -278,13 +271,13 @@ mod tests {
         let mut most = with(learning(&["ego"]), &all);
         assert_eq!(most.modes, ["e", "d", "c", "b"]);
         // Known kinds stay, and there is no room for others.
-        most.value = Some(Value::new(ValueKind::Table, [1, 5, 2], 0));
+        most.value = Some(ValueNetwork::flat([1, 5, 2]));
         let more = with(most, &[("f", 50)]);
         assert_eq!(more.modes, ["e", "d", "c", "b"]);
         assert!(more.value.is_some());
         // A new kind needs a V with another head.
         let mut few = few;
-        few.value = Some(Value::new(ValueKind::Table, [1, 2, 2], 0));
+        few.value = Some(ValueNetwork::flat([1, 2, 2]));
         let more = with(few, &[("a", 1)]);
         assert_eq!(more.modes, ["b", "a"]);
         assert!(more.value.is_none());

@@ -1,8 +1,9 @@
 //! Mixture of proposals: natural traffic, and traffic tilted by V.
 
+use super::decisions::ActionValues;
 use super::record::{RiskRun, multiply};
 use super::start_tree::StartTree;
-use super::value::Value;
+use super::value_network::ValueNetwork;
 
 /// Least multiplier of an action, as a share of the best one.
 const FLOOR: f64 = 1e-6;
@@ -22,7 +23,7 @@ const ALL: f64 = 0.2;
 /// Component 0 is natural, and component 1 tilts by √V of all failures.
 #[derive(Clone, Debug)]
 pub(super) struct Mixture {
-    value: Option<Value>,
+    value: Option<ValueNetwork>,
     /// Starts of each component.
     trees: Vec<StartTree>,
     /// Share of each component.
@@ -40,7 +41,7 @@ impl Mixture {
     }
 
     /// Returns the mixture of a fitted V. Head 0 is for all failures, the others for modes.
-    pub(super) fn of(value: Value, trees: Vec<StartTree>) -> Mixture {
+    pub(super) fn of(value: ValueNetwork, trees: Vec<StartTree>) -> Mixture {
         let modes = value.heads() - 1;
         let mut shares = vec![NATURAL, SOFT];
         let rest = 1.0 - NATURAL - SOFT;
@@ -159,12 +160,11 @@ fn tilted(law: &[f64], values: &[f64], share: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::value::ValueKind;
     use super::*;
 
     #[test]
     fn allocations_follow_the_shares_and_weights_are_bounded() {
-        let value = Value::new(ValueKind::Network, [3, 3, 2], 1);
+        let value = ValueNetwork::new([3, 3, 2], 1);
         let trees = vec![StartTree::natural(0); 4];
         let mixture = Mixture::of(value, trees);
         let sum: f64 = mixture.shares().iter().sum();
@@ -203,7 +203,7 @@ mod tests {
     }
 
     fn mixture(heads: usize) -> Mixture {
-        let value = Value::new(ValueKind::Table, [1, heads, 2], 0);
+        let value = ValueNetwork::flat([1, heads, 2]);
         Mixture::of(value, vec![tree(); heads + 1])
     }
 

@@ -32,18 +32,13 @@ mod start_tree;
 #[cfg(test)]
 mod tests;
 mod traffic;
-mod value;
 mod value_network;
-mod value_table;
 
 pub use crate::world::EncounterRate;
 pub use checks::{Checks, Refusal};
 pub use pool::RiskEstimate;
 pub use record::KnownFailure;
-#[doc(hidden)]
-pub use report::unchecked_estimate;
 pub use report::{EgoRisk, ModeRisk, RiskBounds, RiskCost, RiskReadings, RiskReport};
 pub use request::{RiskRequest, RiskSettings};
 pub use run_faults::RunFaults;
 pub use traffic::{RiskTraffic, RiskTrafficError};
-pub use value::ValueKind;

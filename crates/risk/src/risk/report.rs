@@ -107,9 +107,6 @@ pub struct EgoRisk {
     /// Likeliest failure of every kind.
     #[serde(skip)]
     pub(super) likeliest: Vec<RiskRun>,
-    /// Estimate before the checks, to measure them.
-    #[serde(skip)]
-    pub(super) unchecked: Option<RiskEstimate>,
 }
 
 /// Result of [`RiskRequest::estimate`](super::RiskRequest::estimate).
@@ -220,7 +217,6 @@ impl EgoRisk {
             unrepeatable: None,
             crude_runs: None,
             likeliest: Vec::new(),
-            unchecked: None,
         }
     }
 
@@ -281,7 +277,6 @@ impl EgoRisk {
         let mut risk = EgoRisk {
             modes: modes.collect(),
             crude_runs: Some(natural.inside() as f64),
-            unchecked: Some(natural.rate(hits, FaultsAs::Held)),
             ..EgoRisk::without_readings(ego, natural, natural.faults.clone())
         };
         let readings = |faults| RiskReadings::counted(natural, faults);
@@ -304,7 +299,6 @@ impl EgoRisk {
         let mut risk = EgoRisk {
             impossible: runs.impossible,
             likeliest: runs.likeliest,
-            unchecked: pooled(rounds, |_| true).map(|it| it.over(&inside)),
             ..EgoRisk::without_readings(ego, natural, runs.faults)
         };
         // A refused estimate has no number that could be quoted.
@@ -348,11 +342,6 @@ impl EgoRisk {
         let spread = libm::log(1.0 + all.half_width()) / 1.96;
         self.crude_runs = Some((1.0 - all.probability) / (all.probability * spread * spread));
     }
-}
-
-/// Returns the estimate of an ego as if no check had refused it.
-pub fn unchecked_estimate(risk: &EgoRisk) -> Option<RiskEstimate> {
-    risk.unchecked
 }
 
 impl RiskReport {

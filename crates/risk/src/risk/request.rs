@@ -6,7 +6,6 @@ use serde_json::json;
 
 use super::record::KnownFailure;
 use super::traffic::RiskTraffic;
-use super::value::ValueKind;
 use crate::content_hash;
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::rl::Policy;
@@ -56,8 +55,6 @@ pub struct RiskSettings {
     pub learn_on: Option<PlantKind>,
     /// Runs of the ego from which a surrogate is fitted, to learn the proposals in.
     pub surrogate: Option<u64>,
-    /// Form of V.
-    pub value: ValueKind,
 }
 
 impl Default for RiskSettings {
@@ -69,7 +66,6 @@ impl Default for RiskSettings {
             seed: 0,
             learn_on: None,
             surrogate: None,
-            value: ValueKind::Network,
         }
     }
 }
@@ -224,7 +220,6 @@ mod tests {
             digest(&|it| it.settings.budget = 20_000),
             digest(&|it| it.settings.learn_on = Some(PlantKind::Kinematic)),
             digest(&|it| it.settings.surrogate = Some(100)),
-            digest(&|it| it.settings.value = ValueKind::Table),
         ];
         all.extend(
             others

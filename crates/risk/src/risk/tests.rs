@@ -5,10 +5,7 @@ use std::path::Path;
 use super::mixture::Mixture;
 use super::record::KnownFailure;
 use super::run::{EpisodeSource, Order, RiskWorld};
-use super::{
-    RiskReport, RiskRequest, RiskSettings, RiskTraffic, RiskTrafficError, ValueKind,
-    unchecked_estimate,
-};
+use super::{RiskReport, RiskRequest, RiskSettings, RiskTraffic, RiskTrafficError};
 use crate::ego::{Command, Controller, Fault, Percept};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::rulebook::Counts;
@@ -150,7 +147,6 @@ fn pooled_over(
     (sum / f64::from(given as u32), given, covered)
 }
 
-/// Most seeds learn a table, since fits of networks take most of the time of an estimate.
 #[test]
 fn estimates_agree_with_the_enumeration_of_all_sequences() {
     let (world, dir) = (world(), directory("risk-exact"));
@@ -158,27 +154,21 @@ fn estimates_agree_with_the_enumeration_of_all_sequences() {
     let exact = exact(&world, &traffic);
     assert!((1e-5..5e-3).contains(&exact), "{exact}");
     let egos = [EgoUnderTest::nominal(&world)];
-    for (value, budget, seeds, tolerance) in [
-        (ValueKind::Table, 20_000, 8, 0.06),
-        (ValueKind::Network, 6_000, 2, 0.15),
-    ] {
-        let settings = (0..seeds).map(|seed| RiskSettings {
-            value,
-            budget,
-            ..settings(seed)
-        });
-        let (mean, given, covered) = pooled_over(&traffic, &egos, exact, settings);
-        // A check may refuse a sound estimate, above all after as few runs as here.
-        assert!(2 * given >= seeds as usize, "{given} of {seeds} {value:?}");
-        assert!(
-            (mean / exact - 1.0).abs() < tolerance,
-            "{mean} instead of {exact} by a {value:?}"
-        );
-        assert!(
-            covered + 1 >= given,
-            "{covered} of {given} intervals cover {exact}"
-        );
-    }
+    // Fits of networks take most of the time of an estimate.
+    let seeds = 4;
+    let settings = (0..seeds).map(|seed| RiskSettings {
+        budget: 12_000,
+        ..settings(seed)
+    });
+    let (mean, given, covered) = pooled_over(&traffic, &egos, exact, settings);
+    // A check may refuse a sound estimate, above all after as few runs as here.
+    assert!(2 * given >= seeds as usize, "{given} of {seeds}");
+    let off = (mean / exact - 1.0).abs();
+    assert!(off < 0.06, "{mean} instead of {exact}");
+    assert!(
+        covered + 1 >= given,
+        "{covered} of {given} intervals cover {exact}"
+    );
     std::fs::remove_dir_all(&dir).expect("removed");
 }
 
@@ -246,7 +236,6 @@ fn narrow_estimates_play_three_rounds_too() {
             budget,
             // The first estimate is narrow enough.
             width: 100.0,
-            value: ValueKind::Table,
             ..settings(5)
         };
         let report = estimated(&traffic, &egos, settings);
@@ -266,7 +255,6 @@ fn a_greater_budget_continues_from_the_stored_runs() {
             budget,
             // Never narrow enough, so that the budget ends it.
             width: 1e-9,
-            value: ValueKind::Table,
             ..settings(4)
         };
         request.dir = at.map(Path::to_path_buf);
@@ -398,24 +386,6 @@ fn a_world_can_declare_its_traffic() {
         placed.text[span.clone()].contains("stay: [0.7, 0.95]"),
         "{span:?}"
     );
-}
-
-#[test]
-fn a_table_estimates_the_same_risk() {
-    let (world, dir) = (world(), directory("risk-table"));
-    let traffic = traffic(&world, &dir);
-    let exact = exact(&world, &traffic);
-    let mut by_table = settings(0);
-    by_table.value = ValueKind::Table;
-    let report = estimated(&traffic, &[EgoUnderTest::nominal(&world)], by_table);
-    let found = unchecked_estimate(&report.egos[0]).expect("failures");
-    assert!(
-        (found.probability / exact - 1.0).abs() < 0.15,
-        "{found:?} instead of {exact}"
-    );
-    // Counting the same number of runs would find about twelve failures.
-    assert!(found.ess > 100.0, "{found:?}");
-    std::fs::remove_dir_all(&dir).expect("removed");
 }
 
 #[test]

@@ -1,4 +1,10 @@
-//! V as a network.
+//! Probability V of a failure, as it is learned from runs.
+//!
+//! V(s, a) is the probability that the ego fails after the joint action a in state s, if
+//! the ados follow their law from then on. A run gives a target per decision, from its end
+//! backwards: the mean of V under the law, in which the value of the action that was taken
+//! is replaced by its own target (tree backup, Precup et al. 2000). So a single failure
+//! moves the values of all states before it, with their right size.
 
 use super::decisions::{ActionValues, Decisions};
 use super::record::RiskRun;
@@ -38,15 +44,26 @@ pub(super) struct ValueNetwork {
 
 impl ValueNetwork {
     /// Creates a network that expects hardly any failure.
-    pub(super) fn new(inputs: usize, heads: usize, actions: usize, seed: u64) -> ValueNetwork {
+    ///
+    /// `sizes` are inputs, heads and joint actions.
+    pub(super) fn new(sizes: [usize; 3], seed: u64) -> ValueNetwork {
+        let [inputs, heads, actions] = sizes;
         let mut dice = LearnerRng::new(seed);
-        let sizes = [inputs, WIDTH, WIDTH, heads * actions];
+        let layers = [inputs, WIDTH, WIDTH, heads * actions];
         ValueNetwork {
             // Small weights give all actions nearly the same V at first.
-            net: Mlp::orthogonal(&sizes, 0.01, &mut dice),
+            net: Mlp::orthogonal(&layers, 0.01, &mut dice),
             heads,
             actions,
         }
+    }
+
+    /// Returns the network of weights 0, by which all actions have equal values.
+    #[cfg(test)]
+    pub(super) fn flat(sizes: [usize; 3]) -> ValueNetwork {
+        let mut network = ValueNetwork::new(sizes, 0);
+        network.net.parameters_mut().fill(0.0);
+        network
     }
 
     /// Returns V of every head and action, `[heads, actions]`.
@@ -198,7 +215,7 @@ mod tests {
             // No failure is of the second kind.
             (run, vec![run.failure().is_some(), false])
         });
-        let mut network = ValueNetwork::new(2, 2, 2, 3);
+        let mut network = ValueNetwork::new([2, 2, 2], 3);
         let fresh = network.values(&[1.0, 0.5]);
         assert!(
             fresh.len() == 4 && fresh.iter().all(|it| *it < 1e-3),
@@ -229,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_network_without_runs_stays_as_it_is() {
-        let mut network = ValueNetwork::new(2, 1, 2, 3);
+        let mut network = ValueNetwork::new([2, 1, 2], 3);
         let before = network.values(&[1.0, 0.5]);
         network.fit(&[], 5);
         assert_eq!(network.values(&[1.0, 0.5]), before);
