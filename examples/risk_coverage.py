@@ -17,8 +17,11 @@ args, options = parser.parse_known_args()
 
 def risk(*more):
     command = ["brakecheck", "risk", args.world, *options, *map(str, more), "--json"]
+    done = subprocess.run(command, stdout=subprocess.PIPE)
     # Exit code 3 is a refused estimate, which has no number.
-    return json.loads(subprocess.run(command, stdout=subprocess.PIPE).stdout)["egos"][0].get("fails")
+    if done.returncode not in (0, 3):
+        raise SystemExit(done.returncode)
+    return json.loads(done.stdout)["egos"][0].get("fails")
 
 counted = risk("--natural-runs", args.counted, "--budget", args.counted, "--seed", 1_000_000)
 seeds = range(args.first_seed, args.first_seed + args.seeds)
