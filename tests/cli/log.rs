@@ -169,7 +169,8 @@ fn rules_on_a_recording_are_those_of_a_count_by_hand() {
     let picture = read(picture);
     assert_eq!(picture.matches("<polygon").count(), 2, "{picture}");
     let x = |is_own: bool| -> f64 {
-        let mut boxes = picture.lines().filter(|it| it.starts_with("<polygon"));
+        let lines = picture.lines().map(str::trim_start);
+        let mut boxes = lines.filter(|it| it.starts_with("<polygon"));
         let own = boxes.find(|it| it.contains("#e03131") == is_own);
         let (_, rest) = own.expect("a box").split_once("points=\"").expect("points");
         rest[..rest.find(',').expect("a number")]
@@ -408,11 +409,7 @@ fn a_recording_and_an_instant_of_it_are_drawn() {
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let instant = read();
     assert_eq!(instant.matches("<polygon").count(), 2, "{instant}");
-    assert_eq!(
-        instant.matches("stroke=\"#e03131\"").count(),
-        1,
-        "{instant}"
-    );
+    assert_eq!(instant.matches("stroke:#e03131").count(), 1, "{instant}");
     let at = ["log", &file, "--picture", &picture, "--at"];
     let refused_at = |more: &[&str], says: &str| refused(&[&at[..], more].concat(), says);
     let said = refused_at(&["99", "--around", "own"], "no road user `own` at 99 s");
