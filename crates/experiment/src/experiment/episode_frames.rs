@@ -207,26 +207,21 @@ pub fn action_runs(actions: &[usize]) -> Vec<ActionRun> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Purpose, StartKey};
-    use crate::testbench::{Aftermath, Constant, Film, film_beyond, play};
+    use crate::scene::Start;
+    use crate::testbench::{Aftermath, Film, Replay, film_beyond, play};
 
-    /// First contact under a constant action that violates ψ_ego at its sample.
+    /// Cut-in whose contact violates ψ_ego at its sample, found by `search cut_in --seed 1`.
     fn decided_by_contact(scenario: &Scenario) -> (Episode, Film) {
+        let start = Start(vec![24.506718203774593, 6.213589348769963]);
+        let mut ado = Replay::holding(&[5, 5, 5, 4]);
         let mut bench = scenario.bench();
-        let actions = scenario.world().spaces().actions;
-        let tried = (0..200).flat_map(|index| (0..actions).map(move |action| (index, action)));
-        let played = tried.map(|(index, action)| {
-            let start = bench.draw(StartKey {
-                purpose: Purpose::Train,
-                seed: 1,
-                index,
-            });
-            let mut ado = Constant(action);
-            play(&mut bench, &start, 0, &mut ado, Aftermath::Play)
-        });
-        let mut crashes = played.filter(|it| it.contact.is_some() && it.verdict.is_success());
-        let found = crashes.find(|it| it.judged == it.trace.len());
-        let episode = found.expect("a contact that decides");
+        let episode = play(
+            &mut bench,
+            &start,
+            5809757876728845851,
+            &mut ado,
+            Aftermath::Play,
+        );
         let film = film_beyond(&mut scenario.bench(), &episode);
         (episode, film)
     }
