@@ -20,6 +20,7 @@ pub mod recordings {}
 /// Writing a world, from an empty file to a trained ado.
 #[doc = include_str!("../docs/guide/worlds.md")]
 pub mod worlds {}
+
 /// Worlds in VS Code, Neovim and Zed.
 #[doc = include_str!("../docs/guide/editors.md")]
 pub mod editors {}
@@ -87,10 +88,6 @@ pub mod risk {}
 #[doc = include_str!("../docs/guide/search.md")]
 pub mod search {}
 
-/// Number of starts from which a training is cheaper than a search.
-#[doc = include_str!("../docs/background/break-even.md")]
-pub mod break_even {}
-
 /// Many worlds, egos, ados and starts in resumable shards.
 #[doc = include_str!("../docs/guide/campaigns.md")]
 pub mod campaigns {}
@@ -130,6 +127,10 @@ pub mod claims {}
 /// HTML page and JUnit file of a run.
 #[doc = include_str!("../docs/guide/report.md")]
 pub mod report {}
+
+/// A page in the browser to drive in a world.
+#[doc = include_str!("../docs/guide/drive.md")]
+pub mod drive {}
 
 /// Pictures and recordings of a crash.
 #[doc = include_str!("../docs/guide/pictures.md")]

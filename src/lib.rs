@@ -59,6 +59,9 @@ use brakecheck_files::content_hash;
 #[doc(inline)]
 pub use brakecheck_scene::conformance;
 pub mod doc_pages;
+#[cfg(feature = "drive")]
+#[doc(inline)]
+pub use brakecheck_drive::drive;
 #[doc(inline)]
 pub use brakecheck_ego::ego;
 #[doc(inline)]
@@ -102,17 +105,16 @@ pub use brakecheck_stats::seed;
 #[doc(inline)]
 pub use brakecheck_training::population;
 pub mod serving;
-#[doc(inline)]
-pub use brakecheck_story as story;
 use brakecheck_evaluation::theorems;
 #[doc(inline)]
 pub use brakecheck_experiment::vector_env;
-use brakecheck_xml::visible;
 #[doc(inline)]
 pub use brakecheck_scene::testbench;
 use brakecheck_sim::sim;
 #[doc(inline)]
 pub use brakecheck_stats::stats;
+#[doc(inline)]
+pub use brakecheck_story as story;
 #[doc(inline)]
 pub use brakecheck_training::training;
 #[cfg(feature = "rerun")]
@@ -122,6 +124,7 @@ pub use brakecheck_view::view;
 pub use brakecheck_world::world;
 #[doc(inline)]
 pub use brakecheck_world_file::world_file;
+use brakecheck_xml::visible;
 
 #[doc(inline)]
 pub use cli::ErrorReport;

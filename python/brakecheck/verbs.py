@@ -7,6 +7,7 @@ Each of them runs the program of this package in a process of its own and reads 
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import signal
@@ -55,7 +56,10 @@ class Outcome(Rows):
         return f"<Outcome: {len(self)} rows, passed={self.passed}, about: {keys}>"
 
     def _repr_html_(self) -> str:
-        return str(self.to_pandas().to_html())
+        try:
+            return str(self.to_pandas().to_html())
+        except ImportError:
+            return f"<pre>{html.escape(repr(self))}</pre>"
 
     def to_pandas(self) -> Any:
         """As a pandas data frame, a line per row; nested keys are joined by dots."""

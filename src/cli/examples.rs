@@ -34,6 +34,8 @@ pub(super) const STL: &str = "Examples:\n  brakecheck stl \"always (gap >= 0.5)\
 pub(super) const LOG: &str = "Examples:\n  brakecheck log tracks.csv\n  brakecheck log tracks.csv --fit traffic.ron\n\nDocuments: docs/guide/recordings.md";
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/guide/report.md";
+#[cfg(feature = "drive")]
+pub(super) const DRIVE: &str = "Examples:\n  brakecheck drive acc --open\n  brakecheck drive runs/acc\n  brakecheck drive mine.ron --watch\n\nDocuments: docs/guide/drive.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =

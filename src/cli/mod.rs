@@ -7,6 +7,8 @@ mod campaign;
 mod check;
 mod common;
 mod crashes;
+#[cfg(feature = "drive")]
+mod drive;
 mod eval;
 mod eval_args;
 mod examples;
@@ -107,6 +109,10 @@ enum Verb {
     /// Play many worlds, egos, ados and starts in resumable pieces.
     #[command(after_help = examples::CAMPAIGN)]
     Campaign(campaign::CampaignArgs),
+    /// Drive in a world yourself, or watch, on a page in the browser.
+    #[cfg(feature = "drive")]
+    #[command(after_help = examples::DRIVE)]
+    Drive(drive::DriveArgs),
     /// Write an episode as a recording for the rerun viewer, or as a picture.
     #[command(after_help = examples::VIEW)]
     View(view::ViewArgs),
@@ -140,6 +146,8 @@ impl Verb {
             Verb::Log(args) => args.common(),
             Verb::Report(args) => args.common.clone(),
             Verb::Campaign(args) => args.common().clone(),
+            #[cfg(feature = "drive")]
+            Verb::Drive(args) => args.common(),
             Verb::View(args) => args.common(),
             Verb::Export(args) => args.common(),
             Verb::Serve(args) => args.common(),
@@ -150,6 +158,10 @@ impl Verb {
 
     /// Returns whether Ctrl-C makes it stop and save. Other verbs just end.
     fn saves_when_interrupted(&self) -> bool {
+        #[cfg(feature = "drive")]
+        if matches!(self, Verb::Drive(_)) {
+            return true;
+        }
         matches!(
             self,
             Verb::Train(_)
@@ -217,6 +229,8 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
         Verb::Log(args) => log::run(&args),
         Verb::Report(args) => report::run(&args),
         Verb::Campaign(args) => campaign::run(&args),
+        #[cfg(feature = "drive")]
+        Verb::Drive(args) => drive::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),
         Verb::Serve(args) => serve::run(&args),

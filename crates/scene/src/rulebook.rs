@@ -32,7 +32,9 @@ use crate::trace::Trace;
 use run_monitor::RunMonitor;
 
 /// End of an episode, and the part of it that is judged.
-#[derive(Clone, Copy, Debug, Default, Display, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, Default, Display, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema,
+)]
 pub enum JudgeKind {
     /// Judges the prefix up to the first decided sample, where the episode ends.
     #[default]

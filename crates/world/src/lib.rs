@@ -28,6 +28,6 @@ use brakecheck_scene::{natural, preventability, rulebook, scene, testbench};
 use brakecheck_sim::sim;
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;
-use brakecheck_story as story;
 use brakecheck_stl::trace;
+use brakecheck_story as story;
 use brakecheck_world_file::world_file;

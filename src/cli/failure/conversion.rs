@@ -10,6 +10,8 @@ use crate::cli::terminal;
 use crate::crashes::{
     ExportRefusal, FindError, Inapplicable, NotExported, RegressionError, UnknownViewKind,
 };
+#[cfg(feature = "drive")]
+use crate::drive::DriveError;
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError};
 use crate::openx::OpenXError;
@@ -113,6 +115,21 @@ impl From<&RunError> for Failure {
             RunError::Io { .. } | RunError::Locked { .. } | RunError::Damaged { .. } => {
                 Failure::plain(Exit::Fault, error.to_string(), help)
             }
+        }
+    }
+}
+
+#[cfg(feature = "drive")]
+impl From<DriveError> for Failure {
+    fn from(error: DriveError) -> Failure {
+        let help = error.help();
+        match error {
+            DriveError::Ego(error) => Failure::from(&error),
+            DriveError::Kept(error) => Failure::from(&error),
+            DriveError::Server(_) | DriveError::Random(_) => {
+                Failure::fault(error.to_string(), help)
+            }
+            _ => Failure::input(error.to_string(), help.unwrap_or_default()),
         }
     }
 }

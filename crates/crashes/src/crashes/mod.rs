@@ -23,9 +23,7 @@ pub use highlights::highlights;
 pub use picture::{Inapplicable, UnknownViewKind, ViewKind, picture};
 pub use regressions::{RegressionError, Regressions};
 pub use replay::newest_of_training;
-pub use replay::{
-    BrokenRuleOfReplay, ReplayCounts, ReplayOutcome, Replayed, SavedCounterexample,
-};
+pub use replay::{BrokenRuleOfReplay, ReplayCounts, ReplayOutcome, Replayed, SavedCounterexample};
 pub use replay_difference::Difference;
 pub use reruns::{KEEP_RUNS, copies};
 pub use save_crashes::{CrashSelection, Form, KeepSettings, KeptFiles};

@@ -5,10 +5,10 @@
 
 use super::path::Vertex;
 use super::stretch::Stretch;
-use crate::xml::XmlElement;
 use crate::road::RoadProfile;
 use crate::scene::drive::DriveWorld;
 use crate::sim::{Pose, wrapped};
+use crate::xml::XmlElement;
 
 /// Heights of the roads of a world.
 #[derive(Clone, Copy)]

@@ -1,9 +1,9 @@
 //! Entities of a scenario file: bounding boxes, axles and performance limits.
 
 use super::path::reference_behind_front_m;
-use crate::xml::XmlElement;
 use crate::scene::drive::{Agent, Drive};
 use crate::sim::{Body, BodyKind, Cyclist, GRAVITY_MPS2, Vehicle};
+use crate::xml::XmlElement;
 
 /// Lower bound of the `maxSpeed` that files state, in m/s.
 const TOP_MPS: f64 = 70.0;

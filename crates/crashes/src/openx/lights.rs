@@ -2,10 +2,10 @@
 
 use super::path::sample_time_s;
 use super::stretch::Stretch;
-use crate::xml::XmlElement;
 use crate::ego::Phase;
 use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;
+use crate::xml::XmlElement;
 
 /// Extra duration of the last phase beyond the episode, in seconds.
 const LAST_LONGER_S: f64 = 1000.0;

@@ -2,10 +2,10 @@
 
 use core::f64::consts::PI;
 
-use crate::xml::XmlElement;
 use crate::scene::Motion;
 use crate::sim::{Body, BodyState, Placement, Pose};
 use crate::testbench::FilmAfterContact;
+use crate::xml::XmlElement;
 
 /// Smallest distance of two instants in seconds, below the step of every player.
 const ONE_INSTANT_S: f64 = 1e-6;

@@ -11,10 +11,10 @@ use super::elevation::Elevation;
 use super::lights;
 use super::origin::{AUTHOR, DATE};
 use super::stretch::Stretch;
-use crate::xml::XmlElement;
 use crate::ego::RoadPiece;
 use crate::road::{Course, Road};
 use crate::scene::drive::DriveWorld;
+use crate::xml::XmlElement;
 
 /// Returns the complete OpenDRIVE document of a world.
 pub(super) fn document(

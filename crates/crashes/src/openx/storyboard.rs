@@ -2,8 +2,8 @@
 
 use super::entity::is_ego;
 use super::path::Vertex;
-use crate::xml::XmlElement;
 use crate::scene::drive::Agent;
+use crate::xml::XmlElement;
 
 /// Agent of the scenario, with its trajectory and its driver.
 pub(super) struct StoryboardAgent<'a> {

@@ -455,4 +455,8 @@ impl Policy for QPolicy {
     fn value(&self, obs: &[f32]) -> f32 {
         self.net.evaluate(obs, |values| values[argmax(values)])
     }
+
+    fn action_values(&self, obs: &[f32]) -> Option<Vec<f32>> {
+        Some(self.net.evaluate(obs, <[f32]>::to_vec))
+    }
 }

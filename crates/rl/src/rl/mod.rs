@@ -149,6 +149,11 @@ pub trait Policy: Send + Sync {
 
     /// Returns V(s), the expected return from here (Theorems 1 and 2).
     fn value(&self, obs: &[f32]) -> f32;
+
+    /// Returns Q(s, ·), the expected return of every action. `None` without such values.
+    fn action_values(&self, _obs: &[f32]) -> Option<Vec<f32>> {
+        None
+    }
 }
 
 /// Report of a learner after an episode.

@@ -1,4 +1,4 @@
-//! Episodes that another simulator moves, sample by sample.
+//! Episodes that go sample by sample: driven by hand, or moved by another simulator.
 
 use crate::scene::{BodySample, BodyState};
 use crate::stl::Scratch;
@@ -25,6 +25,21 @@ impl Testbench {
     /// Unlike [`Testbench::decide`] it plays no sample.
     pub fn decide_only(&mut self, action: usize) {
         self.choose(action);
+    }
+
+    /// Advances by one sample. Returns false, and plays nothing, if the episode is over.
+    ///
+    /// Ados whose decision is due keep their action unless [`Testbench::decide_only`] sets one.
+    pub fn play_sample(&mut self) -> bool {
+        if self.is_done() {
+            return false;
+        }
+        self.sample();
+        if self.is_done() {
+            // As after the last sample of `decide`.
+            self.scene.finish();
+        }
+        true
     }
 
     /// Advances by one sample in which another simulator moves some agents.

@@ -368,4 +368,8 @@ impl Policy for TablePolicy {
             .values(obs)
             .map_or(0.0, |values| values[argmax(values)])
     }
+
+    fn action_values(&self, obs: &[f32]) -> Option<Vec<f32>> {
+        self.table.values(obs).map(<[f32]>::to_vec)
+    }
 }

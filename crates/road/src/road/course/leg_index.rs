@@ -73,7 +73,7 @@ impl LegIndex {
     ) -> impl Iterator<Item = usize> {
         let boxes = self.boxes.iter().enumerate();
         let near = boxes.filter(move |(_, around)| {
-            // As the distance is squared, a NaN is searched and not skipped.
+            // From a place that is no number nothing is beyond, so that the guess is found.
             let is_beyond = within_m * within_m < around.away_m2(pose);
             !is_beyond
         });

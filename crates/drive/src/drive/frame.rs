@@ -1,0 +1,86 @@
+//! One sample of a driven episode, as the page gets it.
+
+use serde::Serialize;
+
+use super::session::{DriveInput, DriveOutcome};
+use crate::ego::Phase;
+use crate::testbench::Testbench;
+use crate::world::Scenario;
+
+/// One sample: poses, lights, margins and signals.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveFrame {
+    /// Position among the samples.
+    pub sample: usize,
+    /// Time since the start.
+    pub time_s: f64,
+    /// Of every agent: centre x, y, z in metres and orientation qx, qy, qz, qw.
+    pub bodies: Vec<[f64; 7]>,
+    /// Of every agent: speed along its heading, m/s.
+    pub speeds_mps: Vec<f64>,
+    /// Phase of every light.
+    pub lights: Vec<Phase>,
+    /// ρ(ψ_ego) of the samples so far. `None` if it is infinite.
+    pub spec: Option<f64>,
+    /// Robustness of every rule on the samples so far.
+    pub rules: Vec<Option<f64>>,
+    /// Value of every signal.
+    pub signals: Vec<f64>,
+    /// Input that led here. `None` at 0 s.
+    pub input: Option<DriveInput>,
+    /// Joint action of the ados in words. `None` before the first decision.
+    pub action: Option<String>,
+    /// Value of the trained ado, V(s).
+    pub value: Option<f32>,
+    /// Value of every joint action, where the trained ado has them.
+    pub values: Vec<f32>,
+    /// Verdict, once it is final.
+    pub outcome: Option<DriveOutcome>,
+}
+
+/// JSON has no infinities.
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+impl DriveFrame {
+    /// Returns the frame of a bench's current sample, without what the player knows.
+    pub(super) fn of(
+        bench: &Testbench,
+        world: &Scenario,
+        input: Option<DriveInput>,
+        action: Option<usize>,
+    ) -> DriveFrame {
+        let trace = bench.trace();
+        let frame = bench.frame();
+        let margins = bench.margins();
+        let last = trace.len().saturating_sub(1);
+        let mut signals = vec![0.0; trace.schema().len()];
+        trace.read_row(last, &mut signals);
+        // A contact on the whole run holds its sample to the end, and the clock says so.
+        let time_s = (last as f64 * trace.dt_s() * 1e9).round() / 1e9;
+        DriveFrame {
+            sample: last,
+            time_s: bench.contact().map_or(time_s, |contact| contact.time_s),
+            bodies: frame
+                .placements
+                .iter()
+                .map(|it| {
+                    let [x, y, z] = it.centre_m;
+                    let q = it.rotation.coords;
+                    [x, y, z, q.x, q.y, q.z, q.w]
+                })
+                .collect(),
+            speeds_mps: bench.bodies().iter().map(|it| it.state.speed_mps).collect(),
+            lights: frame.phases,
+            spec: finite(margins.spec),
+            rules: margins.rules.into_iter().map(finite).collect(),
+            signals,
+            input,
+            action: action.map(|action| world.action_label(action)),
+            value: None,
+            values: Vec::new(),
+            outcome: None,
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Messages between page and program.
+
+use serde::{Deserialize, Serialize};
+
+use super::frame::DriveFrame;
+use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup, Slider};
+use super::session::{DriveInput, DrivenEpisode};
+use crate::scene::{BodyFigure, Role, SceneGeometry};
+
+/// What a page asks. The page at the wheel may ask all, and the others nothing.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum DriveRequest {
+    /// The keys that are held from now on.
+    Keys(DriveInput),
+    /// Go on, or pause.
+    Run(bool),
+    /// Play one sample, and pause.
+    Step,
+    /// Speed against real time, 0.05 to 8.
+    Speed(f64),
+    /// Back to a sample, and pause.
+    Back(usize),
+    /// Begin an episode with these values.
+    Begin(Setup),
+    /// Begin the test start after the present one.
+    Next,
+    /// Keep the counterexample as a file.
+    Keep,
+}
+
+/// What the program sends.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PageMessage {
+    /// A new episode: everything that does not change in it.
+    Stage(Box<Stage>),
+    /// The roads, where an ado lays them while you drive: as in [`Stage::roads_m`].
+    Roads(Vec<Vec<Vec<[f64; 3]>>>),
+    /// A sample.
+    Frame(Box<DriveFrame>),
+    /// The samples so far, for a page that comes later or after a way back.
+    Frames(Vec<DriveFrame>),
+    /// State of the clock, and whether this page is at the wheel.
+    State {
+        /// True while the episode goes on by itself.
+        running: bool,
+        /// True if the episode is over.
+        done: bool,
+        /// Speed against real time.
+        speed: f64,
+        /// Page at the wheel.
+        wheel: Option<u64>,
+    },
+    /// File of the kept counterexample. Its name, not its place on the disk.
+    Kept(String),
+    /// A message for the person at the page.
+    Note(String),
+    /// Problems of the edited world file, in place of the scene.
+    Problems(String),
+}
+
+/// Everything that does not change in an episode.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stage {
+    /// Name of the world.
+    pub world: String,
+    /// Question of the world.
+    pub question: String,
+    /// Setup of the episode.
+    pub setup: Setup,
+    /// Your seat.
+    pub seat: DriveSeat,
+    /// Time between two samples.
+    pub sample_s: f64,
+    /// Length of an episode.
+    pub horizon_s: f64,
+    /// Agents, in file order.
+    pub agents: Vec<StageAgent>,
+    /// Lane borders as polylines on the ground, road by road, the world's own first.
+    pub roads_m: Vec<Vec<Vec<[f64; 3]>>>,
+    /// Traffic lights, in file order.
+    pub lights: Vec<StageLight>,
+    /// ψ_ego.
+    pub spec: String,
+    /// Rules, most important first.
+    pub rules: Vec<StageRule>,
+    /// Names and units of the signals.
+    pub signals: Vec<[String; 2]>,
+    /// Egos to choose from.
+    pub egos: Vec<String>,
+    /// Players of the ados to choose from.
+    pub players: Vec<AdoPlayer>,
+    /// Names of the ados, in the order of a joint action.
+    pub ados: Vec<String>,
+    /// Actions of every ado.
+    pub actions: Vec<Vec<String>>,
+    /// Sliders over the start.
+    pub start_sliders: Vec<Slider>,
+    /// Sliders over the parameters of the ego.
+    pub ego_sliders: Vec<Slider>,
+}
+
+/// An agent, as it is drawn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StageAgent {
+    /// Name in the world file.
+    pub name: String,
+    /// `ego`, `ado` or `scripted`.
+    pub role: &'static str,
+    /// `person`, `two_wheeler`, `car`, `van` or `truck`.
+    pub figure: &'static str,
+    /// Length, width and height.
+    pub size_m: [f64; 3],
+    /// Red, green, blue.
+    pub colour: [u8; 3],
+}
+
+/// A traffic light, as it is drawn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StageLight {
+    /// Name in the world file.
+    pub name: String,
+    /// Right and left end of its stop line.
+    pub line_m: [[f64; 3]; 2],
+}
+
+/// A rule of an ado.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StageRule {
+    /// Name in the world file.
+    pub name: String,
+    /// Ado that must keep it.
+    pub ado: String,
+}
+
+impl Stage {
+    /// Returns the stage of an episode.
+    pub fn of(sandbox: &Sandbox, episode: &DrivenEpisode) -> Stage {
+        let world = episode.ego().scenario();
+        let stage = episode.stage();
+        let agents = stage.agents.iter().map(|agent| StageAgent {
+            name: agent.name.clone(),
+            role: match agent.role {
+                Role::Ego => "ego",
+                Role::Ado => "ado",
+                Role::Scripted => "scripted",
+            },
+            figure: match agent.figure() {
+                BodyFigure::Person => "person",
+                BodyFigure::TwoWheeler => "two_wheeler",
+                BodyFigure::Car => "car",
+                BodyFigure::Van => "van",
+                BodyFigure::Truck => "truck",
+            },
+            size_m: agent.size_m,
+            colour: agent.colour,
+        });
+        let roads_m = roads_m(&stage);
+        let lights = stage.lights.into_iter().map(|light| StageLight {
+            name: light.name,
+            line_m: light.stop_line_m,
+        });
+        let clock = world.world().clock();
+        let rules = world.rulebook().rules.iter().map(|rule| StageRule {
+            name: rule.name.clone(),
+            ado: rule.ado.clone(),
+        });
+        let schema = world.world().schema();
+        let signals = schema.signals().iter();
+        Stage {
+            world: world.name().to_owned(),
+            question: world.question().to_owned(),
+            setup: episode.setup().clone(),
+            seat: sandbox.seat().clone(),
+            sample_s: clock.sample_s,
+            horizon_s: clock.horizon_s,
+            agents: agents.collect(),
+            roads_m,
+            lights: lights.collect(),
+            spec: world.ego_spec().to_string(),
+            rules: rules.collect(),
+            signals: signals
+                .map(|it| [it.name.to_string(), it.unit.to_string()])
+                .collect(),
+            egos: sandbox.egos(),
+            players: sandbox.players(),
+            ados: sandbox.ados().collect(),
+            actions: sandbox.action_labels(),
+            start_sliders: sandbox.start_sliders(episode.setup()),
+            ego_sliders: sandbox.ego_sliders(&episode.setup().ego),
+        }
+    }
+}
+
+/// Returns the lane borders of all roads, the world's own first.
+pub(super) fn roads_m(stage: &SceneGeometry) -> Vec<Vec<Vec<[f64; 3]>>> {
+    let own = std::iter::once(&stage.lane_borders_m);
+    own.chain(&stage.side_roads_m).cloned().collect()
+}

@@ -1,0 +1,324 @@
+//! The clock: plays an episode in real time and does what the pages ask.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use super::error::DriveError;
+use super::hub::Hub;
+use super::message::{DriveRequest, PageMessage, Stage, roads_m};
+use super::sandbox::{Sandbox, Setup};
+use super::session::{DriveInput, DrivenEpisode};
+use super::watched::WatchedWorld;
+use crate::world::Scenario;
+
+/// Time between two looks at the watched file, and at the pages while nothing runs.
+const LOOK: Duration = Duration::from_millis(250);
+/// Speeds against real time.
+const SPEEDS: std::ops::RangeInclusive<f64> = 0.05..=8.0;
+
+/// Settings of a drive.
+pub struct DriveSettings {
+    /// Directory for kept counterexamples.
+    pub keep: PathBuf,
+    /// Seed of the test starts.
+    pub seed: u64,
+    /// Position of the first start.
+    pub index: usize,
+    /// World file to load again when it is saved.
+    pub watch: Option<WatchedWorld>,
+}
+
+/// Event for the clock.
+pub(super) enum PageEvent {
+    /// A page has come.
+    Joined(u64),
+    /// A page has gone.
+    Left,
+    /// A page asks.
+    Asked(u64, DriveRequest),
+    /// The program ends.
+    End,
+}
+
+/// The clock, with the episode that it plays.
+pub(super) struct RealTime<'a> {
+    sandbox: Sandbox,
+    settings: DriveSettings,
+    episode: DrivenEpisode,
+    hub: Hub,
+    /// Position of the test start, from which the next follows.
+    index: usize,
+    input: DriveInput,
+    running: bool,
+    speed: f64,
+    /// Instant of the next sample while it runs.
+    due: Instant,
+    problems: Option<String>,
+    /// Called with messages for the person at the terminal.
+    note: &'a (dyn Fn(&str) + Sync),
+}
+
+impl<'a> RealTime<'a> {
+    pub(super) fn new(
+        sandbox: Sandbox,
+        settings: DriveSettings,
+        hub: Hub,
+        note: &'a (dyn Fn(&str) + Sync),
+    ) -> Result<RealTime<'a>, DriveError> {
+        let setup = sandbox.first_setup(settings.seed, settings.index)?;
+        Ok(RealTime {
+            episode: DrivenEpisode::begin(&sandbox, &setup)?,
+            index: settings.index,
+            sandbox,
+            settings,
+            hub,
+            input: DriveInput::default(),
+            running: false,
+            speed: 1.0,
+            due: Instant::now(),
+            problems: None,
+            note,
+        })
+    }
+
+    /// Plays until the program ends.
+    pub(super) fn run(mut self, events: &Receiver<PageEvent>) {
+        let mut looked = Instant::now();
+        loop {
+            let now = Instant::now();
+            if now.duration_since(looked) >= LOOK {
+                looked = now;
+                self.look();
+            }
+            let wait = if self.running {
+                self.due.saturating_duration_since(now).min(LOOK)
+            } else {
+                LOOK
+            };
+            match events.recv_timeout(wait) {
+                Ok(PageEvent::End) | Err(RecvTimeoutError::Disconnected) => return,
+                Ok(PageEvent::Joined(page)) => self.welcome(page),
+                Ok(PageEvent::Left) => self.page_left(),
+                Ok(PageEvent::Asked(page, request)) => self.answer(page, request),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if self.running && self.due <= Instant::now() {
+                self.sample();
+            }
+        }
+    }
+
+    fn sample(&mut self) {
+        let Some(frame) = self.episode.advance(self.input) else {
+            self.running = false;
+            return self.send_state(None);
+        };
+        let frame = PageMessage::Frame(Box::new(frame.clone()));
+        self.hub.send(None, &frame);
+        if self.episode.has_new_road() {
+            let roads = roads_m(&self.episode.stage());
+            self.hub.send(None, &PageMessage::Roads(roads));
+        }
+        let step = Duration::from_secs_f64(self.episode.sample_s() / self.speed);
+        // After a delay the clock goes on from now, and does not race to make up for it.
+        self.due = (self.due + step).max(Instant::now() - step);
+        if self.episode.is_done() {
+            self.running = false;
+            self.send_state(None);
+        }
+    }
+
+    fn send_state(&self, to: Option<u64>) {
+        let state = PageMessage::State {
+            running: self.running,
+            done: self.episode.is_done(),
+            speed: self.speed,
+            wheel: self.hub.wheel(),
+        };
+        self.hub.send(to, &state);
+    }
+
+    fn send_episode(&self, to: Option<u64>) {
+        let stage = Stage::of(&self.sandbox, &self.episode);
+        self.hub.send(to, &PageMessage::Stage(Box::new(stage)));
+        self.send_frames(to);
+        if let Some(problems) = &self.problems {
+            self.hub.send(to, &PageMessage::Problems(problems.clone()));
+        }
+    }
+
+    fn send_frames(&self, to: Option<u64>) {
+        let frames = self.episode.frames().to_vec();
+        self.hub.send(to, &PageMessage::Frames(frames));
+    }
+
+    fn welcome(&mut self, page: u64) {
+        self.send_episode(Some(page));
+        self.send_state(None);
+    }
+
+    fn page_left(&mut self) {
+        if self.hub.wheel().is_none() {
+            // Nobody is at the wheel, so nothing goes on.
+            self.running = false;
+        }
+        self.input = DriveInput::default();
+        self.send_state(None);
+    }
+
+    fn answer(&mut self, page: u64, request: DriveRequest) {
+        // It may have lost the wheel since it asked.
+        if self.hub.wheel() != Some(page) {
+            return;
+        }
+        match request {
+            DriveRequest::Keys(input) => self.input = input.bounded(),
+            DriveRequest::Run(running) => self.go(running),
+            DriveRequest::Step => {
+                self.running = false;
+                self.sample();
+                self.send_state(None);
+            }
+            DriveRequest::Speed(speed) if speed.is_finite() => {
+                self.speed = speed.clamp(*SPEEDS.start(), *SPEEDS.end());
+                self.send_state(None);
+            }
+            DriveRequest::Speed(_) => {}
+            DriveRequest::Back(sample) => self.back(sample),
+            DriveRequest::Begin(setup) => self.begin(&setup),
+            DriveRequest::Next => self.next(),
+            DriveRequest::Keep => self.keep(),
+        }
+    }
+
+    fn go(&mut self, running: bool) {
+        self.running = running && !self.episode.is_done() && self.problems.is_none();
+        self.due = Instant::now();
+        self.send_state(None);
+    }
+
+    fn back(&mut self, sample: usize) {
+        self.running = false;
+        match self.episode.back_to(sample) {
+            Ok(()) => self.send_frames(None),
+            Err(error) => self.refuse(&error),
+        }
+        self.send_state(None);
+    }
+
+    fn begin(&mut self, setup: &Setup) {
+        self.running = false;
+        match DrivenEpisode::begin(&self.sandbox, setup) {
+            Ok(episode) => {
+                self.episode = episode;
+                self.send_episode(None);
+            }
+            Err(error) => self.refuse(&error),
+        }
+        self.send_state(None);
+    }
+
+    fn next(&mut self) {
+        let present = self.episode.setup().clone();
+        match self.sandbox.first_setup(self.settings.seed, self.index + 1) {
+            Ok(first) => {
+                self.index += 1;
+                self.begin(&Setup {
+                    start: first.start,
+                    noise: first.noise,
+                    ..present
+                });
+            }
+            Err(error) => self.refuse(&error),
+        }
+    }
+
+    fn keep(&mut self) {
+        match self.episode.keep(&self.settings.keep) {
+            Ok(file) => {
+                (self.note)(&format!("kept {}", file.display()));
+                let name = file.file_name().unwrap_or_default();
+                let name = name.to_string_lossy().into_owned();
+                self.hub.send(None, &PageMessage::Kept(name));
+            }
+            Err(error) => self.refuse(&error),
+        }
+    }
+
+    fn refuse(&self, error: &DriveError) {
+        let text = match error.help() {
+            Some(help) => format!("{error}: {help}"),
+            None => error.to_string(),
+        };
+        self.hub.send(None, &PageMessage::Note(text));
+    }
+
+    /// Loads the watched world again if it was saved.
+    fn look(&mut self) {
+        let Some(changed) = self.settings.watch.as_mut().and_then(WatchedWorld::changed) else {
+            return;
+        };
+        match changed.and_then(|world| self.reload(world)) {
+            Ok(()) => {
+                self.problems = None;
+                (self.note)("the world was loaded again");
+                self.send_episode(None);
+            }
+            Err(problems) => {
+                self.problems = Some(problems.clone());
+                self.hub.send(None, &PageMessage::Problems(problems));
+            }
+        }
+        self.running = false;
+        self.send_state(None);
+    }
+
+    fn reload(&mut self, world: Scenario) -> Result<(), String> {
+        let sandbox = self.sandbox.in_world(world).map_err(|it| it.to_string())?;
+        let setup = kept_setup(&self.sandbox, self.episode.setup(), &sandbox);
+        let setup = match setup {
+            Some(setup) => setup,
+            None => sandbox
+                .first_setup(self.settings.seed, self.settings.index)
+                .map_err(|it| it.to_string())?,
+        };
+        self.episode = DrivenEpisode::begin(&sandbox, &setup).map_err(|it| it.to_string())?;
+        self.sandbox = sandbox;
+        Ok(())
+    }
+}
+
+/// Returns the setup in an edited world: each axis keeps its value where it still may have it.
+///
+/// `None`: nothing of the start can be kept.
+fn kept_setup(before: &Sandbox, setup: &Setup, after: &Sandbox) -> Option<Setup> {
+    let old = before.world().axes();
+    let first = after.first_setup(0, 0).ok()?;
+    let value = |name: &str| {
+        let at = old.iter().position(|axis| axis.name == name)?;
+        setup.start.get(at).copied()
+    };
+    let axes = after.world().axes().into_iter().zip(first.start);
+    let start = axes.map(|(axis, drawn)| match value(&axis.name) {
+        Some(value) => value.clamp(axis.lo, axis.hi),
+        None => drawn,
+    });
+    let is_known = |ego: &String| after.egos().contains(ego);
+    let ego = Some(setup.ego.clone())
+        .filter(is_known)
+        .unwrap_or(first.ego);
+    let players = after.players();
+    let ado = if players.contains(&setup.ado) {
+        setup.ado
+    } else {
+        first.ado
+    };
+    Some(Setup {
+        ego,
+        ado,
+        start: start.collect(),
+        noise: setup.noise,
+        ego_values: Default::default(),
+    })
+}

@@ -1,0 +1,358 @@
+//! A driven episode: sample by sample, back to any moment and on from there.
+//!
+//! It has no clock. Equal setups and equal inputs give equal bits, so that the way back is
+//! the same episode played again up to a sample.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::error::DriveError;
+use super::frame::DriveFrame;
+use super::hand::Hand;
+use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup};
+use crate::ego::Command;
+use crate::experiment::EgoUnderTest;
+use crate::report::outcome_in_words;
+use crate::rl::{Policy, Spaces};
+use crate::rulebook::Verdict;
+use crate::run_dir::AdversaryId;
+use crate::scene::{SceneGeometry, Start};
+use crate::testbench::{Actor, Aftermath, Episode, HOLD_DECISIONS, HeldRandom, Testbench};
+
+/// What your keys say at a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriveInput {
+    /// Acceleration of the ego, m/s².
+    pub accel_mps2: f64,
+    /// Speed of the ego across the road, to the left, m/s.
+    pub lateral_mps: f64,
+    /// Action of your ado. `None`: its neutral one.
+    pub action: Option<usize>,
+}
+
+/// Strongest commands that keys give. Actuators and tyres limit them further.
+const MOST_ACCEL_MPS2: f64 = 9.0;
+const MOST_LATERAL_MPS: f64 = 3.0;
+
+impl DriveInput {
+    /// Returns the input within what keys may ask. A value that is no number is none.
+    pub fn bounded(self) -> DriveInput {
+        let within = |value: f64, most: f64| {
+            if value.is_finite() {
+                value.clamp(-most, most)
+            } else {
+                0.0
+            }
+        };
+        DriveInput {
+            accel_mps2: within(self.accel_mps2, MOST_ACCEL_MPS2),
+            lateral_mps: within(self.lateral_mps, MOST_LATERAL_MPS),
+            action: self.action,
+        }
+    }
+}
+
+/// Verdict of an episode, in the words of every verb.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveOutcome {
+    /// `counterexample`, `held`, `foul`, `uncounted` or `invalid`.
+    pub verdict: &'static str,
+    /// Outcome in a few words.
+    pub words: String,
+    /// Time of the verdict.
+    pub time_s: f64,
+    /// Broken rules, as positions in the rulebook.
+    pub broken: Vec<usize>,
+    /// True if it can be kept.
+    pub keeps: bool,
+}
+
+/// Episode in progress.
+pub struct DrivenEpisode {
+    setup: Setup,
+    ego: EgoUnderTest,
+    seat: DriveSeat,
+    bench: Testbench,
+    hand: Hand,
+    player: JointActions,
+    /// Joint actions so far, one per decision.
+    actions: Vec<usize>,
+    /// Inputs so far, one per sample after the first.
+    inputs: Vec<DriveInput>,
+    frames: Vec<DriveFrame>,
+}
+
+/// Source of the ados' joint actions.
+enum JointActions {
+    Constant(usize),
+    Policy(Arc<dyn Policy>),
+    Random(Box<HeldRandom>),
+    Sequence(Vec<usize>),
+}
+
+impl JointActions {
+    fn act(&mut self, obs: &[f32], allowed: Option<&[bool]>, decision: usize) -> usize {
+        match (self, allowed) {
+            (JointActions::Constant(action), _) => *action,
+            (JointActions::Policy(policy), Some(allowed)) => policy.act_among(obs, allowed),
+            (JointActions::Policy(policy), None) => policy.act(obs),
+            (JointActions::Random(random), _) => random.act(obs),
+            // As kept sequences: the last action is held.
+            (JointActions::Sequence(actions), _) => {
+                let action = actions.get(decision).or(actions.last());
+                action.copied().unwrap_or_default()
+            }
+        }
+    }
+
+    fn value(&self, obs: &[f32]) -> Option<f32> {
+        match self {
+            JointActions::Policy(policy) => Some(policy.value(obs)),
+            _ => None,
+        }
+    }
+
+    fn values(&self, obs: &[f32]) -> Vec<f32> {
+        match self {
+            JointActions::Policy(policy) => policy.action_values(obs).unwrap_or_default(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// Returns a joint action with the action of one ado replaced.
+fn with_own(spaces: &Spaces, joint: usize, ado: usize, own: Option<usize>) -> usize {
+    let unit: usize = spaces.parts[..ado]
+        .iter()
+        .map(|part| part.actions)
+        .product();
+    let part = &spaces.parts[ado];
+    let before = joint / unit % part.actions;
+    // An action that the ado does not have is none.
+    let own = own.filter(|it| *it < part.actions).unwrap_or(part.neutral);
+    joint - unit * before + unit * own
+}
+
+impl DrivenEpisode {
+    /// Begins an episode, with the sample at 0 s.
+    ///
+    /// # Errors
+    /// The setup does not fit the world, or the search finds nothing from the start.
+    pub fn begin(sandbox: &Sandbox, setup: &Setup) -> Result<DrivenEpisode, DriveError> {
+        let hand = Hand::default();
+        let ego = sandbox.ego(&setup.ego, &setup.ego_values, &hand)?;
+        check_start(sandbox, setup)?;
+        let bench = ego.scenario().bench();
+        let spaces = bench.spaces();
+        let player = match setup.ado {
+            AdoPlayer::Neutral => JointActions::Constant(spaces.neutral),
+            AdoPlayer::Random => {
+                JointActions::Random(Box::new(HeldRandom::new(spaces.actions, HOLD_DECISIONS)))
+            }
+            AdoPlayer::Trained => {
+                let policy = sandbox.trained().ok_or(DriveError::NotTrained)?;
+                JointActions::Policy(Arc::clone(policy))
+            }
+            AdoPlayer::Search => {
+                let found = sandbox.searched(&ego, setup);
+                JointActions::Sequence(found.ok_or(DriveError::NothingFound)?)
+            }
+        };
+        let mut episode = DrivenEpisode {
+            setup: setup.clone(),
+            ego,
+            seat: sandbox.seat().clone(),
+            bench,
+            hand,
+            player,
+            actions: Vec::new(),
+            inputs: Vec::new(),
+            frames: Vec::new(),
+        };
+        episode.play_again(&[], &[]);
+        Ok(episode)
+    }
+
+    /// Returns the setup.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Returns the static content.
+    pub fn stage(&self) -> SceneGeometry {
+        self.bench.stage()
+    }
+
+    /// Returns whether the road has grown with the newest sample.
+    pub(super) fn has_new_road(&self) -> bool {
+        let world = self.ego.scenario().drive();
+        let lays = world.is_some_and(|it| it.spec().road_ado.is_some());
+        // A piece is laid with a decision, and shows in the sample after it.
+        let per_decision = self.bench.clock().samples_per_decision();
+        lays && self.inputs.len() % per_decision == 1 % per_decision
+    }
+
+    /// Returns a frame per sample so far.
+    pub fn frames(&self) -> &[DriveFrame] {
+        &self.frames
+    }
+
+    /// Returns the time between two samples.
+    pub fn sample_s(&self) -> f64 {
+        self.bench.clock().sample_s
+    }
+
+    /// Returns whether the episode is decided and has come to its end.
+    pub fn is_done(&self) -> bool {
+        self.bench.is_done()
+    }
+
+    /// Plays the next sample. `None`: the episode is over.
+    pub fn advance(&mut self, input: DriveInput) -> Option<&DriveFrame> {
+        self.step(input.bounded(), None)
+    }
+
+    /// Goes back to a sample. From there it goes on with new inputs.
+    ///
+    /// # Errors
+    /// The sample was not played.
+    pub fn back_to(&mut self, sample: usize) -> Result<(), DriveError> {
+        if sample >= self.frames.len() {
+            return Err(DriveError::NotPlayed { sample });
+        }
+        let inputs = self.inputs[..sample].to_vec();
+        // The decision at the sample itself is taken anew.
+        let taken = sample.div_ceil(self.bench.clock().samples_per_decision());
+        let actions = self.actions[..taken.min(self.actions.len())].to_vec();
+        self.play_again(&inputs, &actions);
+        Ok(())
+    }
+
+    fn play_again(&mut self, inputs: &[DriveInput], actions: &[usize]) {
+        let start = Start(self.setup.start.clone());
+        let noise = self.setup.noise;
+        self.hand.set(Command::default());
+        // To the contact, which a kept file needs for its severity.
+        self.bench.begin(&start, noise, Aftermath::Play);
+        if let JointActions::Random(random) = &mut self.player {
+            random.begin(noise, &start);
+        }
+        self.actions.clear();
+        self.inputs.clear();
+        self.frames.clear();
+        self.push_frame(None);
+        for input in inputs {
+            self.step(*input, Some(actions));
+        }
+    }
+
+    /// Plays a sample. `recorded` has the joint actions of a part that is played again.
+    fn step(&mut self, input: DriveInput, recorded: Option<&[usize]>) -> Option<&DriveFrame> {
+        if self.bench.is_done() {
+            return None;
+        }
+        if self.bench.is_decision_due() {
+            self.decide(input, recorded);
+        }
+        self.hand.set(Command {
+            accel_mps2: input.accel_mps2,
+            lateral_mps: input.lateral_mps,
+        });
+        self.bench.play_sample();
+        self.inputs.push(input);
+        self.push_frame(Some(input));
+        self.frames.last()
+    }
+
+    fn decide(&mut self, input: DriveInput, recorded: Option<&[usize]>) {
+        let mut obs = vec![0.0; self.bench.spaces().observation];
+        self.bench.observe(&mut obs);
+        let allowed = self.bench.allowed();
+        let decision = self.actions.len();
+        // Asked also where the action is recorded, so that a random player goes on from there.
+        let chosen = self.player.act(&obs, allowed.as_deref(), decision);
+        let chosen = match self.seat {
+            DriveSeat::Ado(ado) => with_own(self.bench.spaces(), chosen, ado, input.action),
+            DriveSeat::Ego => chosen,
+        };
+        let action = recorded.and_then(|it| it.get(decision)).copied();
+        let action = action.unwrap_or(chosen);
+        self.actions.push(action);
+        self.bench.decide_only(action);
+    }
+
+    fn push_frame(&mut self, input: Option<DriveInput>) {
+        let mut obs = vec![0.0; self.bench.spaces().observation];
+        self.bench.observe(&mut obs);
+        let action = self.actions.last().copied();
+        let mut frame = DriveFrame::of(&self.bench, self.ego.scenario(), input, action);
+        frame.value = self.player.value(&obs);
+        frame.values = self.player.values(&obs);
+        frame.outcome = self.outcome();
+        self.frames.push(frame);
+    }
+
+    /// Returns the verdict, once it is final.
+    fn outcome(&self) -> Option<DriveOutcome> {
+        let verdict = self.bench.verdict()?;
+        let decided = self.frames.iter().rev().find_map(|it| it.outcome.clone());
+        let time_s = match &decided {
+            Some(outcome) => outcome.time_s,
+            None => self.bench.trace().len().saturating_sub(1) as f64 * self.sample_s(),
+        };
+        let episode = self.episode();
+        Some(DriveOutcome {
+            verdict: verdict.word(),
+            words: outcome_in_words(self.ego.scenario(), &episode),
+            time_s: (time_s * 1e9).round() / 1e9,
+            broken: self.bench.broken_rules().to_vec(),
+            keeps: matches!(verdict, Verdict::Counterexample { .. }),
+        })
+    }
+
+    /// Returns the record of the episode so far.
+    pub fn episode(&self) -> Episode {
+        let start = Start(self.setup.start.clone());
+        let actions = self.actions.clone();
+        self.bench.episode(&start, self.setup.noise, actions)
+    }
+
+    /// Returns the ego.
+    pub fn ego(&self) -> &EgoUnderTest {
+        &self.ego
+    }
+
+    /// Returns the inputs so far, one per sample after the first.
+    pub fn inputs(&self) -> &[DriveInput] {
+        &self.inputs
+    }
+
+    /// Returns the name of the ados' player in kept files.
+    pub(super) fn adversary(&self) -> AdversaryId {
+        match (&self.seat, &self.player) {
+            (DriveSeat::Ado(_), _) => AdversaryId::from(super::sandbox::YOU),
+            (DriveSeat::Ego, JointActions::Policy(_)) => AdversaryId::Trained,
+            (DriveSeat::Ego, JointActions::Random(_)) => AdversaryId::Hold,
+            (DriveSeat::Ego, JointActions::Sequence(_)) => AdversaryId::SEARCH,
+            (DriveSeat::Ego, JointActions::Constant(_)) => AdversaryId::Neutral,
+        }
+    }
+}
+
+fn check_start(sandbox: &Sandbox, setup: &Setup) -> Result<(), DriveError> {
+    let axes = sandbox.world().axes();
+    if axes.len() != setup.start.len() {
+        let why = format!("{} values for {} axes", setup.start.len(), axes.len());
+        return Err(DriveError::BadStart { why });
+    }
+    let mut values = axes.iter().zip(&setup.start);
+    let Some((axis, value)) = values.find(|(axis, value)| !(axis.lo..=axis.hi).contains(value))
+    else {
+        return Ok(());
+    };
+    let (name, lo, hi) = (&axis.name, axis.lo, axis.hi);
+    let why = format!("`{name}` = {value} is outside of {lo} ..= {hi}");
+    Err(DriveError::BadStart { why })
+}

@@ -1,0 +1,148 @@
+//! `brakecheck drive`: a page in the browser, in which you drive.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use serde_json::json;
+
+use super::common::{load_world, one_of, open_run, placed, print_json};
+use super::failure::{Exit, Failure, plain_theme};
+use super::number_args::count;
+use super::run_under_test::is_world;
+use super::terminal::{self, Common};
+use super::test_args::PROGRAM;
+use crate::drive::{DriveSettings, Reload, Sandbox, WatchedWorld, serve};
+use crate::sim::PlantKind;
+use crate::world::Scenario;
+
+#[derive(Args, Debug)]
+pub(super) struct DriveArgs {
+    /// A world file, the name of a shipped world, or a run directory with a trained ado.
+    #[arg(value_name = "WORLD|RUN")]
+    what: PathBuf,
+    /// Your seat: the ego, or an ado, whose actions you choose.
+    #[arg(long = "as", value_name = "ego|ADO", default_value = "ego")]
+    seat: String,
+    /// Load the world again when its file is saved, and show its problems on the page.
+    #[arg(long)]
+    watch: bool,
+    /// Open the page in the browser.
+    #[arg(long)]
+    open: bool,
+    /// Test start to begin with, from 0.
+    #[arg(long, value_name = "INDEX", default_value_t = 0, value_parser = count(0..=999_999))]
+    start: u64,
+    /// Seed of the test starts.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    seed: u64,
+    /// The physics to drive in, instead of the world's.
+    #[arg(long, value_parser = one_of::<PlantKind>())]
+    plant: Option<PlantKind>,
+    /// Directory for the counterexamples that you keep.
+    #[arg(long, value_name = "DIR", default_value = "driven")]
+    keep: PathBuf,
+    /// Port of the page on 127.0.0.1, 0 for any that is free.
+    #[arg(long, value_name = "PORT", default_value_t = 0)]
+    port: u16,
+    /// Print the address as one JSON object on stdout instead of a message.
+    #[arg(long)]
+    json: bool,
+    /// Start the programs that the world's file names as egos.
+    #[arg(long)]
+    allow_programs: bool,
+    /// Program to choose as an ego, after `--`; typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
+    program: Vec<String>,
+}
+
+impl DriveArgs {
+    pub(super) fn common(&self) -> Common {
+        Common {
+            json: self.json,
+            allow_programs: self.allow_programs,
+            ..Common::default()
+        }
+    }
+}
+
+pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
+    let sandbox = sandbox(args)?.with_program(&args.program);
+    let settings = DriveSettings {
+        keep: args.keep.clone(),
+        seed: args.seed,
+        index: usize::try_from(args.start).unwrap_or(usize::MAX),
+        watch: watched(args)?,
+    };
+    let ready = |address: &str| announce(args, address);
+    let served = serve(
+        sandbox,
+        settings,
+        args.port,
+        terminal::stop(),
+        &ready,
+        &terminal::note,
+    )?;
+    terminal::note(&format!("the drive has ended after {} pages", served.pages));
+    // Ctrl-C is how a drive ends, and nothing of it is lost.
+    Ok(Exit::Done)
+}
+
+fn sandbox(args: &DriveArgs) -> Result<Sandbox, Failure> {
+    let common = args.common();
+    if is_world(&args.what) || !args.what.is_dir() {
+        let world = placed(load_world(&args.what, &common)?, args.plant)?;
+        return Ok(Sandbox::new(world, &args.seat)?);
+    }
+    let run = open_run(&args.what, &common)?;
+    let world = placed(run.scenario()?, args.plant)?;
+    let policy = Arc::from(run.policy()?);
+    Ok(Sandbox::new(world, &args.seat)?.with_trained(policy))
+}
+
+/// Returns the world's file to watch, if that is requested.
+fn watched(args: &DriveArgs) -> Result<Option<WatchedWorld>, Failure> {
+    if !args.watch {
+        return Ok(None);
+    }
+    if !args.what.is_file() {
+        let what = args.what.display();
+        return Err(Failure::input(
+            format!("`--watch` needs a world file, and `{what}` is none"),
+            "copy a file of the folder `worlds`, or write one: `brakecheck new mine`",
+        ));
+    }
+    let (path, common, plant) = (args.what.clone(), args.common(), args.plant);
+    let load = move || -> Result<Scenario, Failure> { placed(load_world(&path, &common)?, plant) };
+    // On a page there are no colours of a terminal.
+    let reload: Reload = Box::new(move || load().map_err(|it| it.render(plain_theme(), 100)));
+    Ok(Some(WatchedWorld::new(args.what.clone(), reload)))
+}
+
+fn announce(args: &DriveArgs, address: &str) {
+    if args.json {
+        // The page works also where nobody reads its address.
+        let _ = print_json(&json!({ "address": address }));
+    } else {
+        terminal::note(&format!(
+            "drive at {address} (Ctrl-C ends it; nobody without this address gets in)"
+        ));
+    }
+    if args.open {
+        open(address);
+    }
+}
+
+/// Opens an address in the browser, and says so where that fails.
+fn open(address: &str) {
+    let command = match std::env::consts::OS {
+        "macos" => "open",
+        "windows" => "explorer",
+        _ => "xdg-open",
+    };
+    if let Err(error) = std::process::Command::new(command).arg(address).spawn() {
+        terminal::note(&format!(
+            "`{command}` cannot be started ({error}): open the address yourself"
+        ));
+    }
+}
