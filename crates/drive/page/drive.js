@@ -39,7 +39,7 @@ const receive = {
       ? (it.setup.ego === "you" ? "↑ gas   ↓ brake (Shift: hard)   ← → across   Space go / pause" : "Space go / pause")
       : it.actions[own].map((name, at) => `${at + 1}: ${name}`).join("   ");
   },
-  roads(all) { scene.setRoads(all); },
+  geometry(it) { scene.setRoads(it); },
   frame(it) { frames.push(it); looked = null; arrived = performance.now(); },
   frames(all) { frames = all; looked = null; arrived = performance.now(); },
   state(it) {
@@ -133,10 +133,10 @@ window.addEventListener("blur", () => { held.clear(); sendInput(); });
 /** Poses between the last two samples, so that motion is smooth. */
 function bodiesNow() {
   const at = shownAt(), now = frames[at], before = frames[at - 1];
-  if (looked !== null || !before || !state.running) return now.bodies;
+  if (looked !== null || !before || !state.running) return now.placements;
   const share = Math.min(1, (performance.now() - arrived) / (1000 * stage.sample_s / state.speed));
-  return now.bodies.map((body, i) => body.map((value, k) => {
-    const from = before.bodies[i][k];
+  return now.placements.map((body, i) => body.map((value, k) => {
+    const from = before.placements[i][k];
     // Opposite quaternions are the same orientation.
     return k < 3 || from * value > -0.5 ? from + (value - from) * share : value;
   }));
@@ -149,11 +149,11 @@ function show() {
   sendInput();
   if (!stage || !frames.length) return;
   const at = shownAt(), frame = frames[at];
-  const places = scene.show(bodiesNow(), frame.lights);
-  while (labels.children.length > stage.agents.length) labels.lastChild.remove();
-  stage.agents.forEach((agent, i) => {
+  const places = scene.show(bodiesNow(), frame.phases);
+  while (labels.children.length > stage.geometry.agents.length) labels.lastChild.remove();
+  stage.geometry.agents.forEach((agent, i) => {
     const label = labels.children[i] ?? labels.appendChild(document.createElement("div"));
-    label.className = agent.role;
+    label.className = agent.role.toLowerCase();
     label.hidden = !places[i];
     if (!places[i]) return;
     label.textContent = `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s`;

@@ -90,7 +90,7 @@ export class Panel {
   }
 
   table(frame) {
-    const rows = this.stage.agents.map((agent, at) => [`${agent.name}, speed`, `${number(frame.speeds_mps[at], 1)} m/s`]);
+    const rows = this.stage.geometry.agents.map((agent, at) => [`${agent.name}, speed`, `${number(frame.speeds_mps[at], 1)} m/s`]);
     const signal = (names, title, digits) => {
       const at = this.stage.signals.findIndex(([name]) => names.includes(name));
       if (at >= 0) rows.push([title, `${number(frame.signals[at], digits)} ${this.stage.signals[at][1]}`]);

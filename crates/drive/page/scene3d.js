@@ -164,15 +164,15 @@ export class Scene3d {
   /** Takes what does not change in an episode. */
   setStage(stage) {
     this.stage = stage;
-    this.ego = Math.max(0, stage.agents.findIndex((it) => it.role === "ego"));
-    this.setRoads(stage.roads_m);
+    this.ego = Math.max(0, stage.geometry.agents.findIndex((it) => it.role === "Ego"));
+    this.setRoads(stage.geometry);
   }
 
   /** Takes the roads, which an adversary may lay while you drive. */
-  setRoads(roads) {
+  setRoads(geometry) {
     for (const { mesh } of this.fixed) for (const part of ["position", "normal"]) this.gl.deleteBuffer(mesh[part]);
     this.fixed = [];
-    roads.forEach((borders) => {
+    [geometry.lane_borders_m, ...geometry.side_roads_m].forEach((borders) => {
       if (borders.length < 2) return;
       this.fixed.push({ mesh: this.mesh(surface(borders)), colour: ASPHALT });
       borders.forEach((line, at) => {
@@ -180,8 +180,8 @@ export class Scene3d {
         this.fixed.push({ mesh: this.mesh(ribbon(line, 0.15, 0.02, outer ? 0 : 3)), colour: PAINT });
       });
     });
-    for (const light of this.stage.lights) {
-      this.fixed.push({ mesh: this.mesh(ribbon(light.line_m, 0.4, 0.03, 0)), colour: PAINT });
+    for (const light of geometry.lights) {
+      this.fixed.push({ mesh: this.mesh(ribbon(light.stop_line_m, 0.4, 0.03, 0)), colour: PAINT });
     }
   }
 
@@ -202,23 +202,23 @@ export class Scene3d {
     gl.uniformMatrix4fv(this.at.camera, false, camera);
     gl.disable(gl.CULL_FACE);
     // Behind everything, so that it hides no road that lies lower.
-    const below = ground[2] - this.stage.agents[this.ego].size_m[2] / 2 - 0.6;
+    const below = ground[2] - this.stage.geometry.agents[this.ego].size_m[2] / 2 - 0.6;
     gl.depthMask(false);
     this.draw(this.cube, boxAt([ground[0], ground[1], below], [4000, 4000, 1]), GRASS);
     gl.depthMask(true);
     for (const { mesh, colour } of this.fixed) this.draw(mesh, same, colour);
     bodies.forEach((body, at) => {
-      const agent = this.stage.agents[at];
+      const agent = this.stage.geometry.agents[at];
       if (!agent) return;
       const pose = posed(body), own = agent.colour.map((c) => c / 255);
-      for (const [centre, size, colour] of FIGURES[agent.figure]) {
+      for (const [centre, size, colour] of FIGURES[this.stage.figures[at]]) {
         const scaled = (v) => v.map((x, k) => x * agent.size_m[k]);
         this.draw(this.cube, times(pose, boxAt(scaled(centre), scaled(size))), colour ?? own);
       }
     });
-    this.stage.lights.forEach((light, at) => {
+    this.stage.geometry.lights.forEach((light, at) => {
       // The post stands at the right end of its stop line.
-      const [x, y, z] = light.line_m[0], colour = PHASES[lights[at]] ?? DARK;
+      const [x, y, z] = light.stop_line_m[0], colour = PHASES[lights[at]] ?? DARK;
       this.draw(this.cube, boxAt([x, y, z + 1.6], [0.12, 0.12, 3.2]), DARK);
       this.draw(this.cube, boxAt([x, y, z + 3.2], [0.6, 0.6, 0.9]), colour);
     });
@@ -263,7 +263,7 @@ export class Scene3d {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const small = this.fromAbove ? cameras.behind(w / h) : cameras.above(w / h, 45);
     this.drawAll(small, bodies, lights, body);
-    return bodies.map((it, at) => this.onCanvas(main, [it[0], it[1], it[2] + (this.stage.agents[at]?.size_m[2] ?? 1.5) * 0.6]));
+    return bodies.map((it, at) => this.onCanvas(main, [it[0], it[1], it[2] + (this.stage.geometry.agents[at]?.size_m[2] ?? 1.5) * 0.6]));
   }
 
   onCanvas(camera, [x, y, z]) {

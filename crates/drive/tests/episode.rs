@@ -53,7 +53,9 @@ fn the_keys_move_the_ego_and_equal_inputs_give_equal_bits() {
         .agents
         .iter()
         .position(|it| it.name == "ego");
-    let speed = |episode: &DrivenEpisode| episode.frames()[10].speeds_mps[ego.expect("an ego")];
+    let speed = |episode: &DrivenEpisode| {
+        episode.frames()[10].shown.speeds_mps[ego.expect("an ego")].expect("a speed")
+    };
     assert!(
         speed(&with_gas) > speed(&without) + 0.5,
         "gas makes it faster"

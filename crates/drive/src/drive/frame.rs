@@ -3,23 +3,16 @@
 use serde::Serialize;
 
 use super::session::{DriveInput, DriveOutcome};
-use crate::ego::Phase;
+use crate::experiment::ShownFrame;
 use crate::testbench::Testbench;
 use crate::world::Scenario;
 
 /// One sample: poses, lights, margins and signals.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DriveFrame {
-    /// Position among the samples.
-    pub sample: usize,
-    /// Time since the start.
-    pub time_s: f64,
-    /// Of every agent: centre x, y, z in metres and orientation qx, qy, qz, qw.
-    pub bodies: Vec<[f64; 7]>,
-    /// Of every agent: speed along its heading, m/s.
-    pub speeds_mps: Vec<f64>,
-    /// Phase of every light.
-    pub lights: Vec<Phase>,
+    /// Position, time, poses, phases and speeds, as pictures and recordings draw them.
+    #[serde(flatten)]
+    pub shown: ShownFrame,
     /// ρ(ψ_ego) of the samples so far. `None` if it is infinite.
     pub spec: Option<f64>,
     /// Robustness of every rule on the samples so far.
@@ -52,27 +45,20 @@ impl DriveFrame {
         action: Option<usize>,
     ) -> DriveFrame {
         let trace = bench.trace();
-        let frame = bench.frame();
         let margins = bench.margins();
         let last = trace.len().saturating_sub(1);
         let mut signals = vec![0.0; trace.schema().len()];
         trace.read_row(last, &mut signals);
+        let bodies = bench.bodies().into_iter();
         // A contact on the whole run holds its sample to the end, and the clock says so.
         let time_s = (last as f64 * trace.dt_s() * 1e9).round() / 1e9;
         DriveFrame {
-            sample: last,
-            time_s: bench.contact().map_or(time_s, |contact| contact.time_s),
-            bodies: frame
-                .placements
-                .iter()
-                .map(|it| {
-                    let [x, y, z] = it.centre_m;
-                    let q = it.rotation.coords;
-                    [x, y, z, q.x, q.y, q.z, q.w]
-                })
-                .collect(),
-            speeds_mps: bench.bodies().iter().map(|it| it.state.speed_mps).collect(),
-            lights: frame.phases,
+            shown: ShownFrame {
+                sample: last,
+                time_s: bench.contact().map_or(time_s, |contact| contact.time_s),
+                frame: bench.frame(),
+                speeds_mps: bodies.map(|it| Some(it.state.speed_mps)).collect(),
+            },
             spec: finite(margins.spec),
             rules: margins.rules.into_iter().map(finite).collect(),
             signals,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::frame::DriveFrame;
 use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup, Slider};
 use super::session::{DriveInput, DrivenEpisode};
-use crate::scene::{BodyFigure, Role, SceneGeometry};
+use crate::scene::{BodyFigure, SceneGeometry};
 
 /// What a page asks. The page at the wheel may ask all, and the others nothing.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -35,8 +35,8 @@ pub enum DriveRequest {
 pub enum PageMessage {
     /// A new episode: everything that does not change in it.
     Stage(Box<Stage>),
-    /// The roads, where an ado lays them while you drive: as in [`Stage::roads_m`].
-    Roads(Vec<Vec<Vec<[f64; 3]>>>),
+    /// Agents, lane borders and lights, where an ado lays the road while you drive.
+    Geometry(Box<SceneGeometry>),
     /// A sample.
     Frame(Box<DriveFrame>),
     /// The samples so far, for a page that comes later or after a way back.
@@ -75,12 +75,10 @@ pub struct Stage {
     pub sample_s: f64,
     /// Length of an episode.
     pub horizon_s: f64,
-    /// Agents, in file order.
-    pub agents: Vec<StageAgent>,
-    /// Lane borders as polylines on the ground, road by road, the world's own first.
-    pub roads_m: Vec<Vec<Vec<[f64; 3]>>>,
-    /// Traffic lights, in file order.
-    pub lights: Vec<StageLight>,
+    /// Agents, lane borders and lights.
+    pub geometry: SceneGeometry,
+    /// Of every agent: `person`, `two_wheeler`, `car`, `van` or `truck`.
+    pub figures: Vec<&'static str>,
     /// ψ_ego.
     pub spec: String,
     /// Rules, most important first.
@@ -101,30 +99,6 @@ pub struct Stage {
     pub ego_sliders: Vec<Slider>,
 }
 
-/// An agent, as it is drawn.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StageAgent {
-    /// Name in the world file.
-    pub name: String,
-    /// `ego`, `ado` or `scripted`.
-    pub role: &'static str,
-    /// `person`, `two_wheeler`, `car`, `van` or `truck`.
-    pub figure: &'static str,
-    /// Length, width and height.
-    pub size_m: [f64; 3],
-    /// Red, green, blue.
-    pub colour: [u8; 3],
-}
-
-/// A traffic light, as it is drawn.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StageLight {
-    /// Name in the world file.
-    pub name: String,
-    /// Right and left end of its stop line.
-    pub line_m: [[f64; 3]; 2],
-}
-
 /// A rule of an ado.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageRule {
@@ -138,28 +112,13 @@ impl Stage {
     /// Returns the stage of an episode.
     pub fn of(sandbox: &Sandbox, episode: &DrivenEpisode) -> Stage {
         let world = episode.ego().scenario();
-        let stage = episode.stage();
-        let agents = stage.agents.iter().map(|agent| StageAgent {
-            name: agent.name.clone(),
-            role: match agent.role {
-                Role::Ego => "ego",
-                Role::Ado => "ado",
-                Role::Scripted => "scripted",
-            },
-            figure: match agent.figure() {
-                BodyFigure::Person => "person",
-                BodyFigure::TwoWheeler => "two_wheeler",
-                BodyFigure::Car => "car",
-                BodyFigure::Van => "van",
-                BodyFigure::Truck => "truck",
-            },
-            size_m: agent.size_m,
-            colour: agent.colour,
-        });
-        let roads_m = roads_m(&stage);
-        let lights = stage.lights.into_iter().map(|light| StageLight {
-            name: light.name,
-            line_m: light.stop_line_m,
+        let geometry = episode.stage();
+        let figures = geometry.agents.iter().map(|agent| match agent.figure() {
+            BodyFigure::Person => "person",
+            BodyFigure::TwoWheeler => "two_wheeler",
+            BodyFigure::Car => "car",
+            BodyFigure::Van => "van",
+            BodyFigure::Truck => "truck",
         });
         let clock = world.world().clock();
         let rules = world.rulebook().rules.iter().map(|rule| StageRule {
@@ -175,9 +134,8 @@ impl Stage {
             seat: sandbox.seat().clone(),
             sample_s: clock.sample_s,
             horizon_s: clock.horizon_s,
-            agents: agents.collect(),
-            roads_m,
-            lights: lights.collect(),
+            figures: figures.collect(),
+            geometry,
             spec: world.ego_spec().to_string(),
             rules: rules.collect(),
             signals: signals
@@ -191,10 +149,4 @@ impl Stage {
             ego_sliders: sandbox.ego_sliders(&episode.setup().ego),
         }
     }
-}
-
-/// Returns the lane borders of all roads, the world's own first.
-pub(super) fn roads_m(stage: &SceneGeometry) -> Vec<Vec<Vec<[f64; 3]>>> {
-    let own = std::iter::once(&stage.lane_borders_m);
-    own.chain(&stage.side_roads_m).cloned().collect()
 }

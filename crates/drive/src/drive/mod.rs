@@ -19,7 +19,7 @@ mod watched;
 
 pub use error::DriveError;
 pub use frame::DriveFrame;
-pub use message::{DriveRequest, PageMessage, Stage, StageAgent, StageLight, StageRule};
+pub use message::{DriveRequest, PageMessage, Stage, StageRule};
 pub use real_time::DriveSettings;
 pub use sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup, Slider};
 pub use server::{DriveEnded, serve};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::error::DriveError;
 use super::hub::Hub;
-use super::message::{DriveRequest, PageMessage, Stage, roads_m};
+use super::message::{DriveRequest, PageMessage, Stage};
 use super::sandbox::{Sandbox, Setup};
 use super::session::{DriveInput, DrivenEpisode};
 use super::watched::WatchedWorld;
@@ -117,8 +117,8 @@ impl<'a> RealTime<'a> {
         let frame = PageMessage::Frame(Box::new(frame.clone()));
         self.hub.send(None, &frame);
         if self.episode.has_new_road() {
-            let roads = roads_m(&self.episode.stage());
-            self.hub.send(None, &PageMessage::Roads(roads));
+            let geometry = Box::new(self.episode.stage());
+            self.hub.send(None, &PageMessage::Geometry(geometry));
         }
         let step = Duration::from_secs_f64(self.episode.sample_s() / self.speed);
         // After a delay the clock goes on from now, and does not race to make up for it.

@@ -25,7 +25,7 @@ const MOST_REQUESTS: u32 = 400;
 /// Longest wait for a byte of a request, and for room in a page's buffer.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Time without a message after which a stream says that it still is there.
-const QUIET: Duration = Duration::from_secs(10);
+const QUIET: Duration = Duration::from_secs(1);
 /// Time between two looks at whether the program ends.
 const LOOK: Duration = Duration::from_millis(100);
 

@@ -12,7 +12,7 @@ use super::frame::DriveFrame;
 use super::hand::Hand;
 use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup};
 use crate::ego::Command;
-use crate::experiment::EgoUnderTest;
+use crate::experiment::{EgoUnderTest, decided, ending_at};
 use crate::report::outcome_in_words;
 use crate::rl::{Policy, Spaces};
 use crate::rulebook::Verdict;
@@ -297,19 +297,25 @@ impl DrivenEpisode {
     /// Returns the verdict, once it is final.
     fn outcome(&self) -> Option<DriveOutcome> {
         let verdict = self.bench.verdict()?;
-        let decided = self.frames.iter().rev().find_map(|it| it.outcome.clone());
-        let time_s = match &decided {
-            Some(outcome) => outcome.time_s,
-            None => self.bench.trace().len().saturating_sub(1) as f64 * self.sample_s(),
-        };
         let episode = self.episode();
+        // The aftermath changes no verdict, and its instant is computed once.
+        let known = self.frames.last().and_then(|it| it.outcome.as_ref());
+        let time_s = known.map_or_else(|| self.decided_s(&episode), |it| it.time_s);
         Some(DriveOutcome {
             verdict: verdict.word(),
             words: outcome_in_words(self.ego.scenario(), &episode),
-            time_s: (time_s * 1e9).round() / 1e9,
+            time_s,
             broken: self.bench.broken_rules().to_vec(),
             keeps: matches!(verdict, Verdict::Counterexample { .. }),
         })
+    }
+
+    /// Returns the instant from which the verdict is certain.
+    fn decided_s(&self, episode: &Episode) -> f64 {
+        let last = || ending_at(episode, episode.judged.saturating_sub(1));
+        decided(self.ego.scenario(), episode)
+            .unwrap_or_else(last)
+            .time_s
     }
 
     /// Returns the record of the episode so far.

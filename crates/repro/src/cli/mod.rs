@@ -351,9 +351,10 @@ mod tests {
 
     #[test]
     fn a_command_of_nothing_is_seen() {
-        let page = format!("`{RUN}table2` or `repro letter --sees 1`\n```sh\n{RUN}ncap # all\n```");
+        let page =
+            format!("`{RUN}table2` or `repro letter --sees 1`\n```sh\n{RUN}structures # all\n```");
         let found = commands(&page);
-        assert_eq!(found, ["ncap", "table2", "letter --sees 1"]);
+        assert_eq!(found, ["structures", "table2", "letter --sees 1"]);
         let taken = found.iter().map(|command| takes(command));
         assert_eq!(taken.collect::<Vec<bool>>(), [true, false, false]);
     }
