@@ -242,6 +242,7 @@ fn signals_and_robustness_are_double_precision() {
 /// Where numbers become single: bodies of rapier, observations, what an ado is
 /// told, rewards, networks, and pictures.
 const MAY_CAST: [&str; 15] = [
+    "crates/conformance/src/conformance/policy.rs",
     "crates/experiment/src/adversary/threshold_rule.rs",
     "crates/experiment/src/grid_solver/",
     // Stamps that were written in single precision.
@@ -249,7 +250,6 @@ const MAY_CAST: [&str; 15] = [
     "crates/risk/src/risk/run.rs",
     "crates/risk/src/risk/value_network.rs",
     "crates/rl/src/rl/",
-    "crates/scene/src/conformance/policy.rs",
     "crates/scene/src/scene/drive/observing.rs",
     "crates/scene/src/scene/grid/",
     "crates/scene/src/scene/world.rs",

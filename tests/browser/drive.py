@@ -108,7 +108,7 @@ def test_a_crash_is_shown_kept_and_replayed(browser, tmp_path):
         expect(page.locator("#note")).to_contain_text("Kept as")
         name = re.search(r"Kept as (\S+\.ron)", page.locator("#note").inner_text())[1]
         page.screenshot(path=tmp_path / "crash.png")
-    kept = tmp_path / "driven" / name
+    kept = tmp_path / name
     replay = [PROGRAM, "replay", str(kept), "--expect", "recorded", "--json"]
     replayed = subprocess.run(replay, capture_output=True, text=True, check=False)
     assert replayed.returncode == 0, replayed.stderr

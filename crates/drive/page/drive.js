@@ -9,8 +9,12 @@ const scene = new Scene3d(byId("scene")), panel = new Panel();
 const GAS = 3, BRAKE = 5, HARD = 9, ACROSS = 1.5;
 
 let page = null, stage = null, frames = [], state = { running: false, done: false, speed: 1, wheel: null };
+/** Frame that the panels show. */
+let drawn = null;
 /** Sample that is looked at, or null for the newest. */
 let looked = null;
+/** Way through the samples that were played: where and when it began, or null. */
+let replay = null;
 let arrived = performance.now();
 const held = new Set();
 let sent = "", action = null;
@@ -23,15 +27,22 @@ async function ask(request) {
   if (!answer.ok) byId("note").textContent = await answer.text();
 }
 
+/** Says who drives. */
+function who(now) {
+  if (now.wheel !== page) return "You watch: another page is at the wheel.";
+  if (stage?.seat.ado !== undefined) return `You are ${stage.ados[stage.seat.ado]}.`;
+  return stage?.setup.ego === "you" || !stage ? "You are at the wheel." : "The ego drives by itself.";
+}
+
 function newest() { return frames.length - 1; }
 function shownAt() { return looked === null ? newest() : Math.min(looked, newest()); }
 
 const receive = {
   stage(it) {
-    stage = it; frames = []; looked = null;
+    stage = it; frames = []; looked = null; replay = null;
     scene.setStage(it); panel.setStage(it);
     byId("problems").hidden = true;
-    byId("note").textContent = "";
+    byId("note").textContent = it.setup.ado === "search" ? "The search found a sequence with which the ego fails. Press Go." : "";
     byId("timeline").max = Math.round(it.horizon_s / it.sample_s);
     const own = it.seat.ado === undefined ? null : it.seat.ado;
     action = null;
@@ -44,14 +55,13 @@ const receive = {
   frames(all) { frames = all; looked = null; arrived = performance.now(); },
   state(it) {
     state = it;
-    byId("run").textContent = it.running ? "❚❚ Pause" : "▶ Go";
     byId("speed").value = String(it.speed);
-    byId("wheel").textContent = it.wheel === page ? "You are at the wheel." : "You watch: another page is at the wheel.";
+    byId("wheel").textContent = who(it);
     for (const button of document.querySelectorAll("#controls button, #begin")) {
       if (!["camera", "keep", "resume"].includes(button.id)) button.disabled = it.wheel !== page;
     }
   },
-  kept(name) { byId("note").textContent = `Kept as ${name}. The terminal shows where.`; },
+  kept(name) { byId("note").textContent = `Kept as ${name}`; },
   note(text) { byId("note").textContent = text; },
   problems(text) { byId("problems").textContent = text; byId("problems").hidden = false; },
   page(id) { page = id; },
@@ -82,13 +92,20 @@ function sendInput() {
 }
 
 async function goOn() {
-  if (state.done && looked === null) await again();
   // From the moment that is looked at: what was played after it is given up.
+  replay = null;
   if (looked !== null && looked < newest()) await ask({ back: looked });
   await ask({ run: true });
 }
-const run = () => (state.running ? ask({ run: false }) : goOn());
-const look = (at) => { if (state.running) ask({ run: false }); looked = Math.max(0, Math.min(at, newest())); };
+/** What was played runs again, from the moment that is looked at or from the beginning. */
+const watch = () => { replay = { from: looked ?? 0, since: performance.now() }; };
+const run = () => {
+  if (replay) { replay = null; return; }
+  if (state.running) { ask({ run: false }); return; }
+  // Only "On from here" and "Again" give up what was driven.
+  if (state.done || (looked !== null && looked < newest())) watch(); else goOn();
+};
+const look = (at) => { replay = null; if (state.running) ask({ run: false }); looked = Math.max(0, Math.min(at, newest())); };
 const again = () => ask({ begin: stage.setup });
 const begin = () => {
   const values = panel.egoValues().filter((it) => it.touched).map((it) => [it.name, it.value]);
@@ -112,6 +129,9 @@ for (const [id, act] of Object.entries(actions)) {
   byId(id).addEventListener("click", (event) => { act(); event.currentTarget.blur(); });
 }
 byId("speed").addEventListener("change", (event) => ask({ speed: Number(event.target.value) }));
+// Arrow keys drive, and must not move the slider.
+byId("timeline").addEventListener("change", (event) => event.target.blur());
+byId("signals").parentElement.addEventListener("toggle", () => { drawn = null; });
 byId("timeline").addEventListener("input", (event) => look(Number(event.target.value)));
 
 const KEYS = { " ": run, ",": actions.back, ".": actions.step, c: camera, r: again, n: actions.next, k: actions.keep };
@@ -143,11 +163,16 @@ function bodiesNow() {
 }
 
 const labels = byId("labels");
-let drawn = null;
 function show() {
   requestAnimationFrame(show);
   sendInput();
   if (!stage || !frames.length) return;
+  if (replay) {
+    const played = (performance.now() - replay.since) / (1000 * stage.sample_s / state.speed);
+    looked = Math.min(newest(), replay.from + Math.floor(played));
+    if (looked === newest()) { replay = null; looked = null; }
+  }
+  byId("run").textContent = state.running || replay ? "❚❚ Pause" : "▶ Go";
   const at = shownAt(), frame = frames[at];
   const places = scene.show(bodiesNow(), frame.phases);
   while (labels.children.length > stage.geometry.agents.length) labels.lastChild.remove();

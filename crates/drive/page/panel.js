@@ -46,8 +46,17 @@ export class Panel {
     options("ego", stage.egos, egoName, stage.setup.ego);
     options("player", stage.players, (it) => PLAYERS[it], stage.setup.ado);
     this.startValues = this.sliders("start-sliders", stage.start_sliders, {});
-    this.egoValues = this.sliders("ego-sliders", stage.ego_sliders, stage.setup.ego_values);
-    if (!stage.ego_sliders.length) byId("ego-sliders").textContent = "Choose the world's own ego or a changed one to see them.";
+    byId("ego").onchange = () => this.egoSliders(byId("ego").value);
+    this.egoSliders(stage.setup.ego);
+    // With one ado in your seat there is no other to choose a player for.
+    byId("player").disabled = stage.seat.ado !== undefined && stage.ados.length === 1;
+  }
+
+  /** Shows the parameters of an ego, with the values of the episode if it is its ego. */
+  egoSliders(ego) {
+    const { egos, ego_sliders, setup } = this.stage, sliders = ego_sliders[egos.indexOf(ego)] ?? [];
+    this.egoValues = this.sliders("ego-sliders", sliders, ego === setup.ego ? setup.ego_values : {});
+    if (!sliders.length) byId("ego-sliders").textContent = "This ego has none.";
   }
 
   /** Builds sliders, and returns a function that gives their values. */
@@ -81,6 +90,8 @@ export class Panel {
       fill.style.width = `${share}%`;
       fill.style.left = isBroken ? `${50 - share}%` : "50%";
     });
+    const isAfter = frame.outcome && frame.time_s > frame.outcome.time_s;
+    byId("counts").textContent = isAfter ? "after the verdict, which they do not change" : "above 0 is kept";
     this.curve(frame, frames);
     this.table(frame);
     byId("action").textContent = frame.action === null ? "has not decided yet" : frame.action;

@@ -16,6 +16,7 @@ void main() { gl_FragColor = vec4(shade, 1.0); }`;
 
 const PHASES = { Green: [0.2, 0.9, 0.4], Yellow: [1.0, 0.8, 0.1], Red: [1.0, 0.2, 0.15] };
 const GRASS = [0.16, 0.22, 0.17], ASPHALT = [0.22, 0.23, 0.25], PAINT = [0.85, 0.87, 0.88];
+const ADO = [1.0, 0.67, 0.29];
 const SKY = [0.5, 0.6, 0.7, 1];
 const DARK = [0.08, 0.09, 0.1], GLASS = [0.12, 0.16, 0.2];
 
@@ -210,7 +211,9 @@ export class Scene3d {
     bodies.forEach((body, at) => {
       const agent = this.stage.geometry.agents[at];
       if (!agent) return;
-      const pose = posed(body), own = agent.colour.map((c) => c / 255);
+      // An adversary in the colour of the ego would be taken for it.
+      const like = agent.role === "Ado" && String(agent.colour) === String(this.stage.geometry.agents[this.ego].colour);
+      const pose = posed(body), own = like ? ADO : agent.colour.map((c) => c / 255);
       for (const [centre, size, colour] of FIGURES[this.stage.figures[at]]) {
         const scaled = (v) => v.map((x, k) => x * agent.size_m[k]);
         this.draw(this.cube, times(pose, boxAt(scaled(centre), scaled(size))), colour ?? own);

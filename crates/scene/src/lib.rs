@@ -18,7 +18,6 @@
     allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
 )]
 
-pub mod conformance;
 pub mod natural;
 pub mod preventability;
 pub mod rulebook;

@@ -126,7 +126,7 @@ impl From<DriveError> for Failure {
         match error {
             DriveError::Ego(error) => Failure::from(&error),
             DriveError::Kept(error) => Failure::from(&error),
-            DriveError::Server(_) | DriveError::Random(_) => {
+            DriveError::Server { .. } | DriveError::Random(_) => {
                 Failure::fault(error.to_string(), help)
             }
             _ => Failure::input(error.to_string(), help.unwrap_or_default()),

@@ -50,6 +50,9 @@ pub enum DriveError {
         /// Requested sample.
         sample: usize,
     },
+    /// The episode goes on.
+    #[error("there is nothing to keep yet: the drive is not decided")]
+    Undecided,
     /// The episode is no counterexample.
     #[error("only a counterexample can be kept: {verdict}")]
     NoCounterexample {
@@ -63,8 +66,13 @@ pub enum DriveError {
     #[error(transparent)]
     Kept(#[from] KeptError),
     /// No page can be served.
-    #[error("no page can be served on 127.0.0.1: {0}")]
-    Server(#[from] std::io::Error),
+    #[error("no page can be served on port {port} of 127.0.0.1: {source}")]
+    Server {
+        /// Requested port, 0 for any.
+        port: u16,
+        /// Reason.
+        source: std::io::Error,
+    },
     /// The system gave no random bytes for the address.
     #[error("the system gives no random numbers: {0}")]
     Random(#[from] getrandom::Error),
@@ -82,6 +90,9 @@ impl DriveError {
                 format!("take `--as ego`, or one of: {}", known.join(", "))
             }
             DriveError::NoStart { .. } => "take `--start 0`".to_owned(),
+            DriveError::Server { .. } => {
+                "take another port, or leave `--port` out for any that is free".to_owned()
+            }
             DriveError::Ego(error) => return error.help(),
             _ => return None,
         })

@@ -17,6 +17,9 @@ impl DrivenEpisode {
     /// # Errors
     /// The episode is no counterexample, or the disk refuses.
     pub fn keep(&self, dir: &Path) -> Result<PathBuf, DriveError> {
+        if !self.is_decided() {
+            return Err(DriveError::Undecided);
+        }
         let episode = self.episode();
         if !episode.verdict.is_success() {
             let verdict = episode.verdict.word().to_owned();

@@ -52,7 +52,7 @@ pub enum PageMessage {
         /// Page at the wheel.
         wheel: Option<u64>,
     },
-    /// File of the kept counterexample. Its name, not its place on the disk.
+    /// File of the kept counterexample, as the terminal has it.
     Kept(String),
     /// A message for the person at the page.
     Note(String),
@@ -95,8 +95,8 @@ pub struct Stage {
     pub actions: Vec<Vec<String>>,
     /// Sliders over the start.
     pub start_sliders: Vec<Slider>,
-    /// Sliders over the parameters of the ego.
-    pub ego_sliders: Vec<Slider>,
+    /// Sliders over the parameters of every ego, in the order of `egos`.
+    pub ego_sliders: Vec<Vec<Slider>>,
 }
 
 /// A rule of an ado.
@@ -120,6 +120,7 @@ impl Stage {
             BodyFigure::Van => "van",
             BodyFigure::Truck => "truck",
         });
+        let egos = sandbox.egos();
         let clock = world.world().clock();
         let rules = world.rulebook().rules.iter().map(|rule| StageRule {
             name: rule.name.clone(),
@@ -141,12 +142,12 @@ impl Stage {
             signals: signals
                 .map(|it| [it.name.to_string(), it.unit.to_string()])
                 .collect(),
-            egos: sandbox.egos(),
             players: sandbox.players(),
             ados: sandbox.ados().collect(),
             actions: sandbox.action_labels(),
             start_sliders: sandbox.start_sliders(episode.setup()),
-            ego_sliders: sandbox.ego_sliders(&episode.setup().ego),
+            ego_sliders: egos.iter().map(|ego| sandbox.ego_sliders(ego)).collect(),
+            egos,
         }
     }
 }

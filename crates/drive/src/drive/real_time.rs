@@ -238,8 +238,7 @@ impl<'a> RealTime<'a> {
         match self.episode.keep(&self.settings.keep) {
             Ok(file) => {
                 (self.note)(&format!("kept {}", file.display()));
-                let name = file.file_name().unwrap_or_default();
-                let name = name.to_string_lossy().into_owned();
+                let name = file.display().to_string();
                 self.hub.send(None, &PageMessage::Kept(name));
             }
             Err(error) => self.refuse(&error),

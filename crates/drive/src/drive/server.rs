@@ -105,15 +105,16 @@ pub fn serve(
     ready: &dyn Fn(&str),
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<DriveEnded, DriveError> {
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+    let refused = |source| DriveError::Server { port, source };
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(refused)?;
     // So that the program can end while nobody comes.
-    listener.set_nonblocking(true)?;
+    listener.set_nonblocking(true).map_err(refused)?;
     let hub = Hub::default();
     let clock = RealTime::new(sandbox, settings, hub.clone(), note)?;
     let (events, received) = channel();
     let shared = Arc::new(DriveServer {
         token: token()?,
-        address: listener.local_addr()?,
+        address: listener.local_addr().map_err(refused)?,
         hub,
         events: events.clone(),
         connections: AtomicUsize::new(0),
@@ -130,7 +131,8 @@ pub fn serve(
         // The clock ends first, whatever happened to the listener.
         let _ = events.send(PageEvent::End);
         accepted
-    })?;
+    })
+    .map_err(refused)?;
     Ok(DriveEnded {
         pages: shared.pages.load(Ordering::Relaxed),
     })

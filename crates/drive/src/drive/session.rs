@@ -209,6 +209,11 @@ impl DrivenEpisode {
         self.bench.is_done()
     }
 
+    /// Returns whether the verdict is final.
+    pub fn is_decided(&self) -> bool {
+        self.bench.is_decided()
+    }
+
     /// Plays the next sample. `None`: the episode is over.
     pub fn advance(&mut self, input: DriveInput) -> Option<&DriveFrame> {
         self.step(input.bounded(), None)
@@ -301,9 +306,13 @@ impl DrivenEpisode {
         // The aftermath changes no verdict, and its instant is computed once.
         let known = self.frames.last().and_then(|it| it.outcome.as_ref());
         let time_s = known.map_or_else(|| self.decided_s(&episode), |it| it.time_s);
+        let mut words = outcome_in_words(self.ego.scenario(), &episode);
+        if let Some(fault) = self.bench.fault() {
+            words = format!("{words}: {fault}");
+        }
         Some(DriveOutcome {
             verdict: verdict.word(),
-            words: outcome_in_words(self.ego.scenario(), &episode),
+            words,
             time_s,
             broken: self.bench.broken_rules().to_vec(),
             keeps: matches!(verdict, Verdict::Counterexample { .. }),

@@ -4,7 +4,7 @@
 //!
 //! ```
 //! # mod brakecheck {
-//! #     pub use brakecheck_scene::conformance;
+//! #     pub use brakecheck_conformance::conformance;
 //! #     pub use brakecheck_ego::ego;
 //! # }
 //! use brakecheck::conformance::check_controller;
