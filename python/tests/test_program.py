@@ -29,7 +29,7 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
     listed = done.stdout.split("Commands:\n")[1].split("\n\n")[0]
     assert re.findall("^  ([a-z]+) ", listed, re.MULTILINE) == [
         "new", "check", "train", "eval", "gate", "sweep", "search", "risk", "replay", "stl", "log", "report",
-        "campaign",
+        "campaign", "drive",
         "view", "export", "serve", "lsp", "help",
     ]
 
