@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::session::{DriveInput, DriveOutcome};
+use super::input::DriveInput;
 use crate::experiment::ShownFrame;
 use crate::testbench::Testbench;
 use crate::world::Scenario;
@@ -29,6 +29,21 @@ pub struct DriveFrame {
     pub values: Vec<f32>,
     /// Verdict, once it is final.
     pub outcome: Option<DriveOutcome>,
+}
+
+/// Verdict of an episode, in the words of every verb.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveOutcome {
+    /// `counterexample`, `held`, `foul`, `uncounted` or `invalid`.
+    pub verdict: &'static str,
+    /// Outcome in a few words.
+    pub words: String,
+    /// Time of the verdict.
+    pub time_s: f64,
+    /// Broken rules, as positions in the rulebook.
+    pub broken: Vec<usize>,
+    /// True if it can be kept.
+    pub keeps: bool,
 }
 
 /// JSON has no infinities.

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::frame::DriveFrame;
+use super::input::DriveInput;
 use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup, Slider};
-use super::session::{DriveInput, DrivenEpisode};
+use super::session::DrivenEpisode;
 use crate::scene::{BodyFigure, SceneGeometry};
 
 /// What a page asks. The page at the wheel may ask all, and the others nothing.

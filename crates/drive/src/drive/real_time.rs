@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use super::error::DriveError;
 use super::hub::Hub;
+use super::input::DriveInput;
 use super::message::{DriveRequest, PageMessage, Stage};
 use super::sandbox::{Sandbox, Setup};
-use super::session::{DriveInput, DrivenEpisode};
+use super::session::DrivenEpisode;
 use super::watched::WatchedWorld;
 use crate::world::Scenario;
 

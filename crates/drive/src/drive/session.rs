@@ -5,11 +5,10 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use super::error::DriveError;
-use super::frame::DriveFrame;
+use super::frame::{DriveFrame, DriveOutcome};
 use super::hand::Hand;
+use super::input::DriveInput;
 use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup};
 use crate::ego::Command;
 use crate::experiment::{EgoUnderTest, decided, ending_at};
@@ -19,55 +18,6 @@ use crate::rulebook::Verdict;
 use crate::run_dir::AdversaryId;
 use crate::scene::{SceneGeometry, Start};
 use crate::testbench::{Actor, Aftermath, Episode, HOLD_DECISIONS, HeldRandom, Testbench};
-
-/// What your keys say at a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DriveInput {
-    /// Acceleration of the ego, m/s².
-    pub accel_mps2: f64,
-    /// Speed of the ego across the road, to the left, m/s.
-    pub lateral_mps: f64,
-    /// Action of your ado. `None`: its neutral one.
-    pub action: Option<usize>,
-}
-
-/// Strongest commands that keys give. Actuators and tyres limit them further.
-const MOST_ACCEL_MPS2: f64 = 9.0;
-const MOST_LATERAL_MPS: f64 = 3.0;
-
-impl DriveInput {
-    /// Returns the input within what keys may ask. A value that is no number is none.
-    pub fn bounded(self) -> DriveInput {
-        let within = |value: f64, most: f64| {
-            if value.is_finite() {
-                value.clamp(-most, most)
-            } else {
-                0.0
-            }
-        };
-        DriveInput {
-            accel_mps2: within(self.accel_mps2, MOST_ACCEL_MPS2),
-            lateral_mps: within(self.lateral_mps, MOST_LATERAL_MPS),
-            action: self.action,
-        }
-    }
-}
-
-/// Verdict of an episode, in the words of every verb.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DriveOutcome {
-    /// `counterexample`, `held`, `foul`, `uncounted` or `invalid`.
-    pub verdict: &'static str,
-    /// Outcome in a few words.
-    pub words: String,
-    /// Time of the verdict.
-    pub time_s: f64,
-    /// Broken rules, as positions in the rulebook.
-    pub broken: Vec<usize>,
-    /// True if it can be kept.
-    pub keeps: bool,
-}
 
 /// Episode in progress.
 pub struct DrivenEpisode {
