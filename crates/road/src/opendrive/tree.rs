@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::error::{At, ImportError};
 use super::files::Files;
-use crate::xml::{XmlError, XmlParts, XmlProblem, XmlTag, read_xml};
+use crate::xml::{XmlError, XmlParts, XmlProblem, XmlTag, XmlText, read_xml};
 
 /// Greatest size of a file in bytes.
 const MAX_BYTES: usize = 16 << 20;
@@ -35,6 +35,7 @@ impl XmlParts for GrowingTree {
                 .map(|(name, value)| ((*name).to_owned(), value.to_string()))
                 .collect(),
             children: Vec::new(),
+            words: String::new(),
             line: tag.line as usize,
             place: tag.place as usize,
             file: Rc::clone(&self.file),
@@ -47,6 +48,13 @@ impl XmlParts for GrowingTree {
                 .helped("cut out the roads that the scenario uses"));
         }
         self.open.push(node);
+        Ok(())
+    }
+
+    fn text(&mut self, text: &XmlText<'_>) -> Result<(), ImportError> {
+        if let Some(node) = self.open.last_mut() {
+            node.words.push_str(text.text);
+        }
         Ok(())
     }
 
@@ -84,6 +92,8 @@ pub struct XmlNode {
     attributes: Vec<(String, String)>,
     /// Elements inside, in order.
     pub children: Vec<XmlNode>,
+    /// Text directly inside, without space around it.
+    pub words: String,
     /// Line in the file, from 1.
     pub line: usize,
     /// Offset behind its opening tag, which distinguishes elements of one line.
@@ -138,6 +148,7 @@ impl XmlNode {
         XmlNode {
             name: name.to_owned(),
             attributes: Vec::new(),
+            words: String::new(),
             line: self.line,
             place: self.place,
             file: Rc::clone(&self.file),
