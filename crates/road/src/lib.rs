@@ -21,5 +21,6 @@
 pub mod opendrive;
 pub mod pose;
 pub mod road;
+pub mod trajectory;
 
 use brakecheck_xml::xml;

@@ -112,6 +112,47 @@ impl Course {
         Ok(course)
     }
 
+    /// Returns straight lines through points, with corners between them.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for fewer than two points, and for two in one place.
+    pub fn of_lines(points_m: &[[f64; 2]]) -> Result<Course, CourseError> {
+        let mut course: Option<Course> = None;
+        for (i, pair) in points_m.windows(2).enumerate() {
+            let [from, to] = [pair[0], pair[1]];
+            let (dx_m, dy_m) = (to[0] - from[0], to[1] - from[1]);
+            let length_m = libm::hypot(dx_m, dy_m);
+            // Also refuses what is no number.
+            let is_line = length_m > 0.0;
+            if !is_line {
+                return Err(CourseError {
+                    what: format!("a line of {length_m} m"),
+                    help: "set its points apart".to_owned(),
+                    index: Some(i),
+                });
+            }
+            let begins = Pose {
+                x_m: from[0],
+                y_m: from[1],
+                heading_rad: libm::atan2(dy_m, dx_m),
+            };
+            let course = course.get_or_insert_with(|| Course::begin(begins));
+            let line = Bend {
+                length_m,
+                per_m: 0.0,
+            };
+            course.append_from(begins, line);
+        }
+        let mut course = course.ok_or_else(|| CourseError {
+            what: format!("a curve of {} points", points_m.len()),
+            help: "write at least two points".to_owned(),
+            index: None,
+        })?;
+        course.append(RUN_OUT);
+        Ok(course)
+    }
+
     /// Appends the pieces and the straight run-out.
     fn laid(self, pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
         let mut course = self;
