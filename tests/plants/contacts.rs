@@ -316,3 +316,43 @@ fn bodies_that_pass_through_each_other_move_as_if_alone() {
         assert!(front_m(1) + 5.0 < front_m(0), "{kind:?}");
     }
 }
+
+#[test]
+fn a_jump_touches_nothing_on_its_way() {
+    for kind in KINDS {
+        let mut plant = plant(kind, DRY);
+        let sedan = body("sedan");
+        let jumping = plant.spawn(&sedan, at(0.0, 0.0, 0.0), 10.0);
+        let standing = plant.spawn(&sedan, at(20.0, 0.0, 0.0), 0.0);
+        plant.command(standing, drive(-1.0, 0.0));
+        plant.command(
+            jumping,
+            BodyCommand::Jump {
+                to: at(60.0, 1.0, 0.5),
+            },
+        );
+        assert_eq!(plant.advance(SAMPLE_S, 4), None, "{kind:?}");
+        let pose = plant.state(jumping).pose;
+        close(pose.x_m, 60.0, 1e-9, "jumped");
+        close(pose.heading_rad, 0.5, 1e-9, "turned");
+        assert!(plant.fork().gap_m(jumping, standing) > 30.0);
+        // Carried on from there, and with contacts again.
+        plant.command(
+            jumping,
+            BodyCommand::Carry {
+                to: at(61.0, 1.0, 0.0),
+            },
+        );
+        assert_eq!(plant.advance(SAMPLE_S, 4), None, "{kind:?}");
+        close(plant.state(jumping).speed_mps, 20.0, 0.5, "carried on");
+        plant.command(
+            jumping,
+            BodyCommand::Jump {
+                to: at(21.0, 0.5, 0.0),
+            },
+        );
+        let contact = plant.advance(SAMPLE_S, 4).expect("on the other body");
+        assert_eq!(contact.pair, (jumping, standing), "{kind:?}");
+        assert!(plant.sound());
+    }
+}

@@ -81,7 +81,9 @@ fn finite(command: BodyCommand) -> Option<BodyCommand> {
             curvature_per_m,
         } => [accel_mps2, curvature_per_m, 0.0],
         BodyCommand::Walk { x_mps, y_mps } => [x_mps, y_mps, 0.0],
-        BodyCommand::Glide { to } | BodyCommand::Carry { to } => [to.x_m, to.y_m, to.heading_rad],
+        BodyCommand::Glide { to } | BodyCommand::Carry { to } | BodyCommand::Jump { to } => {
+            [to.x_m, to.y_m, to.heading_rad]
+        }
     };
     // One NaN would reach every body through the contacts.
     numbers.iter().all(|it| it.is_finite()).then_some(command)
@@ -176,6 +178,13 @@ pub enum BodyCommand {
     /// and its contacts are detected.
     Carry {
         /// Pose of the front bumper at the end.
+        to: Pose,
+    },
+    /// Puts any body, on either plant, at a pose, where it rests in the next `advance`.
+    ///
+    /// It touches nothing on the way there. From then on it is a carried body.
+    Jump {
+        /// Pose of the front bumper.
         to: Pose,
     },
 }

@@ -69,7 +69,8 @@ impl DriveWorld {
             |body: &BodySample| is_exact && matches!(body.command, Some(BodyCommand::Drive { .. }));
         for sample in 1..=last {
             for body in whole.at_mut(sample) {
-                if !by_commands(body) {
+                // A jump sweeps no ground, as in the recorded episode.
+                if !by_commands(body) && !matches!(body.command, Some(BodyCommand::Jump { .. })) {
                     body.command = Some(BodyCommand::Glide {
                         to: body.state.pose,
                     });
@@ -261,7 +262,7 @@ impl DriveScene {
         let own = self.layout.ego;
         let carried = self.state.states.iter_mut().zip(next).enumerate();
         for (_, (state, body)) in carried.filter(|(agent, _)| *agent != own) {
-            if matches!(body.command, Some(BodyCommand::Glide { .. })) {
+            if let Some(BodyCommand::Glide { .. } | BodyCommand::Jump { .. }) = body.command {
                 let pose = state.pose;
                 *state = BodyState { pose, ..body.state };
             }

@@ -117,6 +117,11 @@ impl Plant for Kinematic {
         match command {
             BodyCommand::Glide { to } => mover.glide(&to, Passing::Others),
             BodyCommand::Carry { to } => mover.glide(&to, Passing::Nothing),
+            // Bodies that jump in a replay pass gliding ones as these pass each other.
+            BodyCommand::Jump { to } => {
+                mover.glide(&to, Passing::Others);
+                mover.arrive();
+            }
             command => self.faulty |= !mover.engine.command(command),
         }
     }

@@ -55,6 +55,22 @@ impl Mover {
         });
     }
 
+    /// Puts a carried body at its next pose at once.
+    pub(super) fn arrive(&mut self) {
+        let Engine::Rails(rails) = &self.engine else {
+            return;
+        };
+        let (sin, cos) = libm::sincos(rails.heading_rad);
+        self.at = Anchor {
+            x_m: rails.x_m,
+            y_m: rails.y_m,
+            heading_rad: rails.heading_rad,
+            cos,
+            sin,
+            ..self.at
+        };
+    }
+
     #[inline]
     pub(super) fn rect(&self, at: &Anchor) -> Rect {
         let AnchorMotion {

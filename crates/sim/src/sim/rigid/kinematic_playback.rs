@@ -34,10 +34,23 @@ impl PlaybackBody {
 
 impl Motor for PlaybackBody {
     fn command(&mut self, command: BodyCommand) -> bool {
-        let BodyCommand::Carry { to } = command else {
-            return false;
-        };
-        self.to = Some(to);
+        match command {
+            BodyCommand::Carry { to } => self.to = Some(to),
+            BodyCommand::Jump { to } => {
+                let (sin, cos) = libm::sincos(to.heading_rad);
+                let back_m = self.extent.half_length_m;
+                self.rect = Rect {
+                    x_m: to.x_m - back_m * cos,
+                    y_m: to.y_m - back_m * sin,
+                    cos,
+                    sin,
+                    ..self.rect
+                };
+                self.before = self.rect;
+                self.to = None;
+            }
+            _ => return false,
+        }
         true
     }
 

@@ -285,13 +285,22 @@ impl Plant for Rigid {
             return;
         };
         let motor = &mut self.movers[id.0].motor;
-        if let (BodyCommand::Carry { .. }, false) = (command, motor.is_carried()) {
+        let carries = matches!(
+            command,
+            BodyCommand::Carry { .. } | BodyCommand::Jump { .. }
+        );
+        if carries && !motor.is_carried() {
             // From now on rapier holds nothing of this body.
             motor.leave(&mut self.world);
             let sweep = &self.sweeps[id.0];
             *motor = Box::new(PlaybackBody::new(sweep.after, sweep.extent));
         }
         self.faulty |= !motor.command(command);
+        if let BodyCommand::Jump { .. } = command {
+            let stance = self.movers[id.0].stance(&self.world);
+            // At rest there, so that the way there is not swept.
+            self.sweeps[id.0].rest(stance);
+        }
     }
 
     fn push(&mut self, id: BodyId, push: Push) {
