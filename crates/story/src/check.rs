@@ -2,11 +2,12 @@
 
 mod actions;
 mod conditions;
+mod numbers;
 
 use crate::ron_file::{Problems, ValuePath};
 use crate::tree::{BoardElement, CheckedCondition, CheckedEffect, ElementKind};
 use crate::values::{
-    Act, EventPriority, ManeuverGroup, Story, StoryEvent, StoryManeuver, Storyboard,
+    Act, Effect, EventPriority, ManeuverGroup, Story, StoryEvent, StoryManeuver, Storyboard,
 };
 
 /// Greatest number of elements, and of conditions, so that a file allocates little.
@@ -29,8 +30,12 @@ pub struct StoryNames<'a> {
     pub lanes: &'a [usize],
     /// Traffic lights.
     pub lights: &'a [&'a str],
+    /// Named roads. The world's own has number 0, and these follow it.
+    pub roads: &'a [&'a str],
     /// Parameters of the start.
     pub parameters: &'a [&'a str],
+    /// Their values, which replace the names of numbers.
+    pub values: &'a [f64],
 }
 
 /// Storyboard without mistakes, ready to run.
@@ -56,6 +61,7 @@ pub fn check(
     let mut check = Check {
         problems,
         names,
+        values: Vec::new(),
         variables: board.variables.iter().map(|it| it.name.clone()).collect(),
         elements: Vec::new(),
         conditions: Vec::new(),
@@ -68,12 +74,13 @@ pub fn check(
         problems,
         elements,
         conditions,
+        values,
         ..
     } = check;
     (problems.len() == before).then(|| CheckedStoryboard {
         elements,
         conditions,
-        variables: board.variables.iter().map(|it| it.value).collect(),
+        variables: values,
         agents: names.agents.len(),
     })
 }
@@ -101,7 +108,7 @@ impl CheckedStoryboard {
         effects
             .flat_map(|effect| match effect {
                 CheckedEffect::Of { actors, .. } => actors.as_slice(),
-                CheckedEffect::Variable { .. } => &[],
+                CheckedEffect::Variable { .. } | CheckedEffect::Scene(_) => &[],
             })
             .copied()
     }
@@ -111,6 +118,8 @@ struct Check<'a, 'b> {
     problems: &'a mut Problems<'b>,
     names: StoryNames<'a>,
     variables: Vec<String>,
+    /// First values of the variables.
+    values: Vec<f64>,
     elements: Vec<BoardElement>,
     conditions: Vec<CheckedCondition>,
 }
@@ -120,11 +129,9 @@ impl Check<'_, '_> {
         self.problems.add(path, what, "here", Some(help.to_owned()));
     }
 
-    fn number(&mut self, path: &ValuePath, number: f64, least: f64) {
-        if !(least..=MOST).contains(&number) {
-            let help = format!("write a number from {least} to {MOST}");
-            self.wrong(path, format!("{number} is out of bounds"), &help);
-        }
+    fn not_played(&mut self, path: &ValuePath, what: &str) {
+        let help = "leave it out, or import the file with another tool";
+        self.wrong(path, format!("not played yet: {what}"), help);
     }
 
     fn index(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) -> usize {
@@ -143,7 +150,8 @@ impl Check<'_, '_> {
     fn variables(&mut self, path: &ValuePath, board: &Storyboard) {
         for (i, variable) in board.variables.iter().enumerate() {
             let at = path.to("variables").at(i);
-            self.number(&at.to("value"), variable.value, -MOST);
+            let value = self.number(&at.to("value"), &variable.value, -MOST);
+            self.values.push(value);
             if self.variables[..i].contains(&variable.name) {
                 let what = format!("a second variable `{}`", variable.name);
                 self.wrong(&at.to("name"), what, "give it another name");
@@ -232,8 +240,14 @@ impl Check<'_, '_> {
         self.executions(path, number, group.maximum_execution_count);
         let named = group.actors.iter().enumerate();
         let actors: Vec<usize> = named
-            .map(|(i, name)| self.actor(&path.to("actors").at(i), name))
+            .map(|(i, name)| self.actor(&path.to("actors").at(i), name, group))
             .collect();
+        if group.actors_are_triggering {
+            self.not_played(
+                &path.to("actors_are_triggering"),
+                "triggering agents as actors",
+            );
+        }
         let maneuvers = path.to("maneuvers");
         self.not_empty(&maneuvers, group.maneuvers.len(), "maneuver");
         for (i, maneuver) in group.maneuvers.iter().enumerate() {
@@ -241,10 +255,16 @@ impl Check<'_, '_> {
         }
     }
 
-    fn actor(&mut self, path: &ValuePath, name: &str) -> usize {
+    fn actor(&mut self, path: &ValuePath, name: &str, group: &ManeuverGroup) -> usize {
         let agent = self.agent(path, name);
         let is_known = self.names.agents.contains(&name);
-        if is_known && !self.names.actors.contains(&name) {
+        // Controllers are switched on for agents that no action moves, such as the ego.
+        let mut events = group.maneuvers.iter().flat_map(|it| &it.events);
+        let moves = events.any(|event| {
+            let mut actions = event.actions.iter();
+            actions.any(|it| !matches!(it.does, Effect::ActivateController { .. }))
+        });
+        if is_known && moves && !self.names.actors.contains(&name) {
             let what = format!("`{name}` cannot act in a story");
             let help = "give it `Script([])` as its drive, or as the `base` of its `Ado(…)`";
             self.wrong(path, what, help);

@@ -2,10 +2,10 @@
 
 use crate::pose::Pose;
 use crate::road::OnRoad;
-use crate::tree::{AgentExpression, AgentQuantity, MeasuredAxis, TargetPlace, ValueComparison};
+use crate::tree::{AgentExpression, AgentQuantity, MeasuredAxis, ValueComparison};
 use crate::trigger::Expressed;
 use crate::values::{ComparisonRule, CoordinateSystem, DistanceType, TriggeringRule};
-use crate::view::{AgentMotion, PosedAgent, StoryView};
+use crate::view::{AgentMotion, PosedAgent, StoryPlace, StoryView};
 
 /// Speed below which no time headway and no time to collision is defined.
 const LEAST_SPEED_MPS: f64 = 1e-6;
@@ -135,7 +135,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 freespace,
             } => Some(self.distance_m(agent, other, measured, freespace)),
             AgentQuantity::DistanceToPlace { place, measured } => {
-                Some(self.place_m(agent, place, measured))
+                Some(self.place_m(agent, &place, measured))
             }
             AgentQuantity::Headway {
                 other,
@@ -165,9 +165,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
 
     /// Returns the pose of the reference point of an agent.
     fn reference(&self, agent: usize) -> Pose {
-        self.motion(agent)
-            .pose
-            .ahead(-self.view.size(agent).front_m)
+        self.view.reference(agent, self.at_s)
     }
 
     fn at(&self, viewer: usize, agent: usize) -> OnRoad {
@@ -200,15 +198,8 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         }
     }
 
-    fn place_m(&self, agent: usize, place: TargetPlace, measured: MeasuredAxis) -> f64 {
-        let pose = match place {
-            TargetPlace::World { x_m, y_m } => Pose {
-                x_m,
-                y_m,
-                ..Pose::default()
-            },
-            TargetPlace::Road { s_m, t_m } => self.view.pose_on_road(agent, s_m, t_m),
-        };
+    fn place_m(&self, agent: usize, place: &StoryPlace, measured: MeasuredAxis) -> f64 {
+        let pose = self.view.pose_of(agent, place, self.at_s);
         let own = self.reference(agent);
         if measured.along == DistanceType::Euclidean {
             return apart_m(&own, &pose);

@@ -307,11 +307,13 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         let CheckedEffect::Of { actors, action } = effect else {
             return true;
         };
-        let domain = action.domain();
-        actors.iter().all(|actor| {
+        let mut controlled = actors
+            .iter()
+            .flat_map(|actor| action.domains().iter().map(|domain| (*actor, *domain)));
+        controlled.all(|(actor, domain)| {
             // Another action may have taken the agent over.
-            self.owner(*actor, domain) != Some(element)
-                || self.stage.ends_s(*actor, domain) <= self.now_s + SAME_S
+            self.owner(actor, domain) != Some(element)
+                || self.stage.ends_s(actor, domain) <= self.now_s + SAME_S
         })
     }
 
@@ -384,7 +386,9 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         match &board.elements[number].effect {
             Some(CheckedEffect::Of { actors, action }) => {
                 for actor in actors {
-                    self.run.owners[*actor][action.domain() as usize] = Some(number);
+                    for domain in action.domains() {
+                        self.run.owners[*actor][*domain as usize] = Some(number);
+                    }
                     self.stage.begin(*actor, action, self.now_s);
                 }
             }
@@ -396,6 +400,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
                     VariableChange::Multiply(by) => *value * by,
                 };
             }
+            Some(CheckedEffect::Scene(change)) => self.stage.change(*change, self.now_s),
             None => {}
         }
     }
@@ -442,11 +447,13 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         };
         let mut was_taken = false;
         for actor in actors {
-            let owner = &mut self.run.owners[*actor][action.domain() as usize];
-            if *owner == Some(number) {
-                *owner = None;
-            } else {
-                was_taken = true;
+            for domain in action.domains() {
+                let owner = &mut self.run.owners[*actor][*domain as usize];
+                if *owner == Some(number) {
+                    *owner = None;
+                } else {
+                    was_taken = true;
+                }
             }
         }
         was_taken
@@ -456,8 +463,10 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         let element = &self.board.elements[number];
         if let Some(CheckedEffect::Of { actors, action }) = &element.effect {
             for actor in actors {
-                if self.owner(*actor, action.domain()) == Some(number) {
-                    self.stage.stop(*actor, action.domain(), self.now_s);
+                for domain in action.domains() {
+                    if self.owner(*actor, *domain) == Some(number) {
+                        self.stage.stop(*actor, *domain, self.now_s);
+                    }
                 }
             }
             self.release(number);

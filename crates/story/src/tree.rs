@@ -4,7 +4,7 @@ use crate::values::{
     ComparisonRule, ConditionEdge, CoordinateSystem, DistanceType, ElementState, EventPriority,
     SignalState, TriggeringRule,
 };
-use crate::view::ActorAction;
+use crate::view::{ActorAction, SceneChange, StoryPlace};
 
 /// Kind of an element of a storyboard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +102,7 @@ pub(crate) enum AgentQuantity {
         freespace: bool,
     },
     DistanceToPlace {
-        place: TargetPlace,
+        place: StoryPlace,
         measured: MeasuredAxis,
     },
     Headway {
@@ -117,16 +117,10 @@ pub(crate) enum AgentQuantity {
     },
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MeasuredAxis {
     pub along: DistanceType,
     pub system: CoordinateSystem,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum TargetPlace {
-    World { x_m: f64, y_m: f64 },
-    Road { s_m: f64, t_m: f64 },
 }
 
 #[derive(Clone, Debug)]
@@ -139,6 +133,7 @@ pub(crate) enum CheckedEffect {
         number: usize,
         change: VariableChange,
     },
+    Scene(SceneChange),
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,10 @@
 
 use crate::pose::Pose;
 use crate::road::OnRoad;
-use crate::values::{DynamicsShape, SignalState, TransitionDynamics};
+use crate::values::{
+    CoordinateSystem, DistanceOrTime, DynamicLimits, DynamicsShape, FinalSpeed, FollowingMode,
+    SignalState, SpeedPoint, StoryTrajectory, TrajectoryTiming, TransitionDynamics,
+};
 
 /// Motion of an agent at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -100,8 +103,12 @@ pub trait StoryView {
     fn motion(&self, agent: usize, at_s: f64) -> AgentMotion;
     /// Returns the place of a pose on the road of `viewer`, in road direction.
     fn on_road(&self, viewer: usize, pose: &Pose) -> OnRoad;
-    /// Returns the pose of a place on the road of `viewer`.
-    fn pose_on_road(&self, viewer: usize, s_m: f64, lateral_m: f64) -> Pose;
+    /// Returns the pose of a place on a road, or on that of `viewer`.
+    fn pose_on_road(&self, viewer: usize, road: Option<usize>, s_m: f64, lateral_m: f64) -> Pose;
+    /// Returns the middle of the lane that is a number to the left of a place.
+    ///
+    /// Beyond the road it is that of the outermost lane.
+    fn lane_middle_m(&self, viewer: usize, lateral_m: f64, lanes: i32) -> f64;
     /// Returns the borders and ends of the road of an agent.
     fn road_limits(&self, agent: usize) -> RoadLimits;
     /// Returns the size of an agent's body.
@@ -112,6 +119,87 @@ pub trait StoryView {
     fn signal(&self, light: usize, at_s: f64) -> SignalState;
     /// Returns a parameter of the start.
     fn parameter(&self, number: usize) -> f64;
+
+    /// Returns the pose of the reference point of an agent.
+    fn reference(&self, agent: usize, at_s: f64) -> Pose {
+        let front = self.motion(agent, at_s).pose;
+        front.ahead(-self.size(agent).front_m)
+    }
+
+    /// Returns the pose of a place. `viewer` is the agent whose condition or action it is.
+    fn pose_of(&self, viewer: usize, place: &StoryPlace, at_s: f64) -> Pose {
+        let StoryPlace {
+            along_m, left_m, ..
+        } = *place;
+        let own = match place.frame {
+            PlaceFrame::World => Pose {
+                x_m: along_m,
+                y_m: left_m,
+                heading_rad: 0.0,
+            },
+            PlaceFrame::Road(road) => self.pose_on_road(viewer, road, along_m, left_m),
+            PlaceFrame::AgentInWorld(of) => {
+                let at = self.reference(of, at_s);
+                Pose {
+                    x_m: at.x_m + along_m,
+                    y_m: at.y_m + left_m,
+                    ..at
+                }
+            }
+            PlaceFrame::Agent(of) => {
+                let at = self.reference(of, at_s);
+                let point = at.frame().to_world(along_m, left_m);
+                Pose {
+                    x_m: point.x,
+                    y_m: point.y,
+                    ..at
+                }
+            }
+            PlaceFrame::AgentOnRoad(of) => {
+                let at = self.on_road(of, &self.reference(of, at_s));
+                self.pose_on_road(of, None, at.s_m + along_m, at.lateral_m + left_m)
+            }
+            PlaceFrame::AgentLane(of, lanes) => {
+                let at = self.on_road(of, &self.reference(of, at_s));
+                let middle_m = self.lane_middle_m(of, at.lateral_m, lanes);
+                self.pose_on_road(of, None, at.s_m + along_m, middle_m + left_m)
+            }
+        };
+        Pose {
+            heading_rad: own.heading_rad + place.heading_rad.unwrap_or(0.0),
+            ..own
+        }
+    }
+}
+
+/// Place with resolved names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StoryPlace {
+    /// System of its coordinates.
+    pub frame: PlaceFrame,
+    /// Along the first axis of the system.
+    pub along_m: f64,
+    /// To the left of that axis.
+    pub left_m: f64,
+    /// Heading relative to the system, or `None` for its own.
+    pub heading_rad: Option<f64>,
+}
+
+/// System of the coordinates of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PlaceFrame {
+    /// World.
+    World,
+    /// A road by its number, or the own road.
+    Road(Option<usize>),
+    /// Reference point of an agent, in the axes of the world.
+    AgentInWorld(usize),
+    /// Reference point and heading of an agent.
+    Agent(usize),
+    /// Place of an agent's reference point on its road.
+    AgentOnRoad(usize),
+    /// Middle of the lane that is a number to the left of an agent's.
+    AgentLane(usize, i32),
 }
 
 /// Degree of freedom of a body, of which one action at a time has control.
@@ -123,7 +211,7 @@ pub enum MotionDomain {
     Lateral,
 }
 
-/// Action of an agent, with resolved names.
+/// Action of an agent, with resolved names and numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ActorAction {
     /// Change of speed.
@@ -131,8 +219,25 @@ pub enum ActorAction {
         /// Target.
         target: ActorSpeed,
         /// Course of the change.
-        dynamics: TransitionDynamics,
+        dynamics: TransitionDynamics<f64>,
     },
+    /// List of speeds.
+    SpeedProfile {
+        /// Agent whose speed at the start is added.
+        relative_to: Option<usize>,
+        /// Speeds.
+        points: Vec<SpeedPoint<f64>>,
+        /// Exact quantity.
+        following: FollowingMode,
+        /// Limits.
+        limits: DynamicLimits<f64>,
+    },
+    /// Distance along the path to another agent.
+    LongitudinalDistance(ActorDistance),
+    /// Arrival at a place when another agent arrives at its own.
+    Synchronize(Synchronization),
+    /// Distance across the path to another agent.
+    LateralDistance(ActorDistance),
     /// Change of lane.
     LaneChange {
         /// Target.
@@ -140,17 +245,54 @@ pub enum ActorAction {
         /// Offset from the middle of the new lane, to the left in road direction.
         offset_m: f64,
         /// Course of the change.
-        dynamics: TransitionDynamics,
+        dynamics: TransitionDynamics<f64>,
     },
     /// Move to an offset in the lane.
     LaneOffset {
-        /// Offset from the middle, to the left in road direction.
-        to_m: f64,
+        /// Target.
+        target: ActorOffset,
+        /// Whether it goes on once the offset is reached.
+        continuous: bool,
         /// Course of the change.
         shape: DynamicsShape,
         /// Greatest lateral acceleration, infinite for a change at once.
         most_lateral_mps2: f64,
     },
+    /// Motion along a curve.
+    FollowTrajectory {
+        /// Curve.
+        trajectory: StoryTrajectory<f64>,
+        /// Meaning of its times, or `None` for a motion only across the path.
+        timing: Option<TrajectoryTiming<f64>>,
+        /// Exact quantity.
+        following: FollowingMode,
+        /// Distance along the curve at which it begins.
+        initial_distance_m: f64,
+    },
+    /// Another road from the present place on, by its number.
+    AssignRoute(usize),
+    /// Motion to a place at once.
+    Teleport(StoryPlace),
+    /// Control by the agent's own controller, or by actions.
+    ActivateController {
+        /// Along the path.
+        longitudinal: Option<bool>,
+        /// Across the path.
+        lateral: Option<bool>,
+    },
+}
+
+/// Change of the scene by a storyboard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SceneChange {
+    /// An agent appears at a place.
+    Add(usize, StoryPlace),
+    /// An agent vanishes.
+    Delete(usize),
+    /// Road gets a friction.
+    Friction(f64),
+    /// Light gets a phase.
+    TrafficSignal(usize, SignalState),
 }
 
 /// Target speed of an agent.
@@ -159,9 +301,69 @@ pub enum ActorSpeed {
     /// A speed in m/s.
     Absolute(f64),
     /// Speed of an agent plus a difference in m/s.
-    Delta(usize, f64),
+    Delta(RelativeTarget),
     /// Speed of an agent times a factor.
-    Factor(usize, f64),
+    Factor(RelativeTarget),
+}
+
+/// Target that depends on another agent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelativeTarget {
+    /// Other agent.
+    pub of: usize,
+    /// Difference or factor.
+    pub by: f64,
+    /// Whether it follows the other agent and never ends by itself.
+    pub continuous: bool,
+}
+
+/// Distance that an agent keeps to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActorDistance {
+    /// Other agent.
+    pub of: usize,
+    /// Distance.
+    pub distance: DistanceOrTime<f64>,
+    /// Side of the other agent on which it is kept.
+    pub side: DistanceSide,
+    /// Between the boxes of the bodies, not between their reference points.
+    pub freespace: bool,
+    /// System of the distance.
+    pub system: CoordinateSystem,
+    /// Whether it goes on once the distance is reached.
+    pub continuous: bool,
+    /// Limits of the motion.
+    pub limits: DynamicLimits<f64>,
+}
+
+/// Side of another agent, along or across the path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DistanceSide {
+    /// The present one.
+    Any,
+    /// Behind it or to its right.
+    Less,
+    /// Ahead of it or to its left.
+    More,
+}
+
+/// Arrival of an agent at a place when another arrives at its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Synchronization {
+    /// Other agent.
+    pub master: usize,
+    /// Place of the other agent.
+    pub master_place: StoryPlace,
+    /// Place of the actor.
+    pub target_place: StoryPlace,
+    /// Speed of the actor there, or `None` for any.
+    pub final_speed: Option<FinalSpeed<f64>>,
+    /// Distance or time before the place from which the final speed is kept.
+    pub steady: Option<DistanceOrTime<f64>>,
+    /// Distance at which the other agent counts as there.
+    pub master_tolerance_m: f64,
+    /// Distance at which the actor counts as there.
+    pub target_tolerance_m: f64,
 }
 
 /// Target lane of an agent.
@@ -173,25 +375,45 @@ pub enum ActorLane {
     Relative(usize, i32),
 }
 
+/// Target offset of an agent, to the left in road direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ActorOffset {
+    /// From the middle of its lane, in metres.
+    Absolute(f64),
+    /// From the place of an agent, in metres.
+    Relative(usize, f64),
+}
+
 impl ActorAction {
-    /// Returns the degree of freedom that it controls.
-    pub fn domain(&self) -> MotionDomain {
+    /// Returns the degrees of freedom that it controls.
+    pub fn domains(&self) -> &'static [MotionDomain] {
         match self {
-            ActorAction::Speed { .. } => MotionDomain::Longitudinal,
-            ActorAction::LaneChange { .. } | ActorAction::LaneOffset { .. } => {
-                MotionDomain::Lateral
+            ActorAction::Speed { .. }
+            | ActorAction::SpeedProfile { .. }
+            | ActorAction::LongitudinalDistance(_)
+            | ActorAction::Synchronize(_) => &[MotionDomain::Longitudinal],
+            ActorAction::LaneChange { .. }
+            | ActorAction::LaneOffset { .. }
+            | ActorAction::LateralDistance(_)
+            | ActorAction::FollowTrajectory { timing: None, .. } => &[MotionDomain::Lateral],
+            ActorAction::FollowTrajectory { .. } | ActorAction::Teleport(_) => {
+                &[MotionDomain::Longitudinal, MotionDomain::Lateral]
             }
+            // They take effect at once and leave both to other actions.
+            ActorAction::AssignRoute(_) | ActorAction::ActivateController { .. } => &[],
         }
     }
 }
 
 /// Scene that performs the actions of a storyboard.
 pub trait StoryStage: StoryView {
-    /// Begins an action of an agent. It replaces the one of the same domain.
+    /// Begins an action of an agent. It replaces those of its domains.
     fn begin(&mut self, agent: usize, action: &ActorAction, at_s: f64);
+    /// Changes the scene.
+    fn change(&mut self, change: SceneChange, at_s: f64);
     /// Returns the instant at which the action of a domain ends, as known now.
     ///
-    /// Infinite if it does not end by itself.
+    /// Infinite if it does not end by itself, or if its end is not known yet.
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64;
     /// Stops the action of a domain, so that the body keeps its speed or its lateral place.
     fn stop(&mut self, agent: usize, domain: MotionDomain, at_s: f64);

@@ -4,9 +4,13 @@ use super::{Check, MOST};
 use crate::ron_file::ValuePath;
 use crate::tree::{CheckedEffect, ElementKind, VariableChange};
 use crate::values::{
-    Action, Dimension, DynamicsShape, Effect, LaneTarget, SpeedTarget, TransitionDynamics,
+    Action, DistanceOrTime, DynamicsShape, Effect, LaneTarget, LateralDisplacement,
+    LongitudinalDisplacement, OffsetTarget, SpeedTarget, StoryNumber,
 };
-use crate::view::{ActorAction, ActorLane, ActorSpeed, MotionDomain};
+use crate::view::{
+    ActorAction, ActorDistance, ActorLane, ActorOffset, ActorSpeed, DistanceSide, RelativeTarget,
+    SceneChange, Synchronization,
+};
 
 impl Check<'_, '_> {
     pub(super) fn action(
@@ -31,12 +35,13 @@ impl Check<'_, '_> {
         let children = self.elements[event].children.iter();
         let effects = children.map(|it| self.elements[*it].effect.as_ref());
         let controlled = effects.map(|effect| match effect {
-            Some(CheckedEffect::Of { action, .. }) => Some(action.domain()),
-            _ => None,
+            Some(CheckedEffect::Of { action, .. }) => action.domains(),
+            _ => &[],
         });
         let domains: Vec<_> = controlled.collect();
-        for (i, domain) in domains.iter().enumerate() {
-            if domain.is_some() && domains[..i].contains(domain) {
+        for (i, own) in domains.iter().enumerate() {
+            let mut before = domains[..i].iter().copied().flatten();
+            if before.any(|domain| own.contains(domain)) {
                 let what = "two actions of one event control the same motion".to_owned();
                 self.wrong(&path.at(i), what, "put them into two events");
             }
@@ -48,7 +53,12 @@ impl Check<'_, '_> {
         let CheckedEffect::Of { actors, action } = effect else {
             return;
         };
-        if action.domain() != MotionDomain::Lateral {
+        if !matches!(
+            action,
+            ActorAction::LaneChange { .. }
+                | ActorAction::LaneOffset { .. }
+                | ActorAction::LateralDistance(_)
+        ) {
             return;
         }
         for actor in actors.iter().filter(|it| **it < self.names.agents.len()) {
@@ -75,51 +85,205 @@ impl Check<'_, '_> {
         let action = match effect {
             Effect::Speed { target, dynamics } => ActorAction::Speed {
                 target: self.speed(&path.to("target"), target),
-                dynamics: self.dynamics(&path.to("dynamics"), *dynamics),
+                dynamics: self.dynamics(&path.to("dynamics"), dynamics),
             },
+            Effect::SpeedProfile {
+                entity,
+                points,
+                following,
+                limits,
+            } => {
+                self.not_played(path, "speed profiles");
+                self.not_empty(&path.to("points"), points.len(), "speed");
+                let of = entity.as_ref();
+                // Relative speeds may be negative.
+                let least_mps = if of.is_some() { -MOST } else { 0.0 };
+                ActorAction::SpeedProfile {
+                    relative_to: of.map(|it| self.agent(&path.to("entity"), it)),
+                    points: self.speed_points(&path.to("points"), points, least_mps),
+                    following: *following,
+                    limits: self.limits(&path.to("limits"), limits),
+                }
+            }
+            Effect::LongitudinalDistance {
+                entity,
+                distance,
+                displacement,
+                freespace,
+                coordinate_system,
+                continuous,
+                limits,
+            } => {
+                self.not_played(path, "distances along the path");
+                ActorAction::LongitudinalDistance(ActorDistance {
+                    of: self.agent(&path.to("entity"), entity),
+                    distance: self.distance(&path.to("distance"), distance),
+                    side: match displacement {
+                        LongitudinalDisplacement::Any => DistanceSide::Any,
+                        LongitudinalDisplacement::Trailing => DistanceSide::Less,
+                        LongitudinalDisplacement::Leading => DistanceSide::More,
+                    },
+                    freespace: *freespace,
+                    system: *coordinate_system,
+                    continuous: *continuous,
+                    limits: self.limits(&path.to("limits"), limits),
+                })
+            }
+            Effect::LateralDistance {
+                entity,
+                distance_m,
+                displacement,
+                freespace,
+                coordinate_system,
+                continuous,
+                limits,
+            } => {
+                self.not_played(path, "distances across the path");
+                let distance_m = self.number(&path.to("distance_m"), distance_m, 0.0);
+                ActorAction::LateralDistance(ActorDistance {
+                    of: self.agent(&path.to("entity"), entity),
+                    distance: DistanceOrTime::Metres(distance_m),
+                    side: match displacement {
+                        LateralDisplacement::Any => DistanceSide::Any,
+                        LateralDisplacement::RightTo => DistanceSide::Less,
+                        LateralDisplacement::LeftTo => DistanceSide::More,
+                    },
+                    freespace: *freespace,
+                    system: *coordinate_system,
+                    continuous: *continuous,
+                    limits: self.limits(&path.to("limits"), limits),
+                })
+            }
+            Effect::Synchronize {
+                master,
+                master_position,
+                target_position,
+                final_speed,
+                steady,
+                master_tolerance_m,
+                target_tolerance_m,
+            } => {
+                self.not_played(path, "synchronisation");
+                let (speed_at, steady_at) = (path.to("final_speed"), path.to("steady"));
+                let (final_speed, steady) = (final_speed.as_ref(), steady.as_ref());
+                ActorAction::Synchronize(Synchronization {
+                    master: self.agent(&path.to("master"), master),
+                    master_place: self.place(&path.to("master_position"), master_position),
+                    target_place: self.place(&path.to("target_position"), target_position),
+                    final_speed: final_speed.map(|it| self.final_speed(&speed_at, it)),
+                    steady: steady.map(|it| self.distance(&steady_at, it)),
+                    master_tolerance_m: self.number(
+                        &path.to("master_tolerance_m"),
+                        master_tolerance_m,
+                        0.0,
+                    ),
+                    target_tolerance_m: self.number(
+                        &path.to("target_tolerance_m"),
+                        target_tolerance_m,
+                        0.0,
+                    ),
+                })
+            }
             Effect::LaneChange {
                 target,
                 target_lane_offset_m,
                 dynamics,
-            } => {
-                self.number(
+            } => ActorAction::LaneChange {
+                target: match target {
+                    LaneTarget::Absolute { lane } => ActorLane::Absolute(*lane),
+                    LaneTarget::Relative { entity, lanes } => {
+                        let at = path.to("target").to("entity");
+                        ActorLane::Relative(self.agent(&at, entity), *lanes)
+                    }
+                },
+                offset_m: self.number(
                     &path.to("target_lane_offset_m"),
-                    *target_lane_offset_m,
+                    target_lane_offset_m,
                     -MOST,
-                );
-                ActorAction::LaneChange {
-                    target: match target {
-                        LaneTarget::Absolute { lane } => ActorLane::Absolute(*lane),
-                        LaneTarget::Relative { entity, lanes } => {
-                            let at = path.to("target").to("entity");
-                            ActorLane::Relative(self.agent(&at, entity), *lanes)
-                        }
-                    },
-                    offset_m: *target_lane_offset_m,
-                    dynamics: self.dynamics(&path.to("dynamics"), *dynamics),
-                }
-            }
+                ),
+                dynamics: self.dynamics(&path.to("dynamics"), dynamics),
+            },
             Effect::LaneOffset {
                 target_m,
+                target,
+                continuous,
                 shape,
                 max_lateral_acc_mps2,
             } => {
-                self.number(&path.to("target_m"), *target_m, -MOST);
-                self.lane_offset_acceleration(path, *shape, *max_lateral_acc_mps2);
+                if *continuous {
+                    self.not_played(&path.to("continuous"), "offsets that go on");
+                }
                 ActorAction::LaneOffset {
-                    to_m: *target_m,
+                    target: self.offset(path, target_m.as_ref(), target.as_ref()),
+                    continuous: *continuous,
                     shape: *shape,
-                    most_lateral_mps2: max_lateral_acc_mps2.unwrap_or(f64::INFINITY),
+                    most_lateral_mps2: self.lane_offset_acceleration(
+                        path,
+                        *shape,
+                        max_lateral_acc_mps2.as_ref(),
+                    ),
                 }
             }
+            Effect::FollowTrajectory {
+                trajectory,
+                timing,
+                following,
+                initial_distance_m,
+            } => {
+                self.not_played(path, "trajectories");
+                let at = path.to("initial_distance_m");
+                let timed = timing.as_ref();
+                ActorAction::FollowTrajectory {
+                    trajectory: self.trajectory(&path.to("trajectory"), trajectory),
+                    timing: timed.map(|it| self.timing(&path.to("timing"), it)),
+                    following: *following,
+                    initial_distance_m: self.number(&at, initial_distance_m, 0.0),
+                }
+            }
+            Effect::AssignRoute { road } => {
+                self.not_played(path, "routes");
+                ActorAction::AssignRoute(self.road(&path.to("road"), road.as_ref()))
+            }
+            Effect::Teleport { position } => {
+                self.not_played(path, "teleports");
+                ActorAction::Teleport(self.place(&path.to("position"), position))
+            }
+            Effect::ActivateController {
+                longitudinal,
+                lateral,
+            } => ActorAction::ActivateController {
+                longitudinal: *longitudinal,
+                lateral: *lateral,
+            },
             Effect::VariableSet { name, value } => {
-                return self.change(path, name, *value, VariableChange::Set);
+                return self.change(path, name, value, VariableChange::Set);
             }
             Effect::VariableAdd { name, value } => {
-                return self.change(path, name, *value, VariableChange::Add);
+                return self.change(path, name, value, VariableChange::Add);
             }
             Effect::VariableMultiply { name, value } => {
-                return self.change(path, name, *value, VariableChange::Multiply);
+                return self.change(path, name, value, VariableChange::Multiply);
+            }
+            Effect::Add { entity, position } => {
+                self.not_played(path, "agents that appear");
+                let agent = self.agent(&path.to("entity"), entity);
+                let place = self.place(&path.to("position"), position);
+                return CheckedEffect::Scene(SceneChange::Add(agent, place));
+            }
+            Effect::Delete { entity } => {
+                self.not_played(path, "agents that vanish");
+                let agent = self.agent(&path.to("entity"), entity);
+                return CheckedEffect::Scene(SceneChange::Delete(agent));
+            }
+            Effect::Friction { value } => {
+                self.not_played(path, "friction that changes");
+                let friction = self.number(&path.to("value"), value, 1e-3);
+                return CheckedEffect::Scene(SceneChange::Friction(friction));
+            }
+            Effect::TrafficSignal { name, state } => {
+                self.not_played(path, "lights that change");
+                let light = self.index(&path.to("name"), "light", name, self.names.lights);
+                return CheckedEffect::Scene(SceneChange::TrafficSignal(light, *state));
             }
         };
         CheckedEffect::Of {
@@ -128,35 +292,61 @@ impl Check<'_, '_> {
         }
     }
 
+    fn offset(
+        &mut self,
+        path: &ValuePath,
+        target_m: Option<&StoryNumber>,
+        target: Option<&OffsetTarget>,
+    ) -> ActorOffset {
+        let at = path.to("target");
+        match (target_m, target) {
+            (Some(to_m), None) => {
+                ActorOffset::Absolute(self.number(&path.to("target_m"), to_m, -MOST))
+            }
+            (None, Some(OffsetTarget::Absolute { value_m })) => {
+                ActorOffset::Absolute(self.number(&at.to("value_m"), value_m, -MOST))
+            }
+            (None, Some(OffsetTarget::Relative { entity, value_m })) => {
+                self.not_played(&at, "offsets from another agent");
+                ActorOffset::Relative(
+                    self.agent(&at.to("entity"), entity),
+                    self.number(&at.to("value_m"), value_m, -MOST),
+                )
+            }
+            _ => {
+                let what = "an offset needs one target".to_owned();
+                self.wrong(path, what, "write either `target_m` or `target`");
+                ActorOffset::Absolute(0.0)
+            }
+        }
+    }
+
     fn lane_offset_acceleration(
         &mut self,
         path: &ValuePath,
         shape: DynamicsShape,
-        most: Option<f64>,
-    ) {
+        most: Option<&StoryNumber>,
+    ) -> f64 {
+        let Some(most) = most else {
+            return f64::INFINITY;
+        };
         let at = path.to("max_lateral_acc_mps2");
-        if let Some(most_mps2) = most {
-            self.number(&at, most_mps2, 1e-3);
-            // A line has a corner, whose acceleration is infinite.
-            if shape == DynamicsShape::Linear {
-                let help = "write `Sinusoidal` or `Cubic`";
-                self.wrong(
-                    &at,
-                    "a linear change has no lateral acceleration".to_owned(),
-                    help,
-                );
-            }
+        // A line has a corner, whose acceleration is infinite.
+        if shape == DynamicsShape::Linear {
+            let what = "a linear change has no lateral acceleration".to_owned();
+            self.wrong(&at, what, "write `Sinusoidal` or `Cubic`");
         }
+        self.number(&at, most, 1e-3)
     }
 
     fn change(
         &mut self,
         path: &ValuePath,
         name: &str,
-        value: f64,
+        value: &StoryNumber,
         change: fn(f64) -> VariableChange,
     ) -> CheckedEffect {
-        self.number(&path.to("value"), value, -MOST);
+        let value = self.number(&path.to("value"), value, -MOST);
         CheckedEffect::Variable {
             number: self.variable(&path.to("name"), name),
             change: change(value),
@@ -166,30 +356,33 @@ impl Check<'_, '_> {
     fn speed(&mut self, path: &ValuePath, target: &SpeedTarget) -> ActorSpeed {
         match target {
             SpeedTarget::Absolute { value_mps } => {
-                self.number(&path.to("value_mps"), *value_mps, 0.0);
-                ActorSpeed::Absolute(*value_mps)
+                ActorSpeed::Absolute(self.number(&path.to("value_mps"), value_mps, 0.0))
             }
-            SpeedTarget::Delta { entity, value_mps } => {
-                self.number(&path.to("value_mps"), *value_mps, -MOST);
-                ActorSpeed::Delta(self.agent(&path.to("entity"), entity), *value_mps)
-            }
-            SpeedTarget::Factor { entity, value } => {
-                self.number(&path.to("value"), *value, 0.0);
-                ActorSpeed::Factor(self.agent(&path.to("entity"), entity), *value)
-            }
+            SpeedTarget::Delta {
+                entity,
+                value_mps,
+                continuous,
+            } => ActorSpeed::Delta(RelativeTarget {
+                of: self.agent(&path.to("entity"), entity),
+                by: self.number(&path.to("value_mps"), value_mps, -MOST),
+                continuous: self.continuous(path, *continuous),
+            }),
+            SpeedTarget::Factor {
+                entity,
+                value,
+                continuous,
+            } => ActorSpeed::Factor(RelativeTarget {
+                of: self.agent(&path.to("entity"), entity),
+                by: self.number(&path.to("value"), value, 0.0),
+                continuous: self.continuous(path, *continuous),
+            }),
         }
     }
 
-    fn dynamics(&mut self, path: &ValuePath, dynamics: TransitionDynamics) -> TransitionDynamics {
-        let at = path.to("dimension");
-        if dynamics.shape != DynamicsShape::Step {
-            match dynamics.dimension {
-                // A rate of 0 would never end, and one that is almost 0 hardly.
-                Dimension::Rate(rate) => self.number(&at.at(0), rate, 1e-3),
-                Dimension::Time(time_s) => self.number(&at.at(0), time_s, 0.0),
-                Dimension::Distance(way_m) => self.number(&at.at(0), way_m, 0.0),
-            }
+    fn continuous(&mut self, path: &ValuePath, continuous: bool) -> bool {
+        if continuous {
+            self.not_played(&path.to("continuous"), "speeds that follow another agent");
         }
-        dynamics
+        continuous
     }
 }

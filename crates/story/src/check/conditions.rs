@@ -3,11 +3,11 @@
 use super::{Check, MOST, MOST_PARTS};
 use crate::ron_file::ValuePath;
 use crate::tree::{
-    AgentExpression, AgentQuantity, CheckedCondition, CheckedExpression, MeasuredAxis, TargetPlace,
+    AgentExpression, AgentQuantity, CheckedCondition, CheckedExpression, MeasuredAxis,
     ValueComparison,
 };
 use crate::values::{
-    ComparisonRule, Condition, EntityCondition, Expression, StoryPosition, Trigger,
+    ComparisonRule, Condition, EntityCondition, Expression, StoryNumber, StoryPosition, Trigger,
 };
 
 impl Check<'_, '_> {
@@ -28,7 +28,7 @@ impl Check<'_, '_> {
     }
 
     fn condition(&mut self, path: &ValuePath, condition: &Condition) -> usize {
-        self.number(&path.to("delay_s"), condition.delay_s, 0.0);
+        let delay_s = self.number(&path.to("delay_s"), &condition.delay_s, 0.0);
         let (is, held_s) = self.expression(&path.to("is"), &condition.is);
         if self.conditions.len() == MOST_PARTS {
             let what = format!("more than {MOST_PARTS} conditions");
@@ -36,15 +36,20 @@ impl Check<'_, '_> {
         }
         self.conditions.push(CheckedCondition {
             edge: condition.edge,
-            delay_s: condition.delay_s,
+            delay_s,
             held_s,
             is,
         });
         self.conditions.len() - 1
     }
 
-    fn compared(&mut self, path: &ValuePath, rule: ComparisonRule, value: f64) -> ValueComparison {
-        self.number(path, value, -MOST);
+    fn compared(
+        &mut self,
+        path: &ValuePath,
+        rule: ComparisonRule,
+        value: &StoryNumber,
+    ) -> ValueComparison {
+        let value = self.number(path, value, -MOST);
         ValueComparison { rule, value }
     }
 
@@ -52,7 +57,7 @@ impl Check<'_, '_> {
     fn expression(&mut self, path: &ValuePath, is: &Expression) -> (CheckedExpression, f64) {
         let checked = match is {
             Expression::SimulationTime { rule, value_s } => CheckedExpression::SimulationTime(
-                self.compared(&path.to("value_s"), *rule, *value_s),
+                self.compared(&path.to("value_s"), *rule, value_s),
             ),
             Expression::StoryboardElementState { element, state } => CheckedExpression::Element {
                 element: self.element_named(&path.to("element"), element),
@@ -60,11 +65,11 @@ impl Check<'_, '_> {
             },
             Expression::Variable { name, rule, value } => CheckedExpression::Variable {
                 number: self.variable(&path.to("name"), name),
-                compared: self.compared(&path.to("value"), *rule, *value),
+                compared: self.compared(&path.to("value"), *rule, value),
             },
             Expression::Parameter { name, rule, value } => CheckedExpression::Parameter {
                 number: self.index(&path.to("name"), "parameter", name, self.names.parameters),
-                compared: self.compared(&path.to("value"), *rule, *value),
+                compared: self.compared(&path.to("value"), *rule, value),
             },
             Expression::TrafficSignal { name, state } => CheckedExpression::Signal {
                 light: self.index(&path.to("name"), "light", name, self.names.lights),
@@ -93,48 +98,31 @@ impl Check<'_, '_> {
     }
 
     fn of_agent(&mut self, path: &ValuePath, is: &EntityCondition) -> (AgentExpression, f64) {
-        let held = |is: AgentExpression, for_s: f64| (is, for_s);
-        let (quantity, rule, value, field) = match is {
-            EntityCondition::Speed { rule, value_mps } => {
-                (AgentQuantity::Speed, *rule, *value_mps, "value_mps")
+        use EntityCondition as Is;
+        let expression = match is {
+            Is::Speed { rule, value_mps } => {
+                self.number_of(path, AgentQuantity::Speed, *rule, ("value_mps", value_mps))
             }
-            EntityCondition::RelativeSpeed {
+            Is::RelativeSpeed {
                 entity,
                 rule,
                 value_mps,
             } => {
-                let other = self.agent(&path.to("entity"), entity);
-                (
-                    AgentQuantity::SpeedLess { other },
-                    *rule,
-                    *value_mps,
-                    "value_mps",
-                )
+                let other = self.entity(path, entity);
+                let quantity = AgentQuantity::SpeedLess { other };
+                self.number_of(path, quantity, *rule, ("value_mps", value_mps))
             }
-            EntityCondition::Acceleration { rule, value_mps2 } => (
+            Is::Acceleration { rule, value_mps2 } => self.number_of(
+                path,
                 AgentQuantity::Acceleration,
                 *rule,
-                *value_mps2,
-                "value_mps2",
+                ("value_mps2", value_mps2),
             ),
-            EntityCondition::StandStill { duration_s } => {
-                /// Speed below which a body rests.
-                const REST_MPS: f64 = 1e-3;
-                self.number(&path.to("duration_s"), *duration_s, 0.0);
-                let rests = ValueComparison {
-                    rule: ComparisonRule::LessThan,
-                    value: REST_MPS,
-                };
-                return held(
-                    AgentExpression::Number(AgentQuantity::Rest, rests),
-                    *duration_s,
-                );
-            }
-            EntityCondition::TraveledDistance { value_m } => {
+            Is::TraveledDistance { value_m } => {
                 let rule = ComparisonRule::GreaterOrEqual;
-                (AgentQuantity::Way, rule, *value_m, "value_m")
+                self.number_of(path, AgentQuantity::Way, rule, ("value_m", value_m))
             }
-            EntityCondition::RelativeDistance {
+            Is::RelativeDistance {
                 entity,
                 distance_type,
                 coordinate_system,
@@ -143,46 +131,38 @@ impl Check<'_, '_> {
                 value_m,
             } => {
                 let quantity = AgentQuantity::DistanceTo {
-                    other: self.agent(&path.to("entity"), entity),
+                    other: self.entity(path, entity),
                     measured: MeasuredAxis {
                         along: *distance_type,
                         system: *coordinate_system,
                     },
                     freespace: *freespace,
                 };
-                (quantity, *rule, *value_m, "value_m")
+                self.number_of(path, quantity, *rule, ("value_m", value_m))
             }
-            EntityCondition::Distance {
+            Is::Distance {
                 position,
                 distance_type,
                 coordinate_system,
                 rule,
                 value_m,
             } => {
-                let quantity = AgentQuantity::DistanceToPlace {
-                    place: self.place(&path.to("position"), position),
-                    measured: MeasuredAxis {
-                        along: *distance_type,
-                        system: *coordinate_system,
-                    },
+                let measured = MeasuredAxis {
+                    along: *distance_type,
+                    system: *coordinate_system,
                 };
-                (quantity, *rule, *value_m, "value_m")
+                let quantity = self.to_place(path, position, measured);
+                self.number_of(path, quantity, *rule, ("value_m", value_m))
             }
-            EntityCondition::ReachPosition {
+            Is::ReachPosition {
                 position,
                 tolerance_m,
             } => {
-                let quantity = AgentQuantity::DistanceToPlace {
-                    place: self.place(&path.to("position"), position),
-                    measured: MeasuredAxis {
-                        along: Default::default(),
-                        system: Default::default(),
-                    },
-                };
+                let quantity = self.to_place(path, position, MeasuredAxis::default());
                 let rule = ComparisonRule::LessOrEqual;
-                (quantity, rule, *tolerance_m, "tolerance_m")
+                self.number_of(path, quantity, rule, ("tolerance_m", tolerance_m))
             }
-            EntityCondition::TimeHeadway {
+            Is::TimeHeadway {
                 entity,
                 coordinate_system,
                 freespace,
@@ -190,13 +170,13 @@ impl Check<'_, '_> {
                 value_s,
             } => {
                 let quantity = AgentQuantity::Headway {
-                    other: self.agent(&path.to("entity"), entity),
+                    other: self.entity(path, entity),
                     system: *coordinate_system,
                     freespace: *freespace,
                 };
-                (quantity, *rule, *value_s, "value_s")
+                self.number_of(path, quantity, *rule, ("value_s", value_s))
             }
-            EntityCondition::TimeToCollision {
+            Is::TimeToCollision {
                 entity,
                 coordinate_system,
                 freespace,
@@ -204,40 +184,57 @@ impl Check<'_, '_> {
                 value_s,
             } => {
                 let quantity = AgentQuantity::Collision {
-                    other: self.agent(&path.to("entity"), entity),
+                    other: self.entity(path, entity),
                     system: *coordinate_system,
                     freespace: *freespace,
                 };
-                (quantity, *rule, *value_s, "value_s")
+                self.number_of(path, quantity, *rule, ("value_s", value_s))
             }
-            EntityCondition::Collision { entity } => {
-                let other = self.agent(&path.to("entity"), entity);
-                return held(AgentExpression::Touches(other), 0.0);
+            Is::Collision { entity } => AgentExpression::Touches(self.entity(path, entity)),
+            Is::StandStill { .. } => {
+                /// Speed below which a body rests.
+                const REST_MPS: f64 = 1e-3;
+                let rests = ValueComparison {
+                    rule: ComparisonRule::LessThan,
+                    value: REST_MPS,
+                };
+                AgentExpression::Number(AgentQuantity::Rest, rests)
             }
-            EntityCondition::Offroad { duration_s } => {
-                self.number(&path.to("duration_s"), *duration_s, 0.0);
-                return held(AgentExpression::Offroad, *duration_s);
-            }
-            EntityCondition::EndOfRoad { duration_s } => {
-                self.number(&path.to("duration_s"), *duration_s, 0.0);
-                return held(AgentExpression::AtRoadEnd, *duration_s);
-            }
+            Is::Offroad { .. } => AgentExpression::Offroad,
+            Is::EndOfRoad { .. } => AgentExpression::AtRoadEnd,
         };
-        let compared = self.compared(&path.to(field), rule, value);
-        held(AgentExpression::Number(quantity, compared), 0.0)
+        let held_s = match is {
+            Is::StandStill { duration_s }
+            | Is::Offroad { duration_s }
+            | Is::EndOfRoad { duration_s } => self.number(&path.to("duration_s"), duration_s, 0.0),
+            _ => 0.0,
+        };
+        (expression, held_s)
     }
 
-    fn place(&mut self, path: &ValuePath, position: &StoryPosition) -> TargetPlace {
-        let (first, second) = match position {
-            StoryPosition::World { x_m, y_m } => (("x_m", *x_m), ("y_m", *y_m)),
-            StoryPosition::Road { s_m, t_m } => (("s_m", *s_m), ("t_m", *t_m)),
-        };
-        for (field, number) in [first, second] {
-            self.number(&path.to(field), number, -MOST);
-        }
-        match *position {
-            StoryPosition::World { x_m, y_m } => TargetPlace::World { x_m, y_m },
-            StoryPosition::Road { s_m, t_m } => TargetPlace::Road { s_m, t_m },
+    fn entity(&mut self, path: &ValuePath, name: &str) -> usize {
+        self.agent(&path.to("entity"), name)
+    }
+
+    fn number_of(
+        &mut self,
+        path: &ValuePath,
+        quantity: AgentQuantity,
+        rule: ComparisonRule,
+        named: (&str, &StoryNumber),
+    ) -> AgentExpression {
+        AgentExpression::Number(quantity, self.compared(&path.to(named.0), rule, named.1))
+    }
+
+    fn to_place(
+        &mut self,
+        path: &ValuePath,
+        position: &StoryPosition,
+        measured: MeasuredAxis,
+    ) -> AgentQuantity {
+        AgentQuantity::DistanceToPlace {
+            place: self.place(&path.to("position"), position),
+            measured,
         }
     }
 

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::{StoryNumber, StoryPosition};
+
 /// Groups of conditions. One group suffices, and all of its conditions must hold.
 pub type Trigger = Vec<Vec<Condition>>;
 
@@ -15,7 +17,7 @@ pub struct Condition {
     pub edge: ConditionEdge,
     /// Time by which the condition lags behind its expression and edge.
     #[serde(default)]
-    pub delay_s: f64,
+    pub delay_s: StoryNumber,
     /// Logical expression.
     pub is: Expression,
 }
@@ -55,7 +57,7 @@ pub enum Expression {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_s: f64,
+        value_s: StoryNumber,
     },
     /// State or transition of an element of the storyboard.
     StoryboardElementState {
@@ -71,7 +73,7 @@ pub enum Expression {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value: f64,
+        value: StoryNumber,
     },
     /// Parameter of the world's start.
     Parameter {
@@ -80,7 +82,7 @@ pub enum Expression {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value: f64,
+        value: StoryNumber,
     },
     /// Phase of a traffic light.
     TrafficSignal {
@@ -154,26 +156,6 @@ pub enum CoordinateSystem {
     Road,
 }
 
-/// TargetPlace in the world.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub enum StoryPosition {
-    /// Point of the world frame.
-    World {
-        /// Along world x.
-        x_m: f64,
-        /// Along world y.
-        y_m: f64,
-    },
-    /// TargetPlace on the road of the agent whose condition it is.
-    Road {
-        /// Along the road.
-        s_m: f64,
-        /// To the left of the road's course.
-        t_m: f64,
-    },
-}
-
 /// Condition on the motion of an agent.
 ///
 /// A quantity that is undefined fulfils no comparison, not even `NotEqualTo`.
@@ -185,7 +167,7 @@ pub enum EntityCondition {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_mps: f64,
+        value_mps: StoryNumber,
     },
     /// Own speed less that of another agent.
     RelativeSpeed {
@@ -194,24 +176,24 @@ pub enum EntityCondition {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_mps: f64,
+        value_mps: StoryNumber,
     },
     /// Acceleration along the heading.
     Acceleration {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_mps2: f64,
+        value_mps2: StoryNumber,
     },
     /// Rest for a duration.
     StandStill {
         /// Duration.
-        duration_s: f64,
+        duration_s: StoryNumber,
     },
     /// Way since the start of the episode.
     TraveledDistance {
         /// Way from which it holds.
-        value_m: f64,
+        value_m: StoryNumber,
     },
     /// Distance to another agent.
     RelativeDistance {
@@ -228,7 +210,7 @@ pub enum EntityCondition {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_m: f64,
+        value_m: StoryNumber,
     },
     /// Distance from the reference point to a place.
     Distance {
@@ -243,14 +225,14 @@ pub enum EntityCondition {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_m: f64,
+        value_m: StoryNumber,
     },
     /// Arrival within a tolerance of a place.
     ReachPosition {
         /// TargetPlace.
         position: StoryPosition,
         /// Radius around the place.
-        tolerance_m: f64,
+        tolerance_m: StoryNumber,
     },
     /// Distance to an agent ahead along an axis, divided by the own speed.
     TimeHeadway {
@@ -264,7 +246,7 @@ pub enum EntityCondition {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_s: f64,
+        value_s: StoryNumber,
     },
     /// Time until the distance to another agent is used up at both present speeds.
     TimeToCollision {
@@ -278,7 +260,7 @@ pub enum EntityCondition {
         /// ValueComparison.
         rule: ComparisonRule,
         /// Compared value.
-        value_s: f64,
+        value_s: StoryNumber,
     },
     /// Contact with another agent.
     Collision {
@@ -288,11 +270,11 @@ pub enum EntityCondition {
     /// Stay off the lanes of its road for a duration.
     Offroad {
         /// Duration.
-        duration_s: f64,
+        duration_s: StoryNumber,
     },
     /// Stay at the end of its road for a duration.
     EndOfRoad {
         /// Duration.
-        duration_s: f64,
+        duration_s: StoryNumber,
     },
 }

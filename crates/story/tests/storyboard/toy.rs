@@ -8,7 +8,7 @@ use brakecheck_story::run::{ElementChange, StoryRun};
 use brakecheck_story::values::{Dimension, DynamicsShape, SignalState, Storyboard};
 use brakecheck_story::view::{
     ActorAction, ActorSpeed, AgentMotion, AgentSize, MotionDomain, PosedAgent, RoadLimits,
-    StoryStage, StoryView,
+    SceneChange, StoryStage, StoryView,
 };
 
 /// Motion from an instant on: even acceleration up to another instant.
@@ -92,12 +92,16 @@ impl StoryView for Toy {
         }
     }
 
-    fn pose_on_road(&self, _: usize, s_m: f64, lateral_m: f64) -> Pose {
+    fn pose_on_road(&self, _: usize, _: Option<usize>, s_m: f64, lateral_m: f64) -> Pose {
         Pose {
             x_m: s_m,
             y_m: lateral_m,
             heading_rad: 0.0,
         }
+    }
+
+    fn lane_middle_m(&self, _: usize, lateral_m: f64, lanes: i32) -> f64 {
+        4.0 * ((lateral_m / 4.0).round() + f64::from(lanes))
     }
 
     fn road_limits(&self, _: usize) -> RoadLimits {
@@ -143,8 +147,8 @@ impl StoryStage for Toy {
         };
         let to_mps = match *target {
             ActorSpeed::Absolute(to_mps) => to_mps,
-            ActorSpeed::Delta(other, by_mps) => self.motion(other, at_s).speed_mps + by_mps,
-            ActorSpeed::Factor(other, by) => self.motion(other, at_s).speed_mps * by,
+            ActorSpeed::Delta(target) => self.motion(target.of, at_s).speed_mps + target.by,
+            ActorSpeed::Factor(target) => self.motion(target.of, at_s).speed_mps * target.by,
         };
         let (x_m, from_mps, _) = self.legs[agent].at(at_s);
         let change_mps = to_mps - from_mps;
@@ -168,6 +172,8 @@ impl StoryStage for Toy {
             until_s: at_s + lasts_s,
         };
     }
+
+    fn change(&mut self, _: SceneChange, _: f64) {}
 
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64 {
         match domain {
@@ -206,7 +212,9 @@ pub fn checked(text: &str) -> Result<CheckedStoryboard, Vec<String>> {
         on_foot: &["b"],
         lanes: &[2, 1, 1],
         lights: &["light"],
+        roads: &["side"],
         parameters: &["gap"],
+        values: &[7.0],
     };
     let found = check(&mut problems, &ValuePath::top(), &board, names);
     let problems = problems.into_list().into_iter();

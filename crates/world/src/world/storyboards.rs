@@ -23,6 +23,8 @@ pub(super) fn read(
     let follows_story = |i: usize| matches!(spec.agents[i].plan(), Some(MotionPlan::Script(steps)) if steps.is_empty());
     let lights: Vec<&str> = spec.lights.iter().map(|it| it.name.as_str()).collect();
     let parameters: Vec<&str> = spec.parameters.keys().map(String::as_str).collect();
+    let values: Vec<f64> = spec.parameters.values().map(|it| it.lo).collect();
+    let roads: Vec<&str> = spec.roads.keys().map(String::as_str).collect();
     let lanes: Vec<usize> = (0..spec.agents.len())
         .map(|i| spec.road_of(i).lanes())
         .collect();
@@ -32,7 +34,9 @@ pub(super) fn read(
         on_foot: &named(&|i| spec.agents[i].body.is_on_foot()),
         lanes: &lanes,
         lights: &lights,
+        roads: &roads,
         parameters: &parameters,
+        values: &values,
     };
     check(problems, path, board, names).map(Arc::new)
 }

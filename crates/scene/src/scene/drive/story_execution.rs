@@ -17,8 +17,8 @@ use crate::story::check::CheckedStoryboard;
 use crate::story::run::{ElementChange, StoryRun};
 use crate::story::values::SignalState;
 use crate::story::view::{
-    ActorAction, ActorLane, ActorSpeed, AgentMotion, AgentSize, MotionDomain, PosedAgent,
-    RoadLimits, StoryStage, StoryView,
+    ActorAction, ActorLane, ActorOffset, ActorSpeed, AgentMotion, AgentSize, MotionDomain,
+    PosedAgent, RoadLimits, SceneChange, StoryStage, StoryView,
 };
 
 /// State of a storyboard, with the sample over which it runs next.
@@ -173,13 +173,16 @@ impl SampleStage<'_> {
         self.layout.spec.road_of(agent).lane_at(place.lateral_m)
     }
 
-    fn law_of(&self, agent: usize, action: &ActorAction, at_s: f64) -> StoryLaw {
-        match *action {
+    /// Returns the law of an action, or `None` for one that moves nothing.
+    fn law_of(&self, agent: usize, action: &ActorAction, at_s: f64) -> Option<StoryLaw> {
+        let law = match *action {
             ActorAction::Speed { target, dynamics } => StoryLaw::Speed {
                 to_mps: match target {
                     ActorSpeed::Absolute(to_mps) => to_mps,
-                    ActorSpeed::Delta(of, by_mps) => self.motion(of, at_s).speed_mps + by_mps,
-                    ActorSpeed::Factor(of, by) => self.motion(of, at_s).speed_mps * by,
+                    ActorSpeed::Delta(target) => self.motion(target.of, at_s).speed_mps + target.by,
+                    ActorSpeed::Factor(target) => {
+                        self.motion(target.of, at_s).speed_mps * target.by
+                    }
                 },
                 shape: dynamics.shape.curve(),
                 size: dynamics.dimension,
@@ -204,16 +207,20 @@ impl SampleStage<'_> {
                 }
             }
             ActorAction::LaneOffset {
-                to_m,
+                target: ActorOffset::Absolute(to_m),
                 shape,
                 most_lateral_mps2,
+                ..
             } => StoryLaw::Lateral {
                 lane: None,
                 offset_m: to_m,
                 shape: shape.curve(),
                 timing: LateralTiming::Acceleration(most_lateral_mps2),
             },
-        }
+            // Agents have no controllers that take over, and the check refuses the rest.
+            _ => return None,
+        };
+        Some(law)
     }
 }
 
@@ -241,8 +248,18 @@ impl StoryView for SampleStage<'_> {
         self.state.network.locate(viewer, pose)
     }
 
-    fn pose_on_road(&self, viewer: usize, s_m: f64, lateral_m: f64) -> Pose {
-        self.state.network.course_of(viewer).pose(s_m, lateral_m)
+    fn pose_on_road(&self, viewer: usize, road: Option<usize>, s_m: f64, lateral_m: f64) -> Pose {
+        let network = &self.state.network;
+        let own = network.course_of(viewer);
+        let course = road.map_or(own, |road| &network.courses()[road]);
+        course.pose(s_m, lateral_m)
+    }
+
+    fn lane_middle_m(&self, viewer: usize, lateral_m: f64, lanes: i32) -> f64 {
+        let road = self.layout.spec.road_of(viewer);
+        let by = isize::try_from(lanes).unwrap_or(0);
+        let lane = road.lane_at(lateral_m).saturating_add_signed(by);
+        road.lane_middle_m(lane.min(road.lanes().saturating_sub(1)))
     }
 
     fn road_limits(&self, agent: usize) -> RoadLimits {
@@ -305,8 +322,13 @@ impl StoryView for SampleStage<'_> {
 
 impl StoryStage for SampleStage<'_> {
     fn begin(&mut self, agent: usize, action: &ActorAction, at_s: f64) {
-        let law = self.law_of(agent, action, at_s);
-        self.begin_law(agent, DueLaw { at_s, law });
+        if let Some(law) = self.law_of(agent, action, at_s) {
+            self.begin_law(agent, DueLaw { at_s, law });
+        }
+    }
+
+    fn change(&mut self, _: SceneChange, _: f64) {
+        // The check refuses them.
     }
 
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64 {

@@ -19,7 +19,7 @@ pub(super) enum StoryLaw {
     Speed {
         to_mps: f64,
         shape: Option<ChangeShape>,
-        size: Dimension,
+        size: Dimension<f64>,
     },
     /// The lateral place changes. Without a shape it does so at once.
     Lateral {
@@ -39,7 +39,7 @@ pub(super) enum StoryLaw {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum LateralTiming {
     /// By a rate, a time or a way, with progress along the path.
-    Size(Dimension),
+    Size(Dimension<f64>),
     /// By the greatest lateral acceleration, with the speed along the road.
     Acceleration(f64),
 }
@@ -47,7 +47,7 @@ pub(super) enum LateralTiming {
 /// Returns the greatest rate of a change between two speeds.
 pub(super) fn greatest_rate(
     shape: ChangeShape,
-    size: Dimension,
+    size: Dimension<f64>,
     [from_mps, to_mps]: [f64; 2],
 ) -> f64 {
     let change_mps = (to_mps - from_mps).abs();
