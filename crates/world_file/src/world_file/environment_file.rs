@@ -113,6 +113,18 @@ pub enum OwnPiece {
     },
 }
 
+impl From<Piece> for OwnPiece {
+    fn from(piece: Piece) -> OwnPiece {
+        match piece {
+            Piece::Line { length_m } => OwnPiece::Line { length_m },
+            Piece::Arc { length_m, radius_m } => OwnPiece::Arc {
+                length_m,
+                radius_m: radius_m.into(),
+            },
+        }
+    }
+}
+
 impl OwnPiece {
     /// Returns the piece at a point of its ranges.
     pub fn at(&self, point: RangePoint) -> Piece {

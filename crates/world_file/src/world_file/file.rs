@@ -144,6 +144,56 @@ pub struct ScenarioFile {
     pub traffic: Option<DeclaredTrafficFile>,
 }
 
+impl ScenarioFile {
+    /// Returns a world with the default of every field that has one.
+    pub fn new(
+        name: impl Into<String>,
+        question: impl Into<String>,
+        clock: Clock,
+        road: OwnRoad,
+        agents: Vec<AgentFile>,
+        ego_spec: impl Into<String>,
+    ) -> ScenarioFile {
+        ScenarioFile {
+            name: name.into(),
+            question: question.into(),
+            source: String::new(),
+            clock,
+            plant: rigid(),
+            after_contact_s: None,
+            judge: JudgeKind::default(),
+            counts: Counts::default(),
+            goals: Vec::new(),
+            road,
+            grades: Vec::new(),
+            vertical_curve_m: 0.0,
+            banks: Vec::new(),
+            wind: None,
+            roads: Ordered::default(),
+            bodies: Ordered::default(),
+            agents,
+            parameters: Ordered::default(),
+            points: None,
+            storyboard: None,
+            sensors: SensorsFile::default(),
+            signals: Ordered::default(),
+            formulas: Ordered::default(),
+            ego_spec: ego_spec.into(),
+            requirement: None,
+            constants: Ordered::default(),
+            reward: Reward::default(),
+            learner: LearnerSettings::default(),
+            learners: Ordered::default(),
+            train_against: None,
+            repeats: Repeats::default(),
+            allow: Vec::new(),
+            reuse: Ordered::default(),
+            natural: None,
+            traffic: None,
+        }
+    }
+}
+
 fn rigid() -> PlantKind {
     PlantKind::Rigid
 }

@@ -48,7 +48,7 @@ pub use natural_file::{KeptTraffic, NaturalFile, SHIPPED, TrafficFile};
 pub use number_or_range::NumberOrRange;
 pub use rule_file::{RuleFile, WrittenRule};
 pub use signal_file::{DescribedSignal, SignalFile};
-pub use text::text;
+pub use text::{CommentedWorld, TextComment, text};
 pub use trained_file::{KeptRun, RulesFile, RunFile, TrainedFile};
 pub use training_goal::TrainingGoal;
 pub use world::{WorldFile, parse, schema};

@@ -2,7 +2,7 @@ use brakecheck_worlds::WORLDS;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::ron_file::parse_ron;
+use crate::ron_file::{ValuePath, parse_ron};
 
 /// Returns the shipped worlds with their names.
 fn shipped() -> impl Iterator<Item = (&'static str, WorldFile)> {
@@ -22,6 +22,77 @@ fn a_written_world_reads_as_an_equal_value() {
         let read: WorldFile = serde_json::from_value(json).expect("a world of JSON");
         // JSON objects have no order, which `Ordered` does not compare.
         assert_eq!(read, world, "{name}");
+    }
+}
+
+#[test]
+fn comments_precede_their_values_and_change_nothing() {
+    let paths: [&dyn Fn(ValuePath) -> ValuePath; 4] = [
+        &|top| top,
+        &|top| top.to("clock").to("sample_s"),
+        &|top| top.to("agents").at(0),
+        &|top| top.to("agents").at(0).to("drive").at(0),
+    ];
+    let paths = paths.map(|path| path(ValuePath::top()));
+    let comments =
+        paths.map(|it| TextComment::new(it.clone(), format!("above `{it}`\n\n(\"\u{7}")));
+    let mut count = 0;
+    for (name, world) in shipped() {
+        if !matches!(world, WorldFile::Scenario(_)) {
+            continue;
+        }
+        count += 1;
+        let mut commented = CommentedWorld {
+            world,
+            comments: comments.to_vec(),
+        };
+        let written = commented.text().expect("a text");
+        assert_eq!(
+            parse(name, &written),
+            Ok(commented.world.clone()),
+            "{written}"
+        );
+        for comment in &comments {
+            let block = format!("// above `{}`\n", comment.at);
+            let (_, after) = written.split_once(&block).expect("the comment");
+            let lines: Vec<&str> = after.lines().map(str::trim).take(3).collect();
+            assert_eq!(lines[..2], ["//", "// (\"_"]);
+            // The line below is that of the value, so its place begins there.
+            let below = after.lines().nth(2).expect("a line");
+            let begins = written.len() - after.len() + after.find(below).expect("it is there");
+            let found = comment.at.find(&written).start;
+            assert!((begins..begins + below.len()).contains(&found), "{written}");
+        }
+        let nowhere = ValuePath::top().to("agents").at(99);
+        commented.comments.push(TextComment::new(nowhere, "lost"));
+        let refused = commented.text().map_err(|it| it.to_string());
+        assert!(refused.is_err_and(|it| it.contains("agents[99]")), "{name}");
+    }
+    assert!(count > 50, "{count}");
+}
+
+#[test]
+fn a_text_has_lines_that_fit_and_the_shortest_that_do() {
+    for (name, world) in shipped() {
+        let written = text(&world).expect("a text");
+        let lines: Vec<&str> = written.lines().collect();
+        for (i, line) in lines.iter().enumerate() {
+            // A longer line is a single value, such as a formula, with its name.
+            let is_one = |it: &str| it.matches(": ").count() <= 1 || it.contains('"');
+            assert!(
+                line.chars().count() <= 100 || is_one(line),
+                "{name}: {line}"
+            );
+            // A group whose values fit into a line has no line per value.
+            if let [open, inner, close] = lines[i..(i + 3).min(lines.len())]
+                && open.ends_with(['(', '['])
+                && [")", "),", "]", "],"].contains(&close.trim())
+                && !inner.ends_with(['(', '[', '{'])
+            {
+                let width = open.chars().count() + inner.trim().chars().count();
+                assert!(width + close.trim().len() > 100, "{name}: {open}\n{inner}");
+            }
+        }
     }
 }
 

@@ -12,8 +12,11 @@ use crate::road::ChangeShape;
 
 /// Planned motion of an agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
-#[schemars(bound = "N: JsonSchema + Serialize + From<f64>, W: JsonSchema + Serialize")]
+#[serde(bound(
+    serialize = "N: Serialize + PartialEq + From<f64>, W: Serialize",
+    deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"
+))]
+#[schemars(bound = "N: JsonSchema + Serialize + PartialEq + From<f64>, W: JsonSchema + Serialize")]
 pub enum MotionPlan<N, W> {
     /// Steps in sequence.
     Script(Vec<ScriptStep<N, W>>),
@@ -27,14 +30,17 @@ pub enum MotionPlan<N, W> {
 /// delay. It then begins all its laws at once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Step", deny_unknown_fields)]
-#[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
-#[schemars(bound = "N: JsonSchema + Serialize + From<f64>, W: JsonSchema + Serialize")]
+#[serde(bound(
+    serialize = "N: Serialize + PartialEq + From<f64>, W: Serialize",
+    deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"
+))]
+#[schemars(bound = "N: JsonSchema + Serialize + PartialEq + From<f64>, W: JsonSchema + Serialize")]
 pub struct ScriptStep<N, W> {
     /// Formula over present and past that triggers the step. Default: at once.
     #[serde(default)]
     pub when: Option<W>,
     /// Delay after the trigger.
-    #[serde(default = "zero::<N>")]
+    #[serde(default = "zero::<N>", skip_serializing_if = "is_zero")]
     pub after_s: N,
     /// Laws to begin: at most one along the path and one across it.
     #[serde(default)]
@@ -134,6 +140,10 @@ pub enum SteadyPart<N> {
 
 fn zero<N: From<f64>>() -> N {
     N::from(0.0)
+}
+
+fn is_zero<N: PartialEq + From<f64>>(number: &N) -> bool {
+    *number == zero()
 }
 
 /// Name and unit of a number in a plan.
