@@ -3,6 +3,9 @@
 mod actions;
 mod conditions;
 mod numbers;
+mod trajectories;
+
+use std::sync::Arc;
 
 use crate::ron_file::{Problems, ValuePath};
 use crate::tree::{BoardElement, CheckedCondition, CheckedEffect, ElementKind};
@@ -18,24 +21,22 @@ const MOST_EXECUTIONS: u32 = 10_000;
 const MOST: f64 = 1e6;
 
 /// Names that a storyboard may use.
-#[derive(Clone, Copy, Debug)]
-pub struct StoryNames<'a> {
+#[derive(Clone, Debug, Default)]
+pub struct StoryNames {
     /// Agents, in the order of their numbers.
-    pub agents: &'a [&'a str],
+    pub agents: Vec<String>,
     /// Agents that may be actors.
-    pub actors: &'a [&'a str],
+    pub actors: Vec<String>,
     /// Agents on foot, which have no lane.
-    pub on_foot: &'a [&'a str],
+    pub on_foot: Vec<String>,
     /// Number of lanes of the road of each agent.
-    pub lanes: &'a [usize],
+    pub lanes: Vec<usize>,
     /// Traffic lights.
-    pub lights: &'a [&'a str],
+    pub lights: Vec<String>,
     /// Named roads. The world's own has number 0, and these follow it.
-    pub roads: &'a [&'a str],
+    pub roads: Vec<String>,
     /// Parameters of the start.
-    pub parameters: &'a [&'a str],
-    /// Their values, which replace the names of numbers.
-    pub values: &'a [f64],
+    pub parameters: Vec<String>,
 }
 
 /// Storyboard without mistakes, ready to run.
@@ -46,23 +47,35 @@ pub struct CheckedStoryboard {
     pub(crate) variables: Vec<f64>,
     /// Number of agents.
     pub(crate) agents: usize,
+    /// Storyboard before its parameters got values. `None` if it has none.
+    open: Option<Arc<OpenStoryboard>>,
 }
 
-/// Checks a storyboard and resolves its names.
+/// Storyboard whose parameters have no values yet, with the names that it uses.
+#[derive(Clone, Debug)]
+struct OpenStoryboard {
+    board: Storyboard,
+    names: StoryNames,
+}
+
+/// Checks a storyboard and resolves its names, with values of all parameters.
 ///
 /// Each mistake is added to `problems` with its place below `path`. `None` if there is one.
 pub fn check(
     problems: &mut Problems<'_>,
     path: &ValuePath,
     board: &Storyboard,
-    names: StoryNames<'_>,
+    names: &StoryNames,
+    values: &[f64],
 ) -> Option<CheckedStoryboard> {
     let before = problems.len();
     let mut check = Check {
         problems,
         names,
-        values: Vec::new(),
+        values,
+        has_parameters: false,
         variables: board.variables.iter().map(|it| it.name.clone()).collect(),
+        first: Vec::new(),
         elements: Vec::new(),
         conditions: Vec::new(),
     };
@@ -72,20 +85,48 @@ pub fn check(
     check.triggers(path, board);
     let Check {
         problems,
+        has_parameters,
+        first,
         elements,
         conditions,
-        values,
         ..
     } = check;
+    let open = has_parameters.then(|| OpenStoryboard {
+        board: board.clone(),
+        names: names.clone(),
+    });
     (problems.len() == before).then(|| CheckedStoryboard {
         elements,
         conditions,
-        variables: values,
+        variables: first,
         agents: names.agents.len(),
+        open: open.map(Arc::new),
     })
 }
 
 impl CheckedStoryboard {
+    /// Returns the storyboard with other values of its parameters.
+    ///
+    /// # Errors
+    /// A value is wrong where the storyboard uses it.
+    pub fn at_values(self: &Arc<Self>, values: &[f64]) -> Result<Arc<CheckedStoryboard>, String> {
+        let Some(open) = &self.open else {
+            return Ok(Arc::clone(self));
+        };
+        let mut problems = Problems::new("");
+        let top = ValuePath::top();
+        let found = check(&mut problems, &top, &open.board, &open.names, values);
+        let first = problems.into_list().into_iter().next();
+        found
+            .map(Arc::new)
+            .ok_or_else(|| first.map_or_else(String::new, |it| it.what))
+    }
+
+    /// Returns whether it depends on parameters of the start.
+    pub fn has_parameters(&self) -> bool {
+        self.open.is_some()
+    }
+
     /// Returns the number of elements.
     pub fn len(&self) -> usize {
         self.elements.len()
@@ -116,10 +157,14 @@ impl CheckedStoryboard {
 
 struct Check<'a, 'b> {
     problems: &'a mut Problems<'b>,
-    names: StoryNames<'a>,
+    names: &'a StoryNames,
+    /// Values of the parameters.
+    values: &'a [f64],
+    /// Whether a number is a parameter.
+    has_parameters: bool,
     variables: Vec<String>,
-    /// First values of the variables.
-    values: Vec<f64>,
+    /// Their first values.
+    first: Vec<f64>,
     elements: Vec<BoardElement>,
     conditions: Vec<CheckedCondition>,
 }
@@ -134,24 +179,25 @@ impl Check<'_, '_> {
         self.wrong(path, format!("not played yet: {what}"), help);
     }
 
-    fn index(&mut self, path: &ValuePath, what: &str, name: &str, known: &[&str]) -> usize {
-        let found = known.iter().position(|it| *it == name);
+    fn index(&mut self, path: &ValuePath, what: &str, name: &str, known: &[String]) -> usize {
+        let found = known.iter().position(|it| it == name);
         if found.is_none() {
-            self.problems.unknown(path, what, name, known);
+            let known: Vec<&str> = known.iter().map(String::as_str).collect();
+            self.problems.unknown(path, what, name, &known);
         }
         // A wrong name is reported, and the storyboard then never runs.
         found.unwrap_or(0)
     }
 
     fn agent(&mut self, path: &ValuePath, name: &str) -> usize {
-        self.index(path, "agent", name, self.names.agents)
+        self.index(path, "agent", name, &self.names.agents)
     }
 
     fn variables(&mut self, path: &ValuePath, board: &Storyboard) {
         for (i, variable) in board.variables.iter().enumerate() {
             let at = path.to("variables").at(i);
             let value = self.number(&at.to("value"), &variable.value, -MOST);
-            self.values.push(value);
+            self.first.push(value);
             if self.variables[..i].contains(&variable.name) {
                 let what = format!("a second variable `{}`", variable.name);
                 self.wrong(&at.to("name"), what, "give it another name");
@@ -256,20 +302,28 @@ impl Check<'_, '_> {
     }
 
     fn actor(&mut self, path: &ValuePath, name: &str, group: &ManeuverGroup) -> usize {
-        let agent = self.agent(path, name);
-        let is_known = self.names.agents.contains(&name);
         // Controllers are switched on for agents that no action moves, such as the ego.
         let mut events = group.maneuvers.iter().flat_map(|it| &it.events);
         let moves = events.any(|event| {
             let mut actions = event.actions.iter();
             actions.any(|it| !matches!(it.does, Effect::ActivateController { .. }))
         });
-        if is_known && moves && !self.names.actors.contains(&name) {
+        if moves {
+            self.moved(path, name)
+        } else {
+            self.agent(path, name)
+        }
+    }
+
+    /// Returns an agent that actions may move.
+    fn moved(&mut self, path: &ValuePath, name: &str) -> usize {
+        let named = |list: &[String]| list.iter().any(|it| it == name);
+        if named(&self.names.agents) && !named(&self.names.actors) {
             let what = format!("`{name}` cannot act in a story");
             let help = "give it `Script([])` as its drive, or as the `base` of its `Ado(…)`";
             self.wrong(path, what, help);
         }
-        agent
+        self.agent(path, name)
     }
 
     fn maneuver(
@@ -298,8 +352,7 @@ impl Check<'_, '_> {
 
     fn variable(&mut self, path: &ValuePath, name: &str) -> usize {
         let variables = self.variables.clone();
-        let known: Vec<&str> = variables.iter().map(String::as_str).collect();
-        self.index(path, "variable", name, &known)
+        self.index(path, "variable", name, &variables)
     }
 
     fn triggers(&mut self, path: &ValuePath, board: &Storyboard) {

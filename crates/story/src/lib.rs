@@ -32,4 +32,4 @@ pub mod view;
 pub use tree::ElementKind;
 
 use brakecheck_files::ron_file;
-use brakecheck_road::{pose, road};
+use brakecheck_road::{pose, road, trajectory};

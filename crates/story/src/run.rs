@@ -313,7 +313,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         controlled.all(|(actor, domain)| {
             // Another action may have taken the agent over.
             self.owner(actor, domain) != Some(element)
-                || self.stage.ends_s(actor, domain) <= self.now_s + SAME_S
+                || (!action.is_endless()
+                    && self.stage.ends_s(actor, domain) <= self.now_s + SAME_S)
         })
     }
 

@@ -4,11 +4,14 @@
 //! [`check`](crate::check::check). A view is right-continuous: at the instant at which an
 //! action begins it shows the motion under that action.
 
+use std::sync::Arc;
+
 use crate::pose::Pose;
 use crate::road::OnRoad;
+use crate::trajectory::TrajectoryPath;
 use crate::values::{
     CoordinateSystem, DistanceOrTime, DynamicLimits, DynamicsShape, FinalSpeed, FollowingMode,
-    SignalState, SpeedPoint, StoryTrajectory, TrajectoryTiming, TransitionDynamics,
+    SignalState, SpeedPoint, TrajectoryTiming, TransitionDynamics,
 };
 
 /// Motion of an agent at an instant.
@@ -261,7 +264,7 @@ pub enum ActorAction {
     /// Motion along a curve.
     FollowTrajectory {
         /// Curve.
-        trajectory: StoryTrajectory<f64>,
+        path: Arc<TrajectoryPath>,
         /// Meaning of its times, or `None` for a motion only across the path.
         timing: Option<TrajectoryTiming<f64>>,
         /// Exact quantity.
@@ -373,6 +376,8 @@ pub enum ActorLane {
     Absolute(usize),
     /// Lane of an agent, plus a number to the left.
     Relative(usize, i32),
+    /// Line to the left of the road's course, in metres.
+    Line(f64),
 }
 
 /// Target offset of an agent, to the left in road direction.
@@ -382,6 +387,8 @@ pub enum ActorOffset {
     Absolute(f64),
     /// From the place of an agent, in metres.
     Relative(usize, f64),
+    /// From the road's course, in metres.
+    Line(f64),
 }
 
 impl ActorAction {
@@ -396,11 +403,27 @@ impl ActorAction {
             | ActorAction::LaneOffset { .. }
             | ActorAction::LateralDistance(_)
             | ActorAction::FollowTrajectory { timing: None, .. } => &[MotionDomain::Lateral],
-            ActorAction::FollowTrajectory { .. } | ActorAction::Teleport(_) => {
+            ActorAction::FollowTrajectory { .. } => {
                 &[MotionDomain::Longitudinal, MotionDomain::Lateral]
             }
             // They take effect at once and leave both to other actions.
-            ActorAction::AssignRoute(_) | ActorAction::ActivateController { .. } => &[],
+            ActorAction::AssignRoute(_)
+            | ActorAction::Teleport(_)
+            | ActorAction::ActivateController { .. } => &[],
+        }
+    }
+
+    /// Returns whether it goes on until another action takes over.
+    pub fn is_endless(&self) -> bool {
+        match self {
+            ActorAction::Speed {
+                target: ActorSpeed::Delta(target) | ActorSpeed::Factor(target),
+                ..
+            } => target.continuous,
+            ActorAction::LongitudinalDistance(distance)
+            | ActorAction::LateralDistance(distance) => distance.continuous,
+            ActorAction::LaneOffset { continuous, .. } => *continuous,
+            _ => false,
         }
     }
 }

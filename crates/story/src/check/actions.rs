@@ -62,9 +62,9 @@ impl Check<'_, '_> {
             return;
         }
         for actor in actors.iter().filter(|it| **it < self.names.agents.len()) {
-            let name = self.names.agents[*actor];
+            let name = &self.names.agents[*actor];
             let lanes = self.names.lanes[*actor];
-            if self.names.on_foot.contains(&name) {
+            if self.names.on_foot.contains(name) {
                 let what = format!("`{name}` walks and has no lane");
                 self.wrong(path, what, "let a vehicle do it");
             }
@@ -138,7 +138,6 @@ impl Check<'_, '_> {
                 continuous,
                 limits,
             } => {
-                self.not_played(path, "distances across the path");
                 let distance_m = self.number(&path.to("distance_m"), distance_m, 0.0);
                 ActorAction::LateralDistance(ActorDistance {
                     of: self.agent(&path.to("entity"), entity),
@@ -195,6 +194,10 @@ impl Check<'_, '_> {
                         let at = path.to("target").to("entity");
                         ActorLane::Relative(self.agent(&at, entity), *lanes)
                     }
+                    LaneTarget::Line { lateral_m } => {
+                        let at = path.to("target").to("lateral_m");
+                        ActorLane::Line(self.number(&at, lateral_m, -MOST))
+                    }
                 },
                 offset_m: self.number(
                     &path.to("target_lane_offset_m"),
@@ -210,9 +213,6 @@ impl Check<'_, '_> {
                 shape,
                 max_lateral_acc_mps2,
             } => {
-                if *continuous {
-                    self.not_played(&path.to("continuous"), "offsets that go on");
-                }
                 ActorAction::LaneOffset {
                     target: self.offset(path, target_m.as_ref(), target.as_ref()),
                     continuous: *continuous,
@@ -230,22 +230,27 @@ impl Check<'_, '_> {
                 following,
                 initial_distance_m,
             } => {
-                self.not_played(path, "trajectories");
-                let at = path.to("initial_distance_m");
-                let timed = timing.as_ref();
+                let (at, timed) = (path.to("initial_distance_m"), timing.as_ref());
+                let curve_at = path.to("trajectory");
+                let checked = self.curve(&curve_at, trajectory, *following, timed.is_some());
+                let Some(curve) = checked else {
+                    // Reported, and the storyboard then never runs.
+                    return CheckedEffect::Of {
+                        actors: actors.to_vec(),
+                        action: ActorAction::AssignRoute(0),
+                    };
+                };
                 ActorAction::FollowTrajectory {
-                    trajectory: self.trajectory(&path.to("trajectory"), trajectory),
+                    path: curve,
                     timing: timed.map(|it| self.timing(&path.to("timing"), it)),
                     following: *following,
                     initial_distance_m: self.number(&at, initial_distance_m, 0.0),
                 }
             }
             Effect::AssignRoute { road } => {
-                self.not_played(path, "routes");
                 ActorAction::AssignRoute(self.road(&path.to("road"), road.as_ref()))
             }
             Effect::Teleport { position } => {
-                self.not_played(path, "teleports");
                 ActorAction::Teleport(self.place(&path.to("position"), position))
             }
             Effect::ActivateController {
@@ -265,24 +270,20 @@ impl Check<'_, '_> {
                 return self.change(path, name, value, VariableChange::Multiply);
             }
             Effect::Add { entity, position } => {
-                self.not_played(path, "agents that appear");
-                let agent = self.agent(&path.to("entity"), entity);
+                let agent = self.moved(&path.to("entity"), entity);
                 let place = self.place(&path.to("position"), position);
                 return CheckedEffect::Scene(SceneChange::Add(agent, place));
             }
             Effect::Delete { entity } => {
-                self.not_played(path, "agents that vanish");
-                let agent = self.agent(&path.to("entity"), entity);
+                let agent = self.moved(&path.to("entity"), entity);
                 return CheckedEffect::Scene(SceneChange::Delete(agent));
             }
             Effect::Friction { value } => {
-                self.not_played(path, "friction that changes");
                 let friction = self.number(&path.to("value"), value, 1e-3);
                 return CheckedEffect::Scene(SceneChange::Friction(friction));
             }
             Effect::TrafficSignal { name, state } => {
-                self.not_played(path, "lights that change");
-                let light = self.index(&path.to("name"), "light", name, self.names.lights);
+                let light = self.index(&path.to("name"), "light", name, &self.names.lights);
                 return CheckedEffect::Scene(SceneChange::TrafficSignal(light, *state));
             }
         };
@@ -307,11 +308,13 @@ impl Check<'_, '_> {
                 ActorOffset::Absolute(self.number(&at.to("value_m"), value_m, -MOST))
             }
             (None, Some(OffsetTarget::Relative { entity, value_m })) => {
-                self.not_played(&at, "offsets from another agent");
                 ActorOffset::Relative(
                     self.agent(&at.to("entity"), entity),
                     self.number(&at.to("value_m"), value_m, -MOST),
                 )
+            }
+            (None, Some(OffsetTarget::Line { lateral_m })) => {
+                ActorOffset::Line(self.number(&at.to("lateral_m"), lateral_m, -MOST))
             }
             _ => {
                 let what = "an offset needs one target".to_owned();

@@ -68,11 +68,11 @@ impl Check<'_, '_> {
                 compared: self.compared(&path.to("value"), *rule, value),
             },
             Expression::Parameter { name, rule, value } => CheckedExpression::Parameter {
-                number: self.index(&path.to("name"), "parameter", name, self.names.parameters),
+                number: self.index(&path.to("name"), "parameter", name, &self.names.parameters),
                 compared: self.compared(&path.to("value"), *rule, value),
             },
             Expression::TrafficSignal { name, state } => CheckedExpression::Signal {
-                light: self.index(&path.to("name"), "light", name, self.names.lights),
+                light: self.index(&path.to("name"), "light", name, &self.names.lights),
                 state: *state,
             },
             Expression::ByEntity {

@@ -18,8 +18,9 @@ impl Check<'_, '_> {
         let (value, caption) = match number {
             StoryNumber::Number(value) => (*value, value.to_string()),
             StoryNumber::Parameter(name) => {
-                let at = self.index(path, "parameter", name, self.names.parameters);
-                let Some(value) = self.names.values.get(at) else {
+                let at = self.index(path, "parameter", name, &self.names.parameters);
+                self.has_parameters = true;
+                let Some(value) = self.values.get(at) else {
                     // It is unknown, which is reported.
                     return least;
                 };
@@ -162,7 +163,7 @@ impl Check<'_, '_> {
     /// Returns the number of a road, which is that of the world without a name.
     pub(super) fn road(&mut self, path: &ValuePath, name: Option<&String>) -> usize {
         match name {
-            Some(name) => 1 + self.index(path, "road", name, self.names.roads),
+            Some(name) => 1 + self.index(path, "road", name, &self.names.roads),
             None => 0,
         }
     }

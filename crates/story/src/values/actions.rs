@@ -334,6 +334,11 @@ pub enum OffsetTarget {
         /// Offset, to the left in road direction.
         value_m: StoryNumber,
     },
+    /// A line along the actor's road.
+    Line {
+        /// Distance to the left of the road's course.
+        lateral_m: StoryNumber,
+    },
 }
 
 /// Target of a speed action.
@@ -384,6 +389,11 @@ pub enum LaneTarget {
         entity: String,
         /// Number of lanes to the left in road direction.
         lanes: i32,
+    },
+    /// A line along the actor's road, on a lane or beside all of them.
+    Line {
+        /// Distance to the left of the road's course.
+        lateral_m: StoryNumber,
     },
 }
 

@@ -206,17 +206,17 @@ const AGENTS: [&str; 3] = ["a", "b", "c"];
 pub fn checked(text: &str) -> Result<CheckedStoryboard, Vec<String>> {
     let board: Storyboard = parse(text).map_err(|it| vec![it.what])?;
     let mut problems = Problems::new(text);
+    let owned = |names: &[&str]| names.iter().map(|it| it.to_string()).collect();
     let names = StoryNames {
-        agents: &AGENTS,
-        actors: &AGENTS[..2],
-        on_foot: &["b"],
-        lanes: &[2, 1, 1],
-        lights: &["light"],
-        roads: &["side"],
-        parameters: &["gap"],
-        values: &[7.0],
+        agents: owned(&AGENTS),
+        actors: owned(&AGENTS[..2]),
+        on_foot: owned(&["b"]),
+        lanes: vec![2, 1, 1],
+        lights: owned(&["light"]),
+        roads: owned(&["side"]),
+        parameters: owned(&["gap"]),
     };
-    let found = check(&mut problems, &ValuePath::top(), &board, names);
+    let found = check(&mut problems, &ValuePath::top(), &board, &names, &[7.0]);
     let problems = problems.into_list().into_iter();
     found.ok_or_else(|| problems.map(|it| it.what).collect())
 }

@@ -331,14 +331,21 @@ impl Scene for DriveScene {
                 self.plans.push(begun.map(|(run, _)| run));
             }
         }
-        let story = layout.spec.story.as_deref();
-        self.story = story.map(|board| Box::new(StoryExecution::new(board)));
         self.arrivals.clear();
         self.arrivals.resize(self.plans.len(), Arrival::default());
         self.state.parameters.clear();
         self.state
             .parameters
             .extend(layout.spec.parameters_of(start));
+        let story = layout.spec.story.as_ref();
+        let resolved = story.map(|board| board.at_values(&self.state.parameters));
+        self.story = resolved.and_then(|board| match board {
+            Ok(board) => Some(Box::new(StoryExecution::new(board))),
+            Err(why) => {
+                self.unmet = Some(format!("storyboard: {why}"));
+                None
+            }
+        });
         self.plans_begin();
         self.state.read();
         self.percept = ego_percept::blank(&layout.spec, layout.ego);

@@ -33,7 +33,7 @@ impl Drawn {
 
 impl DriveSpec {
     /// Returns the parameters of a start.
-    pub(super) fn parameters_of(&self, start: &Start) -> Vec<f64> {
+    pub fn parameters_of(&self, start: &Start) -> Vec<f64> {
         let ranges = self.parameters.values();
         let drawn = ranges.clone().filter(|range| !range.is_fixed()).count();
         // Parameters are the last values of a start before its environment.
@@ -119,6 +119,7 @@ impl DriveSpec {
             } else {
                 agent.body.lever_m()
             },
+            front_m: agent.body.front_m(),
             facing_rad: agent.facing_rad,
             on_foot: agent.body.is_on_foot(),
             whens,

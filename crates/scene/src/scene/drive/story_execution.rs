@@ -4,6 +4,8 @@
 //! its own instant: the plan of its actor is driven again from the beginning of the
 //! sample. The body follows in the next sample, as for the formulas of scripts.
 
+use std::sync::Arc;
+
 use super::actions::Maneuver;
 use super::layout::DriveLayout;
 use super::plan_execution::{Arrival, PlanRun, SampleSpan};
@@ -24,6 +26,8 @@ use crate::story::view::{
 /// State of a storyboard, with the sample over which it runs next.
 #[derive(Clone, Debug)]
 pub(super) struct StoryExecution {
+    /// Storyboard with the numbers of the start.
+    board: Arc<CheckedStoryboard>,
     run: StoryRun,
     /// Changes of its elements so far, in the order of time.
     changes: Vec<ElementChange>,
@@ -53,9 +57,10 @@ struct SampleStage<'a> {
 }
 
 impl StoryExecution {
-    pub(super) fn new(board: &CheckedStoryboard) -> StoryExecution {
+    pub(super) fn new(board: Arc<CheckedStoryboard>) -> StoryExecution {
         StoryExecution {
-            run: StoryRun::new(board),
+            run: StoryRun::new(&board),
+            board,
             changes: Vec::new(),
             past: PastSample::default(),
         }
@@ -76,9 +81,6 @@ impl StoryExecution {
         plans: &mut [Option<PlanRun>],
         chosen: &[Maneuver],
     ) {
-        let Some(board) = &layout.spec.story else {
-            return;
-        };
         if self.past.motions.is_empty() {
             self.past = PastSample::of(state, plans, chosen);
         }
@@ -90,7 +92,8 @@ impl StoryExecution {
             past: &mut self.past,
             to_s,
         };
-        self.run.step(board, &mut stage, to_s, &mut self.changes);
+        let changes = &mut self.changes;
+        self.run.step(&self.board, &mut stage, to_s, changes);
         self.past = PastSample::of(state, plans, chosen);
     }
 }
