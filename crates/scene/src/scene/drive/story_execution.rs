@@ -198,6 +198,7 @@ impl SampleStage<'_> {
                 let lanes = self.layout.spec.road_of(agent).lanes();
                 let lane = match target {
                     ActorLane::Absolute(lane) => lane,
+                    ActorLane::Line(lateral_m) => self.layout.spec.road_of(agent).lane_at(lateral_m),
                     ActorLane::Relative(of, by) => self
                         .lane_of(of, at_s)
                         .saturating_add_signed(isize::try_from(by).unwrap_or(0)),
