@@ -116,6 +116,17 @@ impl Placement {
         libm::atan2(ahead.y, ahead.x)
     }
 
+    /// Returns the angles about the body's axes to the left and to the front.
+    ///
+    /// Positive angles lower the front and lift the left side (ISO 8855).
+    pub fn pitch_roll_rad(&self) -> (f64, f64) {
+        // Heights of the ends of the body's axes, of length 1.
+        let [ahead_z, left_z, up_z] =
+            [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (self.rotation * axis).z);
+        let pitch_rad = -libm::asin(ahead_z.clamp(-1.0, 1.0));
+        (pitch_rad, libm::atan2(left_z, up_z))
+    }
+
     /// Returns the frame on the ground below the centre.
     pub fn ground_frame(&self) -> GroundFrame {
         let [x_m, y_m, _] = self.centre_m;

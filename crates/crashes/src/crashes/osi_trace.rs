@@ -1,13 +1,11 @@
 //! Kept counterexamples as traces of the Open Simulation Interface.
 
-use nalgebra::Vector3;
-
 use brakecheck_traffic::{Class, OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 
 use crate::openx::{Elevation, vehicle_category};
 use crate::scene::drive::{Agent, Drive};
 use crate::scene::{BodySample, Placement};
-use crate::sim::{Body, BodyKind};
+use crate::sim::{Body, BodyKind, PlantKind};
 use crate::testbench::{Episode, Film, film_beyond};
 use crate::world::Scenario;
 
@@ -22,7 +20,9 @@ pub(super) fn osi_trace(
 ) -> Option<Vec<u8>> {
     let drive = scenario.drive()?;
     let agents = &drive.spec().agents;
-    let elevation = Elevation::of(drive.world());
+    // The rigid plant drives on the surface, so its bodies are there already.
+    let in_plane = drive.spec().plant == PlantKind::Kinematic;
+    let elevation = Elevation::of(drive.world()).filter(|_| in_plane);
     let mut bench = scenario.bench();
     bench.record_motion();
     let Film { frames, .. } = film_beyond(&mut bench, episode);
@@ -108,11 +108,7 @@ fn state(body: &Body, sample: &BodySample, placement: &Placement) -> OsiState {
     let yaw_rad = placement.heading_rad();
     let (sin, cos) = libm::sincos(yaw_rad);
     let turned = |ahead: f64, left: f64| [ahead * cos - left * sin, ahead * sin + left * cos, 0.0];
-    // Heights of the ends of the body's axes, of length 1.
-    let [ahead_z, left_z, up_z] =
-        [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (placement.rotation * axis).z);
-    let pitch_rad = -libm::asin(ahead_z.clamp(-1.0, 1.0));
-    let roll_rad = libm::atan2(left_z, up_z);
+    let (pitch_rad, roll_rad) = placement.pitch_roll_rad();
     // Turning moves the front sideways, and not the centre.
     let left_mps = state.lateral_mps - state.yaw_rate_rad_per_s * body.half_length_m();
     OsiState {

@@ -88,7 +88,7 @@ fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart>
     };
     let name = |plant: PlantKind| <&str>::from(plant);
     let mut worlds = vec![(format!("the {} plant", name(other)), scenario.on(other))];
-    let halved = scenario.sampled_every(0.5 * sample_s);
+    let halved = scenario.sampled_every(0.5 * sample_s, spec.clock.substeps);
     worlds.extend(halved.map(|world| ("half the sample time".to_owned(), world)));
     for factor in FRICTION {
         let change = Change {

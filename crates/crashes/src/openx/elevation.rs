@@ -6,8 +6,8 @@
 use super::path::Vertex;
 use super::stretch::Stretch;
 use crate::road::RoadProfile;
-use crate::scene::drive::DriveWorld;
-use crate::sim::{Pose, wrapped};
+use crate::scene::drive::{BodyAttitude, DriveWorld};
+use crate::sim::Pose;
 use crate::xml::XmlElement;
 
 /// Heights of the roads of a world.
@@ -28,11 +28,12 @@ impl<'a> Elevation<'a> {
     ///
     /// Positive angles lower the front and lift the left side.
     pub(crate) fn tilt(&self, road: usize, pose: &Pose) -> (f64, f64, f64) {
-        let at = self.0.courses()[road].locate(pose);
-        let heights = self.heights(road);
-        let (height_m, rise) = (heights.height_m(at.s_m, 0.0), heights.rise(at.s_m));
-        let (sin, cos) = libm::sincos(wrapped(at.heading_rad));
-        (height_m, -libm::atan(rise * cos), -libm::atan(rise * sin))
+        let BodyAttitude {
+            z_m,
+            pitch_rad,
+            roll_rad,
+        } = self.0.attitude_on(road, pose);
+        (z_m, pitch_rad, roll_rad)
     }
 
     /// Lifts the vertices of a body to its road.

@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::frame::DriveFrame;
 use super::input::DriveInput;
-use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup, Slider};
+use super::sandbox::{DriveSeat, Sandbox, Setup, Slider};
 use super::session::DrivenEpisode;
 use crate::scene::{BodyFigure, SceneGeometry};
+use crate::search::AdoPlayer;
 
 /// What a page asks. The page at the wheel may ask all, and the others nothing.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -18,12 +18,13 @@ mod server;
 mod session;
 mod watched;
 
+pub use crate::search::AdoPlayer;
 pub use error::DriveError;
 pub use frame::{DriveFrame, DriveOutcome};
 pub use input::DriveInput;
 pub use message::{DriveRequest, PageMessage, Stage, StageRule};
 pub use real_time::DriveSettings;
-pub use sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup, Slider};
+pub use sandbox::{DriveSeat, Sandbox, Setup, Slider};
 pub use server::{DriveEnded, serve};
 pub use session::DrivenEpisode;
 pub use watched::{Reload, WatchedWorld};

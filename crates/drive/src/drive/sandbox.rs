@@ -8,16 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use super::error::DriveError;
 use super::hand::Hand;
-use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent_to, test_start};
+use crate::experiment::{EgoUnderTest, consent_to, test_start};
 use crate::rl::Policy;
 use crate::scene::Start;
-use crate::search::{Method, SearchRequest, Switches, search};
+use crate::search::{AdoPlayer, JointActions};
 use crate::world::{Change, Scenario};
 
 /// Name of the ego that obeys your keys, in kept files too.
 pub(super) const YOU: &str = "you";
-/// Most action switches of the search's sequence.
-const SWITCHES: usize = 2;
 
 /// Your seat in the world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -28,22 +26,6 @@ pub enum DriveSeat {
     Ego,
     /// An ado, whose actions you choose. The value is its place among the ados.
     Ado(usize),
-}
-
-/// Player of the ados that are not yours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum AdoPlayer {
-    /// Their neutral actions.
-    #[default]
-    Neutral,
-    /// The trained ado of the run.
-    Trained,
-    /// Random actions, each held for a while.
-    Random,
-    /// The first successful sequence of a search against the ego that drives, or against the
-    /// world's own ego if you drive.
-    Search,
 }
 
 /// Values of an episode: who drives, against whom, and from which start.
@@ -311,26 +293,13 @@ impl Sandbox {
     }
 
     /// Returns the first successful sequence of a search from a start, if it finds any.
-    pub(super) fn searched(&self, ego: &EgoUnderTest, setup: &Setup) -> Option<Vec<usize>> {
+    pub(super) fn searched(&self, ego: &EgoUnderTest, setup: &Setup) -> Option<JointActions> {
         let ego = if ego.is_own() {
             // Your keys cannot be searched against.
             EgoUnderTest::nominal(&self.world)
         } else {
             ego.clone()
         };
-        let starts = TestStarts {
-            seed: 0,
-            starts: vec![(Start(setup.start.clone()), setup.noise)],
-            trivial: vec![false],
-        };
-        let request = SearchRequest {
-            scenario: ego.scenario(),
-            ego: ego.name(),
-            method: Method::from(Switches(SWITCHES)),
-            budget: 0,
-            starts: &starts,
-        };
-        let found = search(&request, &Watch::unwatched()).found;
-        found.into_iter().flatten().next()?.actions
+        JointActions::searched(&ego, &Start(setup.start.clone()), setup.noise)
     }
 }

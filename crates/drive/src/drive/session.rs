@@ -9,15 +9,16 @@ use super::error::DriveError;
 use super::frame::{DriveFrame, DriveOutcome};
 use super::hand::Hand;
 use super::input::DriveInput;
-use super::sandbox::{AdoPlayer, DriveSeat, Sandbox, Setup};
+use super::sandbox::{DriveSeat, Sandbox, Setup};
 use crate::ego::Command;
 use crate::experiment::{EgoUnderTest, decided, ending_at};
 use crate::report::outcome_in_words;
-use crate::rl::{Policy, Spaces};
+use crate::rl::Spaces;
 use crate::rulebook::Verdict;
 use crate::run_dir::AdversaryId;
 use crate::scene::{SceneGeometry, Start};
-use crate::testbench::{Actor, Aftermath, Episode, HOLD_DECISIONS, HeldRandom, Testbench};
+use crate::search::{AdoPlayer, JointActions};
+use crate::testbench::{Aftermath, Episode, Testbench};
 
 /// Episode in progress.
 pub struct DrivenEpisode {
@@ -32,44 +33,6 @@ pub struct DrivenEpisode {
     /// Inputs so far, one per sample after the first.
     inputs: Vec<DriveInput>,
     frames: Vec<DriveFrame>,
-}
-
-/// Source of the ados' joint actions.
-enum JointActions {
-    Constant(usize),
-    Policy(Arc<dyn Policy>),
-    Random(Box<HeldRandom>),
-    Sequence(Vec<usize>),
-}
-
-impl JointActions {
-    fn act(&mut self, obs: &[f32], allowed: Option<&[bool]>, decision: usize) -> usize {
-        match (self, allowed) {
-            (JointActions::Constant(action), _) => *action,
-            (JointActions::Policy(policy), Some(allowed)) => policy.act_among(obs, allowed),
-            (JointActions::Policy(policy), None) => policy.act(obs),
-            (JointActions::Random(random), _) => random.act(obs),
-            // As kept sequences: the last action is held.
-            (JointActions::Sequence(actions), _) => {
-                let action = actions.get(decision).or(actions.last());
-                action.copied().unwrap_or_default()
-            }
-        }
-    }
-
-    fn value(&self, obs: &[f32]) -> Option<f32> {
-        match self {
-            JointActions::Policy(policy) => Some(policy.value(obs)),
-            _ => None,
-        }
-    }
-
-    fn values(&self, obs: &[f32]) -> Vec<f32> {
-        match self {
-            JointActions::Policy(policy) => policy.action_values(obs).unwrap_or_default(),
-            _ => Vec::new(),
-        }
-    }
 }
 
 /// Returns a joint action with the action of one ado replaced.
@@ -97,17 +60,15 @@ impl DrivenEpisode {
         let bench = ego.scenario().bench();
         let spaces = bench.spaces();
         let player = match setup.ado {
-            AdoPlayer::Neutral => JointActions::Constant(spaces.neutral),
-            AdoPlayer::Random => {
-                JointActions::Random(Box::new(HeldRandom::new(spaces.actions, HOLD_DECISIONS)))
-            }
+            AdoPlayer::Neutral => JointActions::neutral(spaces),
+            AdoPlayer::Random => JointActions::random(spaces),
             AdoPlayer::Trained => {
                 let policy = sandbox.trained().ok_or(DriveError::NotTrained)?;
                 JointActions::Policy(Arc::clone(policy))
             }
             AdoPlayer::Search => {
                 let found = sandbox.searched(&ego, setup);
-                JointActions::Sequence(found.ok_or(DriveError::NothingFound)?)
+                found.ok_or(DriveError::NothingFound)?
             }
         };
         let mut episode = DrivenEpisode {
@@ -191,9 +152,7 @@ impl DrivenEpisode {
         self.hand.set(Command::default());
         // To the contact, which a kept file needs for its severity.
         self.bench.begin(&start, noise, Aftermath::Play);
-        if let JointActions::Random(random) = &mut self.player {
-            random.begin(noise, &start);
-        }
+        self.player.begin(noise, &start);
         self.actions.clear();
         self.inputs.clear();
         self.frames.clear();
@@ -296,12 +255,9 @@ impl DrivenEpisode {
 
     /// Returns the name of the ados' player in kept files.
     pub(super) fn adversary(&self) -> AdversaryId {
-        match (&self.seat, &self.player) {
-            (DriveSeat::Ado(_), _) => AdversaryId::from(super::sandbox::YOU),
-            (DriveSeat::Ego, JointActions::Policy(_)) => AdversaryId::Trained,
-            (DriveSeat::Ego, JointActions::Random(_)) => AdversaryId::Hold,
-            (DriveSeat::Ego, JointActions::Sequence(_)) => AdversaryId::SEARCH,
-            (DriveSeat::Ego, JointActions::Constant(_)) => AdversaryId::Neutral,
+        match self.seat {
+            DriveSeat::Ado(_) => AdversaryId::from(super::sandbox::YOU),
+            DriveSeat::Ego => self.player.adversary(),
         }
     }
 }

@@ -11,6 +11,7 @@ mod example_search;
 mod experiment;
 mod found;
 mod hold;
+mod joint_actions;
 mod list;
 mod method;
 mod mutate;
@@ -25,6 +26,7 @@ mod uniform;
 pub use cell::{ExperimentCell, StartResult};
 pub use experiment::Experiment;
 pub use found::SearchResult;
+pub use joint_actions::{AdoPlayer, JointActions};
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{
     BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SWITCHES_OF_PROGRAMS, SearchError,

@@ -1,5 +1,6 @@
 //! Episodes that go sample by sample: driven by hand, or moved by another simulator.
 
+use crate::scene::drive::BodyAttitude;
 use crate::scene::{BodySample, BodyState};
 use crate::stl::Scratch;
 
@@ -67,6 +68,21 @@ impl Testbench {
         let mut bodies = Vec::new();
         self.scene.bodies(&mut bodies);
         bodies
+    }
+
+    /// Returns height, pitch and roll of every agent, in the order of the cast.
+    ///
+    /// Empty on a grid.
+    pub fn attitudes(&self) -> Vec<BodyAttitude> {
+        // With the road of this start, whose course its values may change.
+        let Some(world) = self.driven() else {
+            return Vec::new();
+        };
+        let (bodies, frame) = (self.bodies(), self.frame());
+        let agents = bodies.iter().zip(&frame.placements).enumerate();
+        agents
+            .map(|(agent, (body, placement))| world.attitude(agent, &body.state.pose, placement))
+            .collect()
     }
 
     /// Returns the robustness of ψ_ego and of every rule on the samples so far.

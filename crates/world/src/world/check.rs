@@ -14,7 +14,7 @@ use crate::scene::Clock;
 use crate::scene::drive::{DriveSpec, Range, Script, Sensors};
 use crate::stl::Expr;
 use crate::testbench::{MAX_REPEATS, Repeats};
-use crate::world_file::ScenarioFile;
+use crate::world_file::{OriginFile, ScenarioFile};
 
 /// Greatest number of samples of an episode.
 const MAX_SAMPLES: f64 = 1e5;
@@ -22,6 +22,8 @@ const MAX_SAMPLES: f64 = 1e5;
 const MAX_LANES: usize = 100;
 /// Longest time after the first contact.
 const MOST_AFTER_CONTACT_S: f64 = 20.0;
+/// Greatest distance of a place in a road file from the origin of the file, in metres.
+const MAX_PLACE_M: f64 = 1e7;
 
 /// Reports a number outside of `lo ..= hi`.
 pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: f64, hi: f64) {
@@ -108,6 +110,27 @@ pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
         let help = Some(format!("give at least {least} substeps"));
         problems.add(&path.to("substeps"), what, "too coarse", help);
     }
+}
+
+/// Checks the pose of a world's origin in a road file.
+pub(super) fn origin(problems: &mut Problems, path: &ValuePath, origin: Option<&OriginFile>) {
+    let Some(origin) = origin else { return };
+    for (field, value) in [
+        ("x_m", origin.x_m),
+        ("y_m", origin.y_m),
+        ("z_m", origin.z_m),
+    ] {
+        within(problems, &path.to(field), value, -MAX_PLACE_M, MAX_PLACE_M);
+    }
+    // Degrees would be a pose of the map, too.
+    let (field, turn_rad) = ("heading_rad", core::f64::consts::TAU);
+    within(
+        problems,
+        &path.to(field),
+        origin.heading_rad,
+        -turn_rad,
+        turn_rad,
+    );
 }
 
 /// Rounds to nine decimals, which removes the digits of binary fractions.

@@ -137,6 +137,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         question: file.question,
         source: file.source,
         requirement: file.requirement,
+        origin: None,
         text: text.to_owned(),
         ego_spec,
         rules,

@@ -9,6 +9,7 @@ use crate::opendrive::{LaneRoad, LaneStart, bank_list, grade_list, lane_road};
 use crate::road::{Piece, Priority};
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
+use crate::sim::Pose;
 use crate::world_file::{AgentFile, LanesFile, OwnRoad, RoadFile, ScenarioFile};
 
 /// Length of the vertical curves between the grades of a file, which are short parts.
@@ -78,6 +79,13 @@ pub(super) fn values(
     if file.banks.is_empty() {
         text += &banks(&own);
     }
+    if file.origin.is_some() {
+        let what = "`origin` is that of the lanes of `OpenDrive`".to_owned();
+        let help = "leave it out".to_owned();
+        problems.add(&top.to("origin"), what, "given twice", Some(help));
+        return Vec::new();
+    }
+    text += &origin_of(name, &own);
     let mut values = vec![(place, text)];
     let mut named = BTreeMap::new();
     for (name, it) in &file.roads.0 {
@@ -185,6 +193,20 @@ fn banks(road: &LaneRoad) -> String {
     } else {
         format!(", banks: {}", bank_list(&road.banks))
     }
+}
+
+/// Pose of the world's origin in the file, as a field of its own.
+fn origin_of(file: &str, road: &LaneRoad) -> String {
+    let Pose {
+        x_m,
+        y_m,
+        heading_rad,
+    } = road.begins;
+    let z_m = road.begins_z_m;
+    format!(
+        ", origin: (file: {file:?}, x_m: {x_m:?}, y_m: {y_m:?}, z_m: {z_m:?}, \
+         heading_rad: {heading_rad:?})"
+    )
 }
 
 /// Named road, in the frame of the world's own.

@@ -18,7 +18,7 @@ use crate::stl::{Formula, Names};
 use crate::testbench::Repeats;
 use crate::testbench::Testbench;
 use crate::trace::Signal;
-use crate::world_file::{Change, DeclaredTrafficFile, TrainingGoal};
+use crate::world_file::{Change, DeclaredTrafficFile, OriginFile, TrainingGoal};
 
 /// Checked world, with everything that its test bench requires.
 #[derive(Clone)]
@@ -29,6 +29,8 @@ pub struct Scenario {
     pub question: String,
     /// Origin of the world.
     pub source: String,
+    /// Pose of its origin in a road file of another simulator, if it is known.
+    pub origin: Option<OriginFile>,
     /// Text of the file, verbatim except for trained ados.
     ///
     /// The content of their run directories is written out.

@@ -355,13 +355,14 @@ impl Scenario {
 impl DriveScenario<'_> {
     /// Returns the driving world with another sampling time.
     ///
-    /// Decisions keep their times.
+    /// Decisions keep their times, and `substeps` divide a sample for the physics.
     ///
     /// `None` for formulas that do not bind to such samples, or a trained ado
     /// with another sampling time.
-    pub fn sampled_every(self, sample_s: f64) -> Option<Scenario> {
+    pub fn sampled_every(self, sample_s: f64, substeps: u32) -> Option<Scenario> {
         let mut spec = self.spec().clone();
         spec.clock.sample_s = sample_s;
+        spec.clock.substeps = substeps;
         let world = DriveWorld::new(spec).ok()?;
         let judging = Judging {
             judge: self.rulebook.judge,

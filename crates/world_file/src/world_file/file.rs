@@ -14,6 +14,7 @@ use super::environment_file::{LanesFile, OwnRoad, SensorsFile, WindFile};
 use super::family_file::FamilyFile;
 use super::natural_file::NaturalFile;
 use super::number_or_range::NumberOrRange;
+use super::origin_file::OriginFile;
 use super::signal_file::SignalFile;
 use super::training_goal::TrainingGoal;
 use crate::rl::LearnerSettings;
@@ -63,6 +64,10 @@ pub struct ScenarioFile {
     pub goals: Vec<TrainingGoal>,
     /// Lanes and their course.
     pub road: OwnRoad,
+    /// Pose of the world's origin in a road file of another simulator, which `serve` reports.
+    /// Default: none, or that of `OpenDrive`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<OriginFile>,
     /// Grades of the `road`: station and rise per metre, each from its station on. Default:
     /// flat.
     #[serde(default, skip_serializing_if = "is_default")]
@@ -165,6 +170,7 @@ impl ScenarioFile {
             counts: Counts::default(),
             goals: Vec::new(),
             road,
+            origin: None,
             grades: Vec::new(),
             vertical_curve_m: 0.0,
             banks: Vec::new(),

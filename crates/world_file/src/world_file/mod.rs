@@ -21,6 +21,7 @@ mod file;
 mod grid_file;
 mod natural_file;
 mod number_or_range;
+mod origin_file;
 mod rule_file;
 mod signal_file;
 #[cfg(test)]
@@ -46,6 +47,7 @@ pub use file::{PointsFile, RoadFile, ScenarioFile};
 pub use grid_file::{GridAdoFile, GridEgoFile, GridFile, MapFile};
 pub use natural_file::{KeptTraffic, NaturalFile, SHIPPED, TrafficFile};
 pub use number_or_range::NumberOrRange;
+pub use origin_file::OriginFile;
 pub use rule_file::{RuleFile, WrittenRule};
 pub use signal_file::{DescribedSignal, SignalFile};
 pub use text::{CommentedWorld, TextComment, text};

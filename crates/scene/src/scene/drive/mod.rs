@@ -5,6 +5,7 @@
 
 mod actions;
 mod after_contact;
+mod attitude;
 mod bounds;
 mod commands;
 mod default_observation;
@@ -49,6 +50,7 @@ mod world;
 
 pub use actions::Maneuver;
 pub use actions::{Actions, Deviation, Grid, Lateral, PhaseAction};
+pub use attitude::BodyAttitude;
 pub use bounds::Bounds;
 pub use ego_percept::{blank as blank_percept, fill as fill_percept};
 pub use environment::{EnvironmentQuantity, EnvironmentRange};

@@ -1,0 +1,139 @@
+//! Joint actions of the ados in an episode that goes sample by sample.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
+
+use super::list::{Method, Switches};
+use super::request::SearchRequest;
+use super::search;
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::rl::{Policy, Spaces};
+use crate::run_dir::AdversaryId;
+use crate::scene::Start;
+use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
+
+/// Most action switches of the search's sequence.
+const SWITCHES_OF_EPISODE: usize = 2;
+
+/// Player of the ados of an episode that is driven or moved from outside.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Serialize,
+    Deserialize,
+    EnumMessage,
+    EnumString,
+    IntoStaticStr,
+    VariantArray,
+)]
+#[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
+pub enum AdoPlayer {
+    /// Their neutral actions.
+    #[default]
+    Neutral,
+    /// The trained ado of the run.
+    Trained,
+    /// Random actions, each held for a while.
+    Random,
+    /// The first successful sequence of a search against the world's own ego, or the one that
+    /// drives.
+    Search,
+}
+
+/// Source of the ados' joint actions.
+pub enum JointActions {
+    /// One action throughout.
+    Constant(usize),
+    /// A trained policy.
+    Policy(Arc<dyn Policy>),
+    /// Random actions, each held for a while.
+    Random(Box<HeldRandom>),
+    /// One action per decision, of which the last is held.
+    Sequence(Vec<usize>),
+}
+
+impl JointActions {
+    /// Returns the neutral action throughout.
+    pub fn neutral(spaces: &Spaces) -> JointActions {
+        JointActions::Constant(spaces.neutral)
+    }
+
+    /// Returns held random actions.
+    pub fn random(spaces: &Spaces) -> JointActions {
+        JointActions::Random(Box::new(HeldRandom::new(spaces.actions, HOLD_DECISIONS)))
+    }
+
+    /// Returns the first successful sequence of a search from a start, if it finds any.
+    pub fn searched(ego: &EgoUnderTest, start: &Start, noise: u64) -> Option<JointActions> {
+        let starts = TestStarts {
+            seed: 0,
+            starts: vec![(start.clone(), noise)],
+            trivial: vec![false],
+        };
+        let request = SearchRequest {
+            scenario: ego.scenario(),
+            ego: ego.name(),
+            method: Method::from(Switches(SWITCHES_OF_EPISODE)),
+            budget: 0,
+            starts: &starts,
+        };
+        let found = search(&request, &Watch::unwatched()).found;
+        let actions = found.into_iter().flatten().next()?.actions?;
+        Some(JointActions::Sequence(actions))
+    }
+
+    /// Begins an episode.
+    pub fn begin(&mut self, noise: u64, start: &Start) {
+        if let JointActions::Random(random) = self {
+            random.begin(noise, start);
+        }
+    }
+
+    /// Returns the joint action at a decision, counted from 0.
+    pub fn act(&mut self, obs: &[f32], allowed: Option<&[bool]>, decision: usize) -> usize {
+        match (self, allowed) {
+            (JointActions::Constant(action), _) => *action,
+            (JointActions::Policy(policy), Some(allowed)) => policy.act_among(obs, allowed),
+            (JointActions::Policy(policy), None) => policy.act(obs),
+            (JointActions::Random(random), _) => random.act(obs),
+            // As kept sequences: the last action is held.
+            (JointActions::Sequence(actions), _) => {
+                let action = actions.get(decision).or(actions.last());
+                action.copied().unwrap_or_default()
+            }
+        }
+    }
+
+    /// Returns the return that a policy expects.
+    pub fn value(&self, obs: &[f32]) -> Option<f32> {
+        match self {
+            JointActions::Policy(policy) => Some(policy.value(obs)),
+            _ => None,
+        }
+    }
+
+    /// Returns the values of a policy's actions, empty where there are none.
+    pub fn values(&self, obs: &[f32]) -> Vec<f32> {
+        match self {
+            JointActions::Policy(policy) => policy.action_values(obs).unwrap_or_default(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Returns the name of the player in kept files.
+    pub fn adversary(&self) -> AdversaryId {
+        match self {
+            JointActions::Policy(_) => AdversaryId::Trained,
+            JointActions::Random(_) => AdversaryId::Hold,
+            JointActions::Sequence(_) => AdversaryId::SEARCH,
+            JointActions::Constant(_) => AdversaryId::Neutral,
+        }
+    }
+}
