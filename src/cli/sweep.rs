@@ -10,9 +10,9 @@ use super::failure::{Exit, Failure};
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::TestArgs;
-use crate::evaluation::{Sweep, SweepPoint, Swept};
+use crate::evaluation::Sweep;
 use crate::report::sweep_curve;
-use crate::run_dir::write_file;
+use crate::run_dir::{SweepPoint, Swept, write_file};
 use crate::stats::{at_most, wilson};
 
 /// Legend of a sweep's columns.
@@ -57,24 +57,11 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     };
     tested.show(&evaluated, Some(result))?;
     if let Some(file) = &args.curve {
-        write_file(file, curve(&swept).as_bytes())?;
+        let curve = sweep_curve(&swept, &safety(&swept));
+        write_file(file, curve.as_bytes())?;
     }
     tested.keep(&evaluated, egos.len())?;
     Ok(exit_of(&rows_of(evaluated)?, false))
-}
-
-fn curve(swept: &Swept) -> String {
-    // The share of an interrupted value is unknown.
-    let whole = swept.points.iter().filter(|it| it.partial.is_none());
-    let points = whole.map(|point| {
-        let share = point.failing as f64 / point.starts.max(1) as f64;
-        (point.value, share, wilson(point.failing, point.starts))
-    });
-    sweep_curve(
-        &swept.parameter,
-        &points.collect::<Vec<_>>(),
-        &safety(swept),
-    )
 }
 
 fn in_words(swept: &Swept) -> String {

@@ -238,6 +238,25 @@ fn what_is_missing_is_said() {
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     std::fs::write(&rows, "[1, 2]").expect("written");
     refused(&["report", &run, "--rows", &rows], "holds no rows");
+    // A sweep is shown beside the rows, unless its counts contradict each other.
+    let swept = |failing: usize| {
+        let point = format!(r#"{{"value": 0.5, "starts": 4, "failing": {failing}}}"#);
+        let swept = format!(
+            r#"{{"parameter": "<b>gap", "points": [{point}], "safe_from": null, "safe_up_to": null}}"#
+        );
+        std::fs::write(&rows, format!(r#"{{"rows": [], "swept": {swept}}}"#)).expect("written");
+    };
+    swept(5);
+    refused(
+        &["report", &run, "--rows", &rows],
+        "more failing starts than starts at 0.5",
+    );
+    swept(1);
+    let output = brakecheck(&["report", &run, "--starts", "1", "--rows", &rows]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let html = read(&format!("{run}/report.html"));
+    well_formed(&html);
+    assert!(html.contains("&lt;b&gt;gap = 0.5: 1 of 4 starts fail, 25 % ["));
     let output = brakecheck(&["report", &run, "--with", &path(&dir, "none")]);
     assert_eq!(code(&output), 2);
 }

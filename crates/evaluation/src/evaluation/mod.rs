@@ -31,6 +31,5 @@ pub use run_report::{GivenRows, ReportRequest};
 pub use search_table::counterexamples_for;
 pub use search_table::{SearchCampaign, SearchTable};
 pub use sweep::{Sweep, SweepError};
-pub use sweep::{SweepPoint, Swept};
 pub use table::EvaluationTable;
 pub use table::TheoremsChecked;

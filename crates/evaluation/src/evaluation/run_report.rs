@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use super::break_even::BreakEven;
 use super::error::EvaluationError;
@@ -14,7 +14,7 @@ use crate::experiment::{
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::rl::Policy;
 use crate::ron_file::file_text;
-use crate::run_dir::{Row, RunDir, RunError};
+use crate::run_dir::{Row, RunDir, RunError, Swept};
 use crate::search::{Adversary, ExperimentCell};
 use crate::testbench::{Film, film_beyond};
 use crate::world::Scenario;
@@ -53,6 +53,13 @@ pub struct GivenRows {
     /// Searches of the run.
     #[serde(default)]
     pub break_even: Vec<BreakEven>,
+    /// Sweeps over parameters of the ego. A file has one at most.
+    #[serde(default, deserialize_with = "one")]
+    pub swept: Vec<Swept>,
+}
+
+fn one<'de, D: Deserializer<'de>>(file: D) -> Result<Vec<Swept>, D::Error> {
+    Swept::deserialize(file).map(|swept| vec![swept])
 }
 
 impl GivenRows {
@@ -77,12 +84,18 @@ impl GivenRows {
         })?;
         let printed: GivenRows =
             serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        if let Some(value) = printed.swept.iter().find_map(Swept::contradiction) {
+            return Err(wrong(format!(
+                "its sweep has more failing starts than starts at {value}"
+            )));
+        }
         // All rows are tested before any is added, so an error changes nothing.
         match printed.rows.iter().find(|row| row.world != scenario.name) {
             Some(other) => Err(wrong(format!("they are of the world `{}`", other.world))),
             None => {
                 self.rows.extend(printed.rows);
                 self.break_even.extend(printed.break_even);
+                self.swept.extend(printed.swept);
                 Ok(())
             }
         }
@@ -115,6 +128,7 @@ impl<'a> ReportRequest<'a> {
             nominal: None,
             tested: Vec::new(),
             about_tested: String::new(),
+            sweeps: self.given.swept.clone(),
             costs: Vec::new(),
             notes: notes(run),
             faults: Vec::new(),

@@ -35,6 +35,7 @@ mod repeated_runs;
 mod row;
 mod samples;
 mod success_contacts;
+mod swept;
 mod trained_policy;
 pub use trained_policy::trained_naturally;
 mod training_counterexamples;
@@ -75,6 +76,7 @@ pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, BrokenRule, FailsAlone, FailureCount, Partial, Row, Unconfirmed};
 pub use samples::{ReadTrace, SamplesError, TraceOptions, read_trace, trace_of_csv};
 pub use success_contacts::SuccessContacts;
+pub use swept::{SweepPoint, Swept};
 pub use training_counterexamples::Stored;
 pub(crate) use training_counterexamples::StoredCount;
 

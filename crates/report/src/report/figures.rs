@@ -3,9 +3,11 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::file_style::file_style;
+use super::lookup::sweep_chart;
 use super::page::STYLE;
 use super::plot::{Chart, Curve, Mark, Region, chart};
 use super::words::wrapped;
+use crate::run_dir::Swept;
 use crate::visible::visible_markup;
 
 /// Height of a caption's line, and the number of letters that fit.
@@ -168,31 +170,11 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
     figure(&panels.collect::<Vec<_>>(), 2, caption)
 }
 
-/// Value of a parameter, share of failing starts, and its interval.
-///
-/// Shares are within 0 ..= 1.
-pub(crate) type SweptShare = (f64, f64, [f64; 2]);
-
 /// Share of failing starts over a parameter of the ego.
-pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> String {
-    let of = |name: &str, class: &str, share: fn(&SweptShare) -> f64| {
-        let shares = points.iter().map(|point| (point.0, 100.0 * share(point)));
-        curve(name, class, &shares.collect::<Vec<_>>())
-    };
-    let panel = Chart {
-        title: format!("failing starts over {parameter}"),
-        x_label: parameter.to_owned(),
-        y_label: "starts that fail [%]".to_owned(),
-        curves: vec![
-            of("share", "c-ego", |point| point.1),
-            of("95 % interval", "c-ado", |point| point.2[0]),
-            of("", "c-ado", |point| point.2[1]),
-        ],
-        // All sweeps have the same scale, so that flat curves look flat.
-        y_span: Some((0.0, 100.0)),
-        ..Chart::default()
-    };
-    figure(&[panel], 1, caption)
+///
+/// A value without a result has a question mark, and no share.
+pub fn sweep_curve(swept: &Swept, caption: &str) -> String {
+    figure(&[sweep_chart(swept)], 1, caption)
 }
 
 /// Panels in columns over a caption in plain text.

@@ -2,7 +2,7 @@
 //!
 //! All functions are pure functions of results, and the caller has played the
 //! episodes. The page needs no network. Its single script animates pictures
-//! that are visible without it. Text of world files is escaped.
+//! and looks up results that are visible without it. Text of world files is escaped.
 //!
 //! Architecture Invariant: this module plays no episode, trains no policy and
 //! touches no file.
@@ -16,6 +16,7 @@ pub mod figures;
 mod file_style;
 mod junit;
 mod junit_suite;
+mod lookup;
 mod page;
 mod plot;
 mod points;
@@ -29,12 +30,12 @@ mod verdict;
 mod words;
 
 use crate::rulebook::Verdict;
-use crate::run_dir::{About, Manifest, Progress, Row};
+use crate::run_dir::{About, Manifest, Progress, Row, Swept};
 use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
-pub use animation::{Beside, looping_picture};
+pub use animation::{Beside, HOLD_S, LoopingPicture, looping_picture, running_picture};
 pub use campaign::CampaignPage;
 pub use figures::sweep_curve;
 pub use points::{PointCase, PointsPage};
@@ -58,6 +59,8 @@ pub struct Report<'a> {
     pub tested: Vec<Tested>,
     /// Origin of `tested`, and its number of starts.
     pub about_tested: String,
+    /// Failing starts over parameters of the ego. Empty without a sweep.
+    pub sweeps: Vec<Swept>,
     /// Simulations that methods of failure search cost.
     pub costs: Vec<TestingCost>,
     /// Notes to show first, such as unfinished training.

@@ -4,7 +4,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::examples::example;
 use super::results::percent;
-use super::{Nominal, Report, animation, results, reuse};
+use super::{Nominal, Report, animation, lookup, results, reuse};
 use crate::visible::visible_markup;
 use crate::world::Scenario;
 
@@ -43,6 +43,11 @@ pub(super) fn html(report: &Report<'_>) -> String {
                     p { (report.about_tested) }
                     (reuse::rows(&report.tested))
                 }
+                @if !report.sweeps.is_empty() {
+                    h2 { "Over a parameter of the ego" }
+                    p { "Starts on which any of the sweep's ados or searches makes the ego fail with that value, every rule kept." }
+                    (results::sweeps(&report.sweeps))
+                }
                 @if report.costs.len() > 1 {
                     h2 { "What it costs" }
                     p { "One simulation is one episode. The trained ado has paid its training and then plays each start once; a search pays for every start." }
@@ -51,8 +56,8 @@ pub(super) fn html(report: &Report<'_>) -> String {
                 (world(scenario))
                 (again(report))
             }
-            @if report.nominal.as_ref().is_some_and(|nominal| !nominal.highlights.is_empty()) {
-                script { (PreEscaped(animation::SCRIPT)) }
+            @if report.nominal.is_some() {
+                script { (PreEscaped(animation::SCRIPT)) (PreEscaped(lookup::SCRIPT)) }
             } }
         }
     };

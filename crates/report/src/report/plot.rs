@@ -33,6 +33,18 @@ pub(super) struct Mark {
     pub word: String,
 }
 
+/// Estimate with its interval, which a slider may choose.
+pub(super) struct Estimate {
+    /// Position along x.
+    pub at: f64,
+    /// Estimate. `None` is unknown.
+    pub value: Option<f64>,
+    /// Interval of the estimate.
+    pub interval: (f64, f64),
+    /// Tooltip.
+    pub about: String,
+}
+
 /// Shaded rectangle in the units of the axes.
 pub(super) struct Region {
     /// Range along x.
@@ -60,6 +72,8 @@ pub(super) struct Chart {
     pub at_y: Vec<Mark>,
     /// Shaded regions.
     pub regions: Vec<Region>,
+    /// Estimates with their intervals.
+    pub estimates: Vec<Estimate>,
     /// Least span of y.
     pub y_span: Option<(f64, f64)>,
 }
@@ -133,7 +147,9 @@ fn frame(x: (f64, f64), y: (f64, f64)) -> (PlotAxis, PlotAxis) {
 /// Picture of a chart.
 pub(super) fn chart(chart: &Chart) -> Markup {
     let points = || chart.curves.iter().flat_map(|curve| &curve.points);
-    let xs = points().map(|p| p.0);
+    let xs = points()
+        .map(|p| p.0)
+        .chain(chart.estimates.iter().map(|it| it.at));
     let at_y = chart.at_y.iter().map(|mark| mark.at);
     let wanted = chart.y_span.into_iter().flat_map(|(lo, hi)| [lo, hi]);
     let ys = span(points().map(|p| p.1).chain(at_y).chain(wanted));
@@ -156,10 +172,27 @@ pub(super) fn chart(chart: &Chart) -> Markup {
                 polyline class={ "curve " (curve.class) } points=(path(&curve.points, &x, &y)) {}
                 @for (at_x, at_y) in &curve.dots { circle class={ "dot " (curve.class) } cx=(px(x.at(*at_x))) cy=(px(y.at(*at_y))) r="2.4" {} }
             }
+            @for (nth, it) in chart.estimates.iter().enumerate() { (estimate(nth, it, &x, &y)) }
             @for it in &words.placed { text class=(it.class) x=(px(it.x)) y=(px(it.y)) { (it.word) } }
             (legend(&chart.curves))
         },
     )
+}
+
+fn estimate(nth: usize, it: &Estimate, x: &PlotAxis, y: &PlotAxis) -> Markup {
+    let (middle, low, high) = (x.at(it.at), y.at(it.interval.0), y.at(it.interval.1));
+    html! {
+        g class="estimate" data-cell=(nth) {
+            title { (it.about) }
+            @match it.value {
+                Some(value) => {
+                    path d=(format!("M{0} {1}V{2}M{3} {1}h8M{3} {2}h8", px(middle), px(low), px(high), px(middle - 4.0))) {}
+                    circle class="dot c-ego" cx=(px(middle)) cy=(px(y.at(value))) r="3" {}
+                }
+                None => { text class="unknown" x=(px(middle)) y=(px(0.5 * (low + high))) text-anchor="middle" { "?" } }
+            }
+        }
+    }
 }
 
 /// Words in the picture, placed clear of its curves.
@@ -265,12 +298,14 @@ fn legend(curves: &[Curve]) -> Markup {
 pub(super) struct HeatMapCell {
     /// Column and row, from the lower left.
     pub at: (usize, usize),
-    /// Share shown by colour, in 0 ..= 1.
-    pub share: f64,
+    /// Share shown by colour, in 0 ..= 1. `None` is unknown.
+    pub share: Option<f64>,
     /// Second share, shown as a ring.
     pub dot: f64,
-    /// Tooltip.
+    /// Tooltip, and words of a slider.
     pub about: String,
+    /// Words in a table.
+    pub short: String,
 }
 
 /// Shares over two quantities.
@@ -283,7 +318,7 @@ pub(super) struct HeatMap {
     pub y: (String, f64, f64),
     /// Numbers of columns and rows.
     pub size: (usize, usize),
-    /// Cells with content.
+    /// All cells.
     pub cells: Vec<HeatMapCell>,
     /// Meaning of the colour, and of a ring of 25 %.
     pub shares: (String, String),
@@ -301,10 +336,13 @@ pub(super) fn heat_map(map: &HeatMap) -> Markup {
             (grid(&x, &y, &map.x.0, &map.y.0))
             @for cell in &map.cells {
                 @let (left, top) = (x.from + width * cell.at.0 as f64, y.from - height * (cell.at.1 + 1) as f64);
-                g {
+                g data-cell=(format!("{},{}", cell.at.0, cell.at.1)) {
                     title { (cell.about) }
-                    rect class="held" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) {}
-                    rect class="hot" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) fill-opacity=(format!("{:.2}", cell.share)) {}
+                    rect class=(if cell.share.is_some() { "held" } else { "empty" }) x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) {}
+                    @match cell.share {
+                        Some(share) => { rect class="hot" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) fill-opacity=(format!("{share:.2}")) {} }
+                        None => { text class="unknown" x=(px(left + width / 2.0)) y=(px(top + height / 2.0 + 3.5)) text-anchor="middle" { "?" } }
+                    }
                     @if cell.dot > 0.0 {
                         circle class="foul" cx=(px(left + width / 2.0)) cy=(px(top + height / 2.0)) r=(px(0.45 * width.min(height) * cell.dot.sqrt())) {}
                     }

@@ -2,13 +2,13 @@
 
 use maud::{Markup, html};
 
-use super::plot::{
-    Chart, Curve, HeatMap, HeatMapCell, Histogram, Mark, chart, heat_map, histogram,
-};
+use super::lookup::{map_card, share_in_words, sweep_card};
+use super::plot::{Chart, Curve, HeatMap, HeatMapCell, Histogram, Mark, chart, histogram};
 use super::{Nominal, TestingCost, Training};
 use crate::rulebook::Verdict;
-use crate::run_dir::Row;
+use crate::run_dir::{Row, Swept};
 use crate::scene::Axis;
+use crate::stats::wilson;
 
 /// Greatest number of columns and rows of a heat map.
 const BINS: usize = 10;
@@ -115,7 +115,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
     let (violated, held): (Vec<f64>, Vec<f64>) = values.partition(|rho| *rho < 0.0);
     html! {
         div class="cards" {
-            @for map in &maps { div class="card" { (heat_map(map)) } }
+            @for map in &maps { (map_card(map)) }
             @for (title, values) in [("Depth of the violations", violated), ("Margin where ψ_ego held", held)] {
                 @if !values.is_empty() {
                     div class="card" { (histogram(&Histogram {
@@ -131,7 +131,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
         @if maps.is_empty() {
             p { "The starts differ in fewer than two quantities: there is no map of them." }
         } @else {
-            p class="dim" { "Colour: share of the starts in a cell on which the ego violates its specification. Ring: share on which it broke a rule, by its area. Blank: no start, or only starts from which the ego fails by itself. Robustness is of episodes without fouls." }
+            p class="dim" { "Colour: share of the starts in a cell on which the ego violates its specification. Ring: share on which a rule was broken, by its area. Question mark: unknown, no start or only starts from which the ego fails by itself. The sliders, or a click, give the counts of a cell and the 95 % interval of its share. Robustness is of episodes without fouls." }
         }
     }
 }
@@ -175,12 +175,28 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
             (format!("{} [{}]", axis.name, axis.unit), axis.lo, axis.hi)
         }
     };
-    let filled = counts.iter().enumerate().filter(|(_, c)| c[0] > 0);
-    let cells = filled.map(|(i, [all, solved, fouls])| HeatMapCell {
-        at: (i % bins, i / bins),
-        share: *solved as f64 / *all as f64,
-        dot: *fouls as f64 / *all as f64,
-        about: format!("{solved} of {all} starts fail; {fouls} fouls"),
+    let cells = counts.iter().enumerate();
+    let cells = cells.map(|(i, &[all, solved, fouls])| {
+        // A cell without a result is unknown, which is not a share of 0.
+        let share = |count: usize| (all > 0).then(|| count as f64 / all as f64);
+        let [lo, hi] = wilson(solved, all).map(|share| 100.0 * share);
+        let broken = match fouls {
+            0 => String::new(),
+            some => format!("; a rule is broken on {some}"),
+        };
+        HeatMapCell {
+            at: (i % bins, i / bins),
+            share: share(solved),
+            dot: share(fouls).unwrap_or(0.0),
+            about: match all {
+                0 => "unknown: no start here has a result".to_owned(),
+                _ => format!("{}{broken}", share_in_words(solved, all)),
+            },
+            short: match all {
+                0 => "unknown".to_owned(),
+                _ => format!("{solved}/{all} [{lo:.0}, {hi:.0}]"),
+            },
+        }
     });
     HeatMap {
         title: format!("{} and {}", axes[x].name, axes[y].name),
@@ -189,6 +205,13 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         size: (bins, bins),
         cells: cells.collect(),
         shares: ("fails on".to_owned(), "fouls on 25 %".to_owned()),
+    }
+}
+
+/// Failing starts over the values of parameters of the ego.
+pub(super) fn sweeps(sweeps: &[Swept]) -> Markup {
+    html! {
+        div class="cards" { @for swept in sweeps { (sweep_card(swept)) } }
     }
 }
 

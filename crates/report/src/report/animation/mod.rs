@@ -21,13 +21,14 @@ mod looping;
 mod moments;
 mod moves;
 mod picture;
+mod running;
 #[cfg(test)]
 pub(super) mod tests;
 mod write;
 
 pub(super) use bodies::colour_class;
-pub use looping::Beside;
-pub use looping::looping_picture;
+pub use looping::{Beside, HOLD_S, LoopingPicture, looping_picture};
+pub use running::running_picture;
 use maud::{Markup, html};
 
 use super::Example;
@@ -59,7 +60,7 @@ pub(super) fn animation(
     let event = example.episode.contact.as_ref();
     html! {
         figure class="film" data-film=(film) {
-            div class="screen" {
+            div class="screen" tabindex="0" {
                 (picture.screen(&verdict.sentence()))
                 p class="clock" { (format!("{:.2} s", picture.still_s())) }
                 @match event {
@@ -71,8 +72,10 @@ pub(super) fn animation(
             }
             div class="deck" {
                 div {
-                    button type="button" class="play" aria-label="Play" { "▶" }
-                    button type="button" class="rate" aria-label="Speed" { "1×" }
+                    button type="button" class="back" aria-label="A sample back" title="Comma, ←" { "◂" }
+                    button type="button" class="play" aria-label="Play" title="Space" { "▶" }
+                    button type="button" class="on" aria-label="A sample on" title="Period, →" { "▸" }
+                    button type="button" class="rate" aria-label="Speed" title="S" { "1×" }
                 }
                 input type="range" min="0" max="1000" value="1000" step="any" aria-label="Time";
             }

@@ -7,8 +7,8 @@ for (const figure of document.querySelectorAll(".film")) {
   const all = (what) => [...figure.querySelectorAll(what)];
   const [stage, world, ghosts, burst] = [".stage", ".world", ".ghosts", ".stage .burst"].map(find);
   const [bodies, labels, lights] = [".stage .body", ".stage .label", ".stage .light"].map(all);
-  const [button, slider, rate, clock, event, ending] =
-    [".play", "input", ".rate", ".clock", ".event", ".ending"].map(find);
+  const [button, back, on, slider, rate, clock, event, ending] =
+    [".play", ".back", ".on", "input", ".rate", ".clock", ".event", ".ending"].map(find);
   const contact = event.textContent;
   const end = film.t.at(-1);
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -196,9 +196,28 @@ for (const figure of document.querySelectorAll(".film")) {
     draw();
   };
   slider.oninput = () => go(slider.value / 1000 * end);
+  const rates = [[1, "1×"], [0.5, "½×"], [0.25, "¼×"], [0.1, "⅒×"], [2, "2×"]];
   rate.onclick = () => {
-    speed = speed === 1 ? 0.5 : speed === 0.5 ? 0.25 : 1;
-    rate.textContent = { 1: "1×", 0.5: "½×", 0.25: "¼×" }[speed];
+    const [next, words] = rates[(rates.findIndex(([it]) => it === speed) + 1) % rates.length];
+    [speed, rate.textContent] = [next, words];
+  };
+  // To a neighbouring sample, also from a time between two of them.
+  const samples = {
+    back: () => go(film.t.findLast((t) => t < time - 1e-6) ?? 0),
+    on: () => go(film.t.find((t) => time + 1e-6 < t) ?? end),
+  };
+  back.onclick = samples.back;
+  on.onclick = samples.on;
+  const keys = {
+    " ": () => button.click(), s: () => rate.click(), Home: () => go(0), End: () => go(end),
+    ",": samples.back, ".": samples.on, ArrowLeft: samples.back, ArrowRight: samples.on,
+  };
+  figure.onkeydown = (event) => {
+    // Space presses the button that has the focus.
+    const presses = event.key === " " && event.target.tagName === "BUTTON";
+    if (!(event.key in keys) || presses || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    keys[event.key]();
   };
   for (const thumb of all(".thumb")) thumb.onclick = () => go(Math.min(end, +thumb.dataset.t));
   figure.classList.add("live");

@@ -1,0 +1,137 @@
+"""The page of `brakecheck report`, in a real browser, from its file."""
+
+import json
+import os
+import re
+import subprocess
+
+import pytest
+from playwright.sync_api import Page, expect
+
+PROGRAM = os.environ["PROGRAM"]
+
+
+def run(*arguments) -> str:
+    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A page with crashes and a sweep, and the sweep itself."""
+    here = tmp_path_factory.mktemp("report")
+    trained, rows, page = here / "run", here / "rows.json", here / "page.html"
+    run("train", "acc", "-o", trained, "--plant", "kinematic", "--decisions", 20_000, "--starts", 20)
+    swept = run("sweep", trained, "--over", "ego.time_gap_s=0.5..2.5:3", "--starts", 60, "--json")
+    rows.write_text(swept)
+    run("report", trained, "-o", page, "--starts", 60, "--rows", rows)
+    return page, json.loads(swept)["swept"]
+
+
+@pytest.fixture
+def page(browser, report):
+    page = browser.new_page(viewport={"width": 1280, "height": 900}, reduced_motion="reduce")
+    mistakes, asked = [], []
+    page.on("pageerror", lambda error: mistakes.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(report[0].as_uri())
+    yield page
+    assert not mistakes, mistakes
+    # One file, and nobody is asked for anything.
+    assert asked == [report[0].as_uri()], asked
+    page.close()
+
+
+def test_a_slider_reads_the_results_of_a_sweep(page, report):
+    swept = report[1]
+    card = page.locator(".lookup", has_text="failing starts over time_gap_s")
+    slider = card.locator("input")
+    for at, point in enumerate(swept["points"]):
+        if at:
+            slider.focus()
+            slider.press("ArrowRight")
+        expect(card.locator("output")).to_have_text(f"{point['value']:g}")
+        said = card.locator(".said").inner_text()
+        value, failing, starts, share = re.search(r"= (\S+): (\d+) of (\d+) starts fail, (\d+) %", said).groups()
+        assert (float(value), int(failing), int(starts)) == (point["value"], point["failing"], point["starts"])
+        assert abs(int(share) - 100 * point["failing"] / point["starts"]) <= 0.5
+        row = card.locator("tbody tr").nth(at)
+        expect(row).to_contain_text(f"{point['failing']} of {point['starts']}")
+        expect(card.locator(".estimate.chosen")).to_have_count(1)
+
+
+def test_sliders_over_the_start_read_counts_and_say_unknown(page):
+    card = page.locator(".lookup").first
+    x, y = card.locator("input").all()
+    columns, rows = (int(it.get_attribute("max")) + 1 for it in (x, y))
+    card.locator("summary").click()
+    known = 0
+    for column in range(columns):
+        for row in range(rows):
+            x.fill(str(column))
+            y.fill(str(row))
+            said = card.locator(".said").inner_text()
+            # The table has its highest row on top.
+            cell = card.locator("tbody tr").nth(rows - 1 - row).locator("td").nth(column).inner_text()
+            chosen = card.locator(".chosen")
+            expect(chosen).to_have_attribute("data-cell", f"{column},{row}")
+            if cell == "unknown":
+                assert said.startswith("unknown") and "%" not in said
+                expect(chosen.locator("text")).to_have_text("?")
+            else:
+                failing, starts = re.match(r"(\d+)/(\d+)", cell).groups()
+                assert said.startswith(f"{failing} of {starts} starts fail"), said
+                known += int(starts)
+    assert 0 < known <= 60
+    # A click on a cell moves the sliders.
+    card.locator("[data-cell='0,0']").click()
+    assert (x.input_value(), y.input_value()) == ("0", "0")
+
+
+def clock(page: Page) -> float:
+    return float(page.locator(".clock").first.inner_text().split()[0])
+
+
+def test_the_player_plays_pauses_steps_scrubs_and_obeys_keys(page):
+    film = page.locator(".film").first
+    data = json.loads(film.get_attribute("data-film"))
+    times, end = data["t"], data["t"][-1]
+    film.locator(".deck input").fill("0")
+    assert clock(page) == 0
+    film.locator(".on").click()
+    assert abs(clock(page) - times[1]) < 0.006
+    film.locator(".screen").focus()
+    for key, at in [(".", 2), ("ArrowRight", 3), (",", 2), ("ArrowLeft", 1), ("Home", 0), ("End", -1)]:
+        page.keyboard.press(key)
+        assert abs(clock(page) - times[at]) < 0.006, key
+    film.locator(".back").click()
+    assert abs(clock(page) - times[-2]) < 0.006
+    film.locator(".screen").focus()
+    page.keyboard.press("Home")
+    for words in ["½×", "¼×", "⅒×", "2×", "1×"]:
+        page.keyboard.press("s")
+        expect(film.locator(".rate")).to_have_text(words)
+    page.keyboard.press("Space")
+    expect(film.locator(".play")).to_have_text("❚❚")
+    page.wait_for_timeout(500)
+    page.keyboard.press("Space")
+    expect(film.locator(".play")).to_have_text("▶")
+    assert 0.1 < clock(page) < end
+    moment = clock(page)
+    page.wait_for_timeout(300)
+    assert clock(page) == moment
+
+
+def test_without_javascript_the_tables_say_the_same(browser, report):
+    file, swept = report
+    plain = browser.new_context(java_script_enabled=False)
+    page = plain.new_page()
+    page.goto(file.as_uri())
+    expect(page.locator(".sliders").first).to_be_hidden()
+    expect(page.locator(".deck").first).to_be_hidden()
+    card = page.locator(".lookup", has_text="failing starts over time_gap_s")
+    expect(card.locator("tbody tr")).to_have_count(len(swept["points"]))
+    page.locator(".lookup summary").first.click()
+    expect(page.locator(".cells").first).to_be_visible()
+    plain.close()
