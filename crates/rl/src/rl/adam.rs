@@ -16,6 +16,7 @@ pub struct Adam {
 }
 
 impl Adam {
+    // The three constants of Kingma and Ba (2015), which no setting changes.
     const MEAN_DECAY: f32 = 0.9;
     const SQUARE_DECAY: f32 = 0.999;
     const EPSILON: f32 = 1e-8;
@@ -50,6 +51,7 @@ impl Adam {
 
     /// Forgets the gradients of a parameter that has a new value.
     pub fn forget(&mut self, at: usize) {
+        // The moments are those of the old weight, and would push the new one along.
         (self.mean[at], self.square[at]) = (0.0, 0.0);
     }
 

@@ -18,6 +18,7 @@ impl LearnerRng {
 
     /// Draws uniformly from [0, 1), with 53 random bits.
     pub fn unit(&mut self) -> f64 {
+        // 53 bits, as many as the mantissa has: every value is exact.
         (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
@@ -25,6 +26,7 @@ impl LearnerRng {
     ///
     /// Multiplication instead of rejection: the bias is below `end` / 2⁶⁴.
     pub fn below(&mut self, end: usize) -> usize {
+        // Lemire's product. Its bias is `end`/2⁶⁴, and it always takes one draw.
         ((u128::from(self.0.next_u64()) * end as u128) >> 64) as usize
     }
 
@@ -35,6 +37,7 @@ impl LearnerRng {
 
     /// Shuffles the items (Fisher, Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        // Fisher and Yates, from the end.
         for end in (1..items.len()).rev() {
             items.swap(end, self.below(end + 1));
         }

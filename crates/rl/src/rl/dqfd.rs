@@ -45,6 +45,7 @@ pub struct DqfdSettings {
 }
 
 /// Leaves the setting out of the text where it changes nothing, as earlier versions did.
+// Settings of earlier runs lack the field, and are compared with those of today.
 fn is_default_spacing(update_every: &u64) -> bool {
     *update_every == DqnSettings::default().update_every
 }
@@ -87,10 +88,12 @@ impl LearnerKind for DqfdSettings {
         self.imitation.check()?;
         within("longest", self.longest, 1.0, 100.0)?;
         within("starts", self.seeding.starts as f64, 0.0, 1e6)?;
+        // Zero of either is allowed: such a learner begins without demonstrations.
         within("simulations", self.seeding.simulations as f64, 0.0, 1e12)
     }
 
     fn space_updates(&mut self, times: u64) {
+        // Saturating, because a file may state any spacing.
         self.update_every = self.update_every.saturating_mul(times);
     }
 
@@ -109,6 +112,7 @@ impl LearnerKind for DqfdSettings {
 
     fn restore(&self, spaces: &Spaces, checkpoint: &TensorFile) -> Built {
         let dqn = Dqn::restored(&self.dqn(), spaces, checkpoint)?;
+        // The successes are those of the checkpoint, so a resumed training goes on alike.
         Ok(Box::new(self.around(dqn).with_shown(checkpoint)?))
     }
 
@@ -126,6 +130,7 @@ impl LearnerKind for DqfdSettings {
     }
 
     fn load(&self, policy: &TensorFile) -> Shaped {
+        // Both learners act by the same network, so one reader suffices.
         DqnSettings::default().load(policy)
     }
 }

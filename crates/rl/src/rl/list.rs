@@ -260,6 +260,7 @@ impl LearnerConfig {
     /// # Errors
     /// The number is 0 or above 10¹².
     pub fn with_decisions(mut self, decisions: u64) -> Result<LearnerConfig, ConfigError> {
+        // A number that the user gives is exact, without an extension.
         self.0.fix(decisions);
         self.0.try_into()
     }

@@ -29,6 +29,7 @@ impl Loop for Relu<'_> {
     #[inline(always)]
     fn run(self) {
         for value in self.0 {
+            // Not `max`, which leaves the sign of a zero open.
             *value = if *value > 0.0 { *value } else { 0.0 };
         }
     }

@@ -12,6 +12,7 @@ pub(super) fn orthogonal_matrix(
     columns: usize,
     dice: &mut LearnerRng,
 ) -> Vec<Vec<f64>> {
+    // Only the shorter side can be orthonormal.
     let (few, many) = (rows.min(columns), rows.max(columns));
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
     while basis.len() < few {
@@ -37,6 +38,7 @@ pub(super) fn orthogonal_matrix(
     if rows <= columns {
         return basis;
     }
+    // A tall matrix has orthonormal columns instead of rows.
     (0..rows)
         .map(|row| basis.iter().map(|column| column[row]).collect())
         .collect()

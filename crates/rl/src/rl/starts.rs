@@ -76,6 +76,7 @@ impl StartPool {
             return;
         }
         if self.pool.len() == self.capacity {
+            // The oldest start goes, because the policy has changed most since it failed.
             self.pool.remove(0);
         }
         self.pool.push(start);

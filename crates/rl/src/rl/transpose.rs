@@ -84,6 +84,7 @@ fn turn_blocks(blocks: Blocks) {
     }
 
     match V3::try_new() {
+        // Asked for at run time, so that one binary runs on every x86-64 machine.
         Some(simd) => Simd::vectorize(simd, Shuffled { simd, blocks }),
         None => blocks.turn(turn),
     }
@@ -109,6 +110,7 @@ fn shuffle(simd: pulp::x86::V3, block: Block) -> Block {
     let r: [__m256; LANES] = block.map(pulp::cast);
     let low = |i: usize| avx._mm256_unpacklo_ps(r[i], r[i + 1]);
     let high = |i: usize| avx._mm256_unpackhi_ps(r[i], r[i + 1]);
+    // Three stages of eight shuffles: pairs, then quadruples, then halves of registers.
     let t = [
         [low(0), low(2)],
         [high(0), high(2)],

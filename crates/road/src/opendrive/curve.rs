@@ -39,6 +39,7 @@ pub(crate) fn self_overlap_m(curve: PlaneCurve<'_>, turn_rad: f64, width_m: f64)
     if turn_rad <= PI {
         return None;
     }
+    // Narrower cells would only cost time.
     let near_m = width_m.max(LEAST_WIDTH_M);
     let length_m = curve.length_m;
     let apart_m = (length_m / MOST_SAMPLES).max(0.25 * near_m);
@@ -60,6 +61,7 @@ pub(crate) fn self_overlap_m(curve: PlaneCurve<'_>, turn_rad: f64, width_m: f64)
                 return Some(s_m);
             }
         }
+        // Behind the test, so that a place does not meet itself.
         seen.entry((column, row)).or_default().push((s_m, here));
     }
     None
@@ -110,6 +112,7 @@ fn split(at: &dyn Fn(f64) -> Pose, part_m: Range<f64>, beside_m: f64, arcs: &mut
         let off = at(from_m + share * (to_m - from_m)).sees(&here);
         libm::hypot(off.x_m, off.y_m) + beside_m * off.heading_rad.abs() <= NEAR_M
     });
+    // Shorter parts are taken as they are: a kink is near no pair of arcs.
     if !is_near && to_m - from_m > LEAST_M {
         let middle_m = 0.5 * (from_m + to_m);
         split(at, from_m..middle_m, beside_m, arcs);
@@ -119,6 +122,7 @@ fn split(at: &dyn Fn(f64) -> Pose, part_m: Range<f64>, beside_m: f64, arcs: &mut
     let mut along_m = from_m;
     for (start, bend) in pair {
         let covers_m = bend.length_m * scale;
+        // An arc without a length has no direction to turn in.
         if covers_m > 0.0 {
             arcs.push(CurveArc {
                 from_m: along_m,
@@ -199,6 +203,7 @@ impl Cubic {
     pub fn at(&self, s_m: f64) -> f64 {
         let [a, b, c, d] = self.terms;
         let x = s_m - self.from_m;
+        // Horner's scheme, with the fewest roundings.
         a + x * (b + x * (c + x * d))
     }
 
@@ -246,6 +251,7 @@ impl CubicPair {
         let mut lengths_m = vec![0.0];
         let mut sum_m = 0.0;
         for part in 0..Self::PARTS {
+            // The midpoint rule needs no slope at the ends, where files have kinks.
             let middle = (f64::from(part) + 0.5) * step;
             sum_m += step * libm::hypot(self.ahead.slope(middle), self.left.slope(middle));
             lengths_m.push(sum_m);
@@ -270,6 +276,7 @@ impl ParametricCurve {
             return Err("its polynomials lead nowhere".to_owned());
         }
         for it in &mut lengths_m {
+            // The length of the file counts, because all of its stations refer to it.
             *it *= length_m / sum_m;
         }
         Ok(ParametricCurve {
@@ -293,6 +300,7 @@ impl ParametricCurve {
         };
         let up_to = |most: f64| CubicPair { ahead, left, most };
         let (mut least, mut most) = (0.0, length_m);
+        // The length grows with the parameter, so halving finds it.
         for _ in 0..Self::HALVINGS {
             let middle = 0.5 * (least + most);
             let lengths_m = up_to(middle).lengths_m();

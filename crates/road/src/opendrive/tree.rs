@@ -114,12 +114,6 @@ impl XmlNode {
             let help = "check its path, which counts from the file that names it";
             at.error(error.to_string()).helped(help)
         })?;
-        if text.len() > MAX_BYTES {
-            let what = format!("it is larger than {MAX_BYTES} bytes");
-            return Err(at
-                .error(what)
-                .helped("cut out the roads that the scenario uses"));
-        }
         // A byte order mark is no part of the XML.
         let text = text.trim_start_matches('\u{feff}');
         // The words of the XML reader do not help with other kinds of files.
@@ -130,7 +124,19 @@ impl XmlNode {
         XmlNode::parse(path, text)
     }
 
+    /// Reads the root element of a text.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a too large text, and for invalid XML.
     pub(crate) fn parse(path: &Path, text: &str) -> Result<XmlNode, ImportError> {
+        // Every text is bounded here, whoever opened its file.
+        if text.len() > MAX_BYTES {
+            let what = format!("it is larger than {MAX_BYTES} bytes");
+            return Err(At::file(path)
+                .error(what)
+                .helped("cut out the roads that the scenario uses"));
+        }
         let mut tree = GrowingTree {
             file: Rc::new(path.to_owned()),
             open: Vec::new(),
@@ -248,5 +254,19 @@ mod tests {
             assert!(error.to_string().starts_with(&begin), "{error}");
             assert_eq!(error.help.as_deref(), Some(NO_XML));
         }
+    }
+
+    #[test]
+    fn a_text_beyond_the_limit_is_refused_before_it_is_parsed() {
+        let text = |size: usize| format!("<OpenDRIVE>{}</OpenDRIVE>", " ".repeat(size));
+        let path = Path::new("a.xodr");
+        let most = MAX_BYTES - text(0).len();
+        assert!(XmlNode::parse(path, &text(most)).is_ok());
+        let error = XmlNode::parse(path, &text(most + 1)).expect_err("too large");
+        assert!(
+            error.to_string().contains("larger than 16777216 bytes"),
+            "{error}"
+        );
+        assert!(error.help.is_some_and(|it| it.contains("cut out")));
     }
 }

@@ -67,6 +67,7 @@ impl RoadMap {
         let mut grades: Vec<Grade> = Vec::new();
         for part in self.parts(asks, stretches, left_m)? {
             let rise = part.rise();
+            // The shortest parts have the rise of rounded stations, and are no rise of a road.
             if rise.abs() > MAX_RISE && part.length_m() > LEAST_M {
                 let what = format!("it rises by {rise:.2} per metre");
                 let help = format!("keep rises from -{MAX_RISE} to {MAX_RISE}");
@@ -78,6 +79,7 @@ impl RoadMap {
                 grades.push(Grade { from_s_m, rise });
             }
         }
+        // A level road has no grades in its text.
         let is_flat = grades.iter().all(|grade| grade.rise == 0.0);
         Ok(if is_flat { Vec::new() } else { grades })
     }
@@ -99,6 +101,7 @@ impl RoadMap {
         let all: Vec<Bank> = parts
             .iter()
             .map(|part| Bank {
+                // In the middle of the part, where its bank is evaluated.
                 s_m: 0.5 * (part.on_way_m[0] + part.on_way_m[1]),
                 slope: part.bank(),
             })
@@ -171,6 +174,7 @@ impl RoadMap {
         left_m: f64,
     ) -> Result<Vec<WayPart<'_>>, ImportError> {
         let way_m: f64 = stretches.iter().map(LaneStretch::length_m).sum();
+        // Longer ways have longer parts, so that no world has thousands of grades.
         let most_m = PART_M.max(way_m / MOST_PARTS);
         let mut all = Vec::new();
         let mut way_m = 0.0;
@@ -214,6 +218,7 @@ impl WayPart<'_> {
         let [from_m, to_m] = self.on_road_m;
         let middle_m = 0.5 * (from_m + to_m);
         let slope = begun(&self.road.heights_m, middle_m).slope(middle_m);
+        // A way beside the reference line is longer or shorter than it, with the same climb.
         slope * (to_m - from_m) / self.length_m()
     }
 
@@ -222,6 +227,7 @@ impl WayPart<'_> {
         let [from_m, to_m] = self.on_road_m;
         let middle_m = 0.5 * (from_m + to_m);
         let slope = libm::tan(begun(&self.road.lanes.banks, middle_m).at(middle_m));
+        // Against the road of the file, its left side is the right one of the way.
         if from_m <= to_m { slope } else { -slope }
     }
 

@@ -120,6 +120,7 @@ impl Course {
     pub fn of_lines(points_m: &[[f64; 2]]) -> Result<Course, CourseError> {
         let mut course: Option<Course> = None;
         for (i, pair) in points_m.windows(2).enumerate() {
+            // Each line begins at its own point, so that no rounding adds up along the curve.
             let [from, to] = [pair[0], pair[1]];
             let (dx_m, dy_m) = (to[0] - from[0], to[1] - from[1]);
             let length_m = libm::hypot(dx_m, dy_m);
@@ -142,6 +143,7 @@ impl Course {
                 length_m,
                 per_m: 0.0,
             };
+            // Not behind the last line: its direction turns at the point without an arc.
             course.append_from(begins, line);
         }
         let mut course = course.ok_or_else(|| CourseError {
@@ -248,6 +250,7 @@ impl Course {
 
     /// Begins with the straight run-in, so that s = 0 is at a place.
     fn begin(origin: Pose) -> Course {
+        // The run-in, on which agents are that start behind the beginning of the road.
         let first = Leg::new(-RUN_OUT_M, origin.ahead(-RUN_OUT_M), RUN_OUT);
         Course {
             index: LegIndex::of(first.bounds(), first.disc()),
@@ -287,6 +290,7 @@ impl Course {
     ///
     /// Empty on a road that is straight throughout.
     pub fn pieces(&self) -> Vec<RoadPiece> {
+        // Without the run-in and the run-out, which no file states.
         let last = self.legs.len().saturating_sub(1);
         let between = self.legs.iter().take(last).skip(1);
         let piece = |leg: &Leg| RoadPiece {
@@ -403,6 +407,7 @@ impl Course {
         let mut stations_m = vec![used_m.start.min(0.0) - DRAWN_BEYOND_M];
         // The run-in has negative s and is covered by the first station.
         for leg in self.legs.iter().filter(|leg| leg.from_s_m >= 0.0) {
+            // A line is drawn by its ends alone.
             let points = if leg.curvature_per_m == 0.0 {
                 1
             } else {
@@ -449,6 +454,7 @@ impl Course {
 
 /// Keeps the nearer of two, and the earlier of two equally near ones.
 fn keep_nearer(nearest: &mut Option<(f64, OnRoad)>, found: (f64, OnRoad)) {
+    // Strict, so that of equally near legs the first one answers, in a search as without.
     if nearest.as_ref().is_none_or(|(best_m, _)| found.0 < *best_m) {
         *nearest = Some(found);
     }

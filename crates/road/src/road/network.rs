@@ -103,6 +103,7 @@ impl RoadNetwork {
         let Some(found) = found.filter(|_| !self.share_road(a, b)) else {
             return &[];
         };
+        // On first use, because most pairs of a world are never asked for.
         found.get_or_init(|| self.line(a).crossed_by(&self.line(b)))
     }
 
@@ -150,6 +151,7 @@ impl TravelLine<'_> {
         let steps = ((other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M).ceil() as usize;
         let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
         // On the outside of a bend, a step covers more than its length.
+        // It must hold for every step, so it is that of the sharpest bend.
         let outside = other.course.most_curvature_per_m() * other.lateral_m.abs();
         let step_m = STEP_M * (1.0 + outside);
         let mut found = Vec::new();
@@ -160,11 +162,13 @@ impl TravelLine<'_> {
             let far = (away_m / step_m) as usize;
             let next = (if far > 1 { step + far - 1 } else { step + 1 }).min(steps);
             let (next_away_m, here_m) = self.seen_m(other, s_m(next));
+            // After a longer step both are on one side, because the other path was too far away.
             if next == step + 1 && (before_m < 0.0) != (here_m < 0.0) {
                 found.extend(self.crossing(other, s_m(step)..s_m(next), before_m < 0.0));
             }
             (step, away_m, before_m) = (next, next_away_m, here_m);
         }
+        // In the order in which the agent itself meets them, not the other one.
         found.sort_by(|a: &Crossing, b| a.s_m.total_cmp(&b.s_m));
         if self.direction == Direction::Against {
             found.reverse();

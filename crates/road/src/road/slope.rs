@@ -60,6 +60,7 @@ impl RoadProfile<'_> {
         }
         let half_m = 0.5 * self.vertical_curve_m;
         let (from, to) = (self.integrals(s_m - half_m), self.integrals(s_m + half_m));
+        // The mean of the grades around the station: a parabola where one of them changes.
         (to.height_m - from.height_m) / self.vertical_curve_m
     }
 
@@ -74,6 +75,7 @@ impl RoadProfile<'_> {
 
     /// Returns the slope across the road at a station.
     pub fn bank(&self, s_m: f64) -> f64 {
+        // Banks have few entries, so a search from the front is the fastest.
         let after = self.banks.iter().position(|bank| s_m < bank.s_m);
         match after {
             None => self.banks.last().map_or(0.0, |bank| bank.slope),
@@ -88,6 +90,7 @@ impl RoadProfile<'_> {
 
     /// Returns the height of the surface at a station and an offset to the left.
     pub fn height_m(&self, s_m: f64, lateral_m: f64) -> f64 {
+        // Relative to station 0, at which the road has the height `z_m`.
         self.z_m + self.climb_m(s_m) - self.climb_m(0.0) + self.bank(s_m) * lateral_m
     }
 

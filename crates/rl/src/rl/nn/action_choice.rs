@@ -4,6 +4,7 @@
 pub fn argmax(values: &[f32]) -> usize {
     let mut best = 0;
     for (i, value) in values.iter().enumerate() {
+        // Strict, so that equal values give the first action on every machine.
         if values[best] < *value {
             best = i;
         }
@@ -21,6 +22,7 @@ pub(crate) fn argmax_among(values: &[f32], allowed: &[bool]) -> usize {
         .zip(allowed)
         .filter(|(_, it)| **it);
     let best = allowed.reduce(|best, it| if best.0.1 < it.0.1 { it } else { best });
+    // No allowed action would be a mistake of the caller, and a policy must still act.
     best.map_or_else(|| argmax(values), |((i, _), _)| i)
 }
 
@@ -29,6 +31,7 @@ pub(crate) fn argmax_among(values: &[f32], allowed: &[bool]) -> usize {
 /// The largest logit is subtracted, so that no exponential overflows. e⁻⁴⁰ is
 /// still a normal `f32`.
 pub(in crate::rl) fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
+    // Relative to the greatest, because the exponential of a large number is infinite.
     let top = logits[argmax(logits)];
     probabilities.clear();
     probabilities.extend(

@@ -28,6 +28,7 @@ impl UsedUnits {
             for row in rows[..batch * layer.width].chunks_exact(layer.width) {
                 used.iter_mut()
                     .zip(row)
+                    // Only units that no input of the whole period turns on are dead.
                     .for_each(|(used, on)| *used |= *on > 0.0);
             }
         }

@@ -43,6 +43,7 @@ impl Env for OnePart<'_> {
         self.env.part_rewards(step, &mut self.rewards);
         self.see(obs);
         Step {
+            // The end is that of the joint episode, because no ado leaves it alone.
             reward: self.rewards[self.part],
             ..step
         }

@@ -28,6 +28,7 @@ impl Table {
     pub(super) fn cell(&self, obs: &[f32], cell: &mut Vec<u32>) {
         cell.clear();
         for (i, value) in obs.iter().enumerate() {
+            // The last bins count for all further components, so that one entry serves all.
             let bins = self.bins[i.min(self.bins.len() - 1)];
             let share = (f64::from(*value) - bins.low) / (bins.high - bins.low);
             // A cast from float saturates, so numbers below the range fall into cell 0.
@@ -47,6 +48,7 @@ impl Table {
     pub(super) fn save(&self, bundle: &mut TensorFile) {
         let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
         bundle.put("cells", &[self.rows.len(), self.observation], cells);
+        // In the order of the cells, so that equal tables have equal bytes.
         let values = self.in_order(&self.values);
         bundle.put("values", &[self.rows.len(), self.actions], values);
         bundle.put("neutral", &[1], vec![self.neutral as u64]);
@@ -96,6 +98,7 @@ impl Table {
             expected: error.help.clone(),
             found: error.what(),
         })?;
+        // `chunks_exact` panics for a width of 0.
         let keys = cells.chunks_exact(width.max(1)).map(Box::from);
         let rows: CellRows = keys.zip(0..n).collect();
         // Repeated cells would leave fewer rows than values.
