@@ -32,12 +32,18 @@ pub fn read_xml(
         file: name.to_owned(),
         source,
     })?;
-    let root = b"<commonRoad";
     // Only the head is looked at, because files may be far larger than the memory.
-    if head.windows(root.len()).any(|it| it == root) {
+    if is_commonroad(head) {
         return Ok((read_commonroad(text, name)?, "commonroad"));
     }
     Ok((read_fcd(text, name)?, "fcd"))
+}
+
+/// Returns true if the first 8 KiB of an XML text begin a CommonRoad scenario.
+pub fn is_commonroad(text: &[u8]) -> bool {
+    let root = b"<commonRoad";
+    let head = &text[..text.len().min(HEAD)];
+    head.windows(root.len()).any(|it| it == root)
 }
 
 /// Reads `fcd-export` of SUMO in XML. Errors call it by `name`.

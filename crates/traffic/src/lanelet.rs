@@ -163,13 +163,15 @@ impl Osm {
             right: right.clone(),
             from: [left_from, right_from],
             to: [left_to, right_to],
-            centre_m: centre(&left_m, &right_m),
+            centre_m: centre_line(&left_m, &right_m),
         })
     }
 }
 
-/// Returns the points halfway between two lines.
-fn centre(left_m: &[[f64; 2]], right_m: &[[f64; 2]]) -> Vec<[f64; 2]> {
+/// Returns the points halfway between two lines of two points or more, at most 2,001.
+///
+/// They are at equal shares of the lengths of both lines, about 0.5 m apart.
+pub fn centre_line(left_m: &[[f64; 2]], right_m: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let (left_s, right_s) = (stations(left_m), stations(right_m));
     let longest_m = left_s[left_s.len() - 1].max(right_s[right_s.len() - 1]);
     let count = ((longest_m / STEP_M).ceil().max(1.0) as usize).min(MOST_POINTS);

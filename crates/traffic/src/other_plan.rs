@@ -106,26 +106,53 @@ impl OtherPlan {
         let window = (WINDOW_S / dt_s).round() as usize + 1;
         let end = (at + window).min(track.len());
         let points = body.points_m(track, at..end);
-        let far = |it: &[f64; 2]| libm::hypot(it[0] - points[0][0], it[1] - points[0][1]);
-        let way_m = points.iter().map(far).fold(0.0, f64::max);
+        let motion = RecordedMotion::fit(&points, track.heading_rad[at], dt_s)?;
+        let start_mps = motion.speed.as_ref().map(|it| it.start_mps);
+        let is_fast = body.most_mps().zip(start_mps);
+        (!is_fast.is_some_and(|(most, start)| most < start)).then(|| OtherPlan {
+            id: track.id.clone(),
+            body,
+            s_m: motion.s_m + body.lever_m(),
+            road: motion.road,
+            speed: motion.speed,
+        })
+    }
+}
+
+/// Recorded motion of a point, as a plan along a path.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RecordedMotion {
+    /// Path in the frame of the points.
+    pub road: FittedRoad,
+    /// Point along its road at the start.
+    pub s_m: f64,
+    /// Motion along its road, `None` if the point stands.
+    pub speed: Option<SpeedPlan>,
+}
+
+impl RecordedMotion {
+    /// Fits a path and a plan to points that are `dt_s` apart.
+    ///
+    /// A point that stands has a straight path with the heading. Returns `None` if the path
+    /// is no road, or no plan repeats the motion.
+    pub fn fit(points_m: &[[f64; 2]], heading_rad: f64, dt_s: f64) -> Option<RecordedMotion> {
+        let first_m = *points_m.first()?;
+        let far = |it: &[f64; 2]| libm::hypot(it[0] - first_m[0], it[1] - first_m[1]);
+        let way_m = points_m.iter().map(far).fold(0.0, f64::max);
         // Noise alone has no direction, so a standing road user needs no fitted path.
         if way_m < STANDING_M {
-            return Some(OtherPlan {
-                id: track.id.clone(),
-                body,
-                road: FittedRoad::straight(points[0], track.heading_rad[at]),
-                s_m: body.lever_m(),
+            return Some(RecordedMotion {
+                road: FittedRoad::straight(first_m, heading_rad),
+                s_m: 0.0,
                 speed: None,
             });
         }
-        let path = PlacedPath::through(&points)?;
+        let path = PlacedPath::through(points_m)?;
         let least = (PIECE_S / dt_s).round() as usize;
         let speed = (least < path.s_m.len()).then(|| SpeedPlan::fit(&path.s_m, dt_s))??;
-        let is_fast = body.most_mps().is_some_and(|it| it < speed.start_mps);
-        (!is_fast && speed.repeats()).then(|| OtherPlan {
-            id: track.id.clone(),
-            body,
-            s_m: path.s_m[0] + speed.start_m + body.lever_m(),
+        speed.repeats().then(|| RecordedMotion {
+            s_m: path.s_m[0] + speed.start_m,
             road: path.road,
             speed: Some(speed),
         })
