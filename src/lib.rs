@@ -93,6 +93,8 @@ use brakecheck_files::run_files;
 #[doc(inline)]
 pub use brakecheck_report::report;
 #[doc(inline)]
+pub use brakecheck_recorded_world::recorded_world;
+#[doc(inline)]
 pub use brakecheck_risk::risk;
 #[doc(inline)]
 pub use brakecheck_rl::rl;

@@ -7,7 +7,7 @@ use crate::plan::{PIECE_S, SpeedPlan};
 use crate::recording::RoadUserTrack;
 use crate::situation_plan::{SituationPlan, SituationRoad};
 use crate::situations::WINDOW_S;
-use crate::stock_body::{EGO_BODY, StockBody};
+use crate::stock_body::StockBody;
 
 /// Time from the start until the first road user has left the place, at most.
 const LEAVES_AFTER_S: f64 = 6.0;
@@ -65,7 +65,7 @@ impl SituationPlan {
         }
 
         let path_end = (own_at + samples(PATH_S)).min(track.len());
-        let ego = PlacedPath::fit(track, EGO_BODY, own_at..path_end)?;
+        let ego = PlacedPath::fit(track, StockBody::EGO, own_at..path_end)?;
         // One more sample, so that the last piece is whole.
         let window = samples(pieces as f64 * PIECE_S) + 1;
         let body = StockBody::of(planned);
@@ -79,7 +79,7 @@ impl SituationPlan {
         }
         let desired_mps = mean_mps(&ego, crossing.point_m, dt_s);
         let mut roads = CrossingRoads {
-            ego_s_m: ego.s_m[0] + own_speed.start_m + EGO_BODY.lever_m(),
+            ego_s_m: ego.s_m[0] + own_speed.start_m + StockBody::EGO.lever_m(),
             other_s_m: path.s_m[0] + speed.start_m + body.lever_m(),
             ego: ego.road,
             other: path.road,
@@ -143,7 +143,7 @@ fn passed_s(crossing: &PathCrossing, other: usize, length_m: f64) -> f64 {
 /// Returns the least speed of a plan while its body is on the crossing.
 fn least_mps(roads: &CrossingRoads, body: StockBody, speed: &SpeedPlan, point_m: [f64; 2]) -> f64 {
     let at_m = roads.other.place(point_m).s_m;
-    let reach_m = roads.reach_m(body, EGO_BODY);
+    let reach_m = roads.reach_m(body, StockBody::EGO);
     let last = speed.to_mps.len() as f64 * PIECE_S;
     let steps = (last / 0.1).round() as usize;
     let from_m = roads.other_s_m - speed.start_m;

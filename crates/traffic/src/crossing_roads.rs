@@ -45,7 +45,7 @@ pub struct CrossingRoads {
 impl CrossingRoads {
     /// Returns the distance from the crossing of the paths at which a body with a width
     /// reaches the strip of another one.
-    pub(crate) fn reach_m(&self, own: StockBody, crossed: StockBody) -> f64 {
+    pub fn reach_m(&self, own: StockBody, crossed: StockBody) -> f64 {
         let (sin, cos) = libm::sincos(self.angle_rad);
         0.5 * (crossed.width_m + own.width_m * cos) / sin
     }

@@ -2,7 +2,7 @@
 
 use crate::plan::{PIECE_S, rounded};
 use crate::situation_plan::{SituationPlan, SituationRoad};
-use crate::stock_body::EGO_BODY;
+use crate::stock_body::StockBody;
 use crate::world_text::{OtherTexts, agent_head, file_name, plain, road_entry, script_steps};
 
 /// Width of the ego's lane in metres.
@@ -139,9 +139,9 @@ fn rules(plan: &SituationPlan) -> Vec<(&'static str, String)> {
     };
     // Distances at which each reaches the strip of the other, rounded to centimetres.
     let cm = |value: f64| (100.0 * value).ceil() / 100.0;
-    let edge_m = cm(roads.reach_m(plan.body, EGO_BODY));
-    let ego_edge_m = cm(roads.reach_m(EGO_BODY, plan.body));
-    let ego_past_m = cm(ego_edge_m + EGO_BODY.length_m);
+    let edge_m = cm(roads.reach_m(plan.body, StockBody::EGO));
+    let ego_edge_m = cm(roads.reach_m(StockBody::EGO, plan.body));
+    let ego_past_m = cm(ego_edge_m + StockBody::EGO.length_m);
     let past_m = cm(edge_m + plan.body.length_m);
     let (react_s, brake_mps2) = CAREFUL;
     // Half of the recorded speed on the crossing.

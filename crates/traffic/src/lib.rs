@@ -111,7 +111,7 @@ pub use osi_writer::{OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi}
 pub use other_plan::{OtherPlan, RecordedMotion};
 pub use path::{Path, PathPlace};
 pub use picture::{svg_instant, svg_overview};
-pub use plan::{PIECE_S, SpeedPlan};
+pub use plan::{PIECE_S, SpeedPlan, rounded};
 pub use problem::{FilePlace, FileProblem};
 pub use read::{CsvColumns, read_csv, read_csv_guessed, read_csv_timed};
 pub use recording::{Class, HOLE_S, ReadCounts, RoadUserTrack, TrafficRecording};
@@ -119,7 +119,8 @@ pub use recording_meta::RecordingMeta;
 pub use road_fit::FittedRoad;
 pub use rules::{BoundRules, EvaluatedRows};
 pub use situation_plan::{
-    AcrossPlan, LANE_CHANGE_AT_S, LanePlace, RecordedPlace, SituationPlan, SituationRoad,
+    AcrossPlan, LANE_CHANGE_AT_S, LANE_WIDTH_M, LanePlace, RecordedPlace, SituationPlan,
+    SituationRoad,
 };
 pub use situations::{
     LaneChange, RecordedCutIn, RecordedFollowing, SituationKind, Situations, WINDOW_S,

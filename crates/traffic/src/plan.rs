@@ -106,8 +106,8 @@ impl SpeedPlan {
     }
 }
 
-/// Rounds to micrometres per second, so that texts stay short.
-pub(crate) fn rounded(value: f64) -> f64 {
+/// Rounds to the sixth decimal, so that texts of worlds stay short.
+pub fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6
 }
 

@@ -32,7 +32,7 @@ pub(crate) struct RoadFit {
 }
 
 /// Road without kinks through recorded points.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct FittedRoad {
     /// Its course in metres of the recording's frame.
@@ -94,7 +94,7 @@ impl FittedRoad {
     }
 
     /// Returns the place of a point along the road.
-    pub(crate) fn place(&self, point_m: [f64; 2]) -> OnRoad {
+    pub fn place(&self, point_m: [f64; 2]) -> OnRoad {
         self.course.locate(&place_at(point_m))
     }
 

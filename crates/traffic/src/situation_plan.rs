@@ -9,7 +9,7 @@ use crate::path::Path;
 use crate::plan::{SpeedPlan, rounded};
 use crate::recording::RoadUserTrack;
 use crate::situations::{RecordedCutIn, RecordedFollowing, WINDOW_S};
-use crate::stock_body::{EGO_BODY, StockBody};
+use crate::stock_body::StockBody;
 
 /// Time from the start of a planned cut-in to its lane change.
 pub const LANE_CHANGE_AT_S: f64 = 2.0;
@@ -230,7 +230,7 @@ impl SituationPlan {
         let headway_m = self.headway_m();
         if self.body.length_m + CLEAR_M < headway_m {
             RecordedPlace::Ahead
-        } else if headway_m < -EGO_BODY.length_m - CLEAR_M {
+        } else if headway_m < -StockBody::EGO.length_m - CLEAR_M {
             RecordedPlace::Behind
         } else {
             RecordedPlace::Beside
@@ -245,7 +245,7 @@ impl SituationPlan {
 }
 
 /// Width of the lanes of a generated world in metres.
-pub(crate) const LANE_WIDTH_M: f64 = 3.75;
+pub const LANE_WIDTH_M: f64 = 3.75;
 
 /// Two road users at a sample.
 struct RecordedPair<'a> {

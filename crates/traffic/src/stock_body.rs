@@ -17,15 +17,15 @@ pub struct StockBody {
     pub rear_overhang_m: f64,
 }
 
-/// Body of the egos of recorded worlds.
-pub(crate) const EGO_BODY: StockBody = StockBody {
-    name: "sedan",
-    length_m: 4.54,
-    width_m: 1.80,
-    rear_overhang_m: 0.92,
-};
-
 impl StockBody {
+    /// Body of the egos of recorded worlds.
+    pub const EGO: StockBody = StockBody {
+        name: "sedan",
+        length_m: 4.54,
+        width_m: 1.80,
+        rear_overhang_m: 0.92,
+    };
+
     /// Returns the stock body for a class and a length.
     pub fn nearest(class: Class, length_m: f64) -> StockBody {
         let (name, length_m, width_m, rear_overhang_m) = match class {
@@ -36,7 +36,7 @@ impl StockBody {
             // A longer truck is articulated as a rule.
             Class::Truck if length_m < 12.5 => ("truck", 9.20, 2.50, 2.50),
             Class::Truck | Class::Trailer => ("semitrailer", 16.50, 2.55, 5.60),
-            Class::Car | Class::Other => return EGO_BODY,
+            Class::Car | Class::Other => return StockBody::EGO,
         };
         StockBody {
             name,

@@ -32,6 +32,11 @@ pub struct RecordedWorld {
     pub name: String,
     /// RON text of the world.
     pub text: String,
+    /// Kind of its situations.
+    pub kind: SituationKind,
+    /// Middle of its right lane, and the ego's path in a crossing, in the frame of the
+    /// recording.
+    pub road: Arc<FittedRoad>,
     /// Situations, in the order of its points. A crossing is alone.
     pub situations: Vec<SituationPlan>,
     /// Greatest distance of the road from the fitted lane in metres, 0 if it is
@@ -189,14 +194,19 @@ impl SituationGroup {
             .to_ron(),
             None => crossing_text(&name, &situations[0]),
         };
+        let bent = self.road.as_deref().filter(|it| !it.is_straight());
+        let road_m = bent.map_or(0.0, |it| it.worst_m);
+        let road = match (self.road, &situations[0].road) {
+            (None, SituationRoad::Crossing(roads)) => Arc::new(roads.ego.clone()),
+            (road, _) => road.unwrap_or_default(),
+        };
         RecordedWorld {
             text,
             name,
+            kind,
+            road,
             situations,
-            road_m: self
-                .road
-                .filter(|it| !it.is_straight())
-                .map_or(0.0, |it| it.worst_m),
+            road_m,
         }
     }
 }
