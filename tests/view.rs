@@ -12,7 +12,7 @@ use brakecheck::run_dir::{Calibration, Progress};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
 use brakecheck::training::{TrainRequest, TrainSession};
-use brakecheck::view::{EpisodeStream, LiveView, Recording, ViewError, record};
+use brakecheck::view::{EpisodeStream, LiveView, Recording, ShownShare, ViewError, record};
 use brakecheck::world::PlantKind;
 use brakecheck::world::Scenario;
 use brakecheck_view::view::panels::entities;
@@ -97,7 +97,8 @@ fn a_crash_is_recorded_with_everything_about_it() {
     let samples = episode.trace.len();
     let expected = [
         ("/world/ego", samples, "Transform3D:translation"),
-        ("/world/ado", samples, "Boxes3D:half_sizes"),
+        ("/world/ado", samples, "Mesh3D:vertex_positions"),
+        ("/world/ado/velocity", samples, "Arrows3D:vectors"),
         ("/world/road", 1, "LineStrips3D:strips"),
         ("/trails", 1, "LineStrips3D:strips"),
         ("/contact", 1, "Arrows3D:vectors"),
@@ -416,7 +417,7 @@ fn a_stream_has_its_episodes_one_after_another_beside_the_learning_curves() {
     let (_, timelines, _) = &content["/robustness/ego_spec"];
     assert_eq!(timelines, &["decisions", "episode", "shown_time"]);
     let shown = times(&bytes, "/robustness/ego_spec", "shown_time");
-    assert_eq!(shown.len(), first.trace.len() + second.trace.len() + 2);
+    assert_eq!(shown.len(), first.trace.len() + second.trace.len() + 4);
     assert!(shown.is_sorted(), "the second episode follows the first");
     let decisions = times(&bytes, "/robustness/ego_spec", "decisions");
     let last = from as i64 - 500;
@@ -455,7 +456,7 @@ fn a_closed_viewer_ends_the_stream_and_nothing_else() {
     let world = world();
     let episode = crash(&world);
     let stream = EpisodeStream::new(Box::new(Closing(5_000)), "closing", false).unwrap();
-    let live = LiveView::start(stream).unwrap();
+    let live = LiveView::start(stream, ShownShare::InTime).unwrap();
     assert!(live.is_ready());
     show(&live, &world, &episode);
     let end = live.finish().expect("not ended before");
@@ -486,7 +487,7 @@ fn a_viewer_that_reads_nothing_never_delays_the_work() {
     let episode = crash(&world);
     let (open, closed) = channel();
     let stream = EpisodeStream::new(Box::new(Full(5_000, closed)), "full", false).unwrap();
-    let live = LiveView::start(stream).unwrap();
+    let live = LiveView::start(stream, ShownShare::InTime).unwrap();
     assert!(live.is_ready());
     show(&live, &world, &episode);
     // The episode is being written, so the next ones are left out.
@@ -522,7 +523,7 @@ fn a_watched_training_writes_the_same_bytes() {
     };
     let pipe = Pipe::default();
     let stream = EpisodeStream::new(Box::new(pipe.clone()), "a training", true).unwrap();
-    let live = LiveView::start(stream).unwrap();
+    let live = LiveView::start(stream, ShownShare::InTime).unwrap();
     let mut files = Vec::new();
     for (name, audience) in [("alone", None), ("watched", Some(&live as &dyn Audience))] {
         let run = directory.path().join(name);

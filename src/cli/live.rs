@@ -9,7 +9,7 @@ use super::failure::Failure;
 use super::terminal;
 use crate::experiment::Audience;
 #[cfg(feature = "rerun")]
-use crate::view::{EpisodeStream, LiveEnd, LiveView, ViewError};
+use crate::view::{EpisodeStream, LiveEnd, LiveView, ShownShare, ViewError};
 
 /// Name of standard output as a place.
 const STDOUT: &str = "-";
@@ -23,6 +23,10 @@ pub(super) struct RerunArgs {
     /// `... | rerun -`.
     #[arg(long, value_name = "FILE.rrd|-")]
     rerun: Option<String>,
+    /// Stream every episode that `--rerun` can show, even if the command then takes
+    /// longer.
+    #[arg(long, requires = "rerun")]
+    rerun_all: bool,
 }
 
 /// Content of a stream, which decides on its views.
@@ -55,6 +59,11 @@ impl RerunArgs {
     /// Returns whether a stream was requested.
     pub(super) fn is_given(&self) -> bool {
         self.rerun.is_some()
+    }
+
+    /// Returns whether a stream of all episodes was requested.
+    pub(super) fn is_complete(&self) -> bool {
+        self.rerun_all
     }
 
     /// Prints data on stdout, or on stderr if the stream has stdout.
@@ -102,7 +111,11 @@ impl RerunArgs {
         let Some(stream) = self.stream(name, content)? else {
             return Ok(Live::default());
         };
-        let view = LiveView::start(stream)
+        let share = match self.rerun_all {
+            true => ShownShare::All,
+            false => ShownShare::InTime,
+        };
+        let view = LiveView::start(stream, share)
             .map_err(|error| Failure::fault(format!("no thread for the stream: {error}"), None))?;
         Ok(Live { view: Some(view) })
     }

@@ -71,6 +71,25 @@ fn rows_do_not_depend_on_a_stream() {
 }
 
 #[test]
+fn all_counterexamples_are_streamed_on_request() {
+    let dir = scratch();
+    let file = path(&dir, "all.rrd");
+    let mut args = vec!["search", "worlds/acc.ron", "--starts", "20", "--json"];
+    args.extend(["--plant", "kinematic", "--rerun", &file, "--rerun-all"]);
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let successes = json(&output)["rows"][0]["successes"].as_u64();
+    let count = successes.expect("a number");
+    // More than are shown within the share of the processor time.
+    assert!(count > 5, "{count}");
+    let said = format!("streamed {count} of {count} episodes");
+    assert!(stderr(&output).contains(&said), "{}", stderr(&output));
+    // It is no option without a stream.
+    let output = brakecheck(&["search", "worlds/acc.ron", "--rerun-all"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
+#[test]
 fn a_stream_that_the_disk_refuses_is_a_fault() {
     let dir = scratch();
     let file = path(&dir, "full.rrd");

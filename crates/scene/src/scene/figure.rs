@@ -29,6 +29,7 @@ impl AgentDescription {
             role,
             body: body.name.clone(),
             size_m: [body.length_m, body.width_m, body.height_m],
+            shape: body.shape.clone(),
             colour: body.color_rgb,
             on_foot: body.is_on_foot(),
         }
@@ -58,6 +59,7 @@ impl AgentDescription {
 mod tests {
     use super::*;
     use crate::scene::Role;
+    use crate::sim::BodyShape;
 
     #[test]
     fn a_body_is_drawn_as_what_it_is_as_large_as() {
@@ -74,6 +76,7 @@ mod tests {
                 role: Role::Ado,
                 body: "own".to_owned(),
                 size_m,
+                shape: BodyShape::Box,
                 colour: [128; 3],
                 on_foot,
             };

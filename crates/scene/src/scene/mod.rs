@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::ego::{Command, Fault, Phase};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
+use crate::sim::BodyShape;
 use crate::trace::Schema;
 
 /// The three clocks of an episode: samples, decisions and the horizon.
@@ -245,6 +246,9 @@ pub struct AgentDescription {
     pub body: String,
     /// Length, width and height of its body.
     pub size_m: [f64; 3],
+    /// Collision shape of its body. Pages draw figures of the size instead.
+    #[serde(skip)]
+    pub shape: BodyShape,
     /// Colour of its body: red, green, blue.
     pub colour: [u8; 3],
     /// True for a pedestrian.

@@ -7,6 +7,7 @@ use rerun::blueprint::components::Eye3DKind;
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, BlueprintNode};
 use super::viewed_episode::ViewedEpisode;
+use crate::scene::Frame;
 
 /// Entity whose frame moves the cameras.
 pub(super) const FOLLOW: &str = "/follow";
@@ -56,6 +57,12 @@ impl ViewExtent {
     ///
     /// It assumes 690 × 420 pixels and 55° of vertical field of view.
     const WIDE: f32 = 1.6;
+    /// Distance in pixels of a label's middle from a body: half of its height and a gap.
+    const LABEL_PX: f32 = 17.0;
+    /// Pixels of a metre at a distance of 1 m in the oblique view, 420 pixels high.
+    const ASLANT_PX: f32 = 403.0;
+    /// Pixels of a metre at a height of 1 m in the view from above, 150 pixels high.
+    const ABOVE_PX: f32 = 144.0;
 
     /// Returns the extent at the sample of the verdict, or at the last sample.
     pub(super) fn of(story: &ViewedEpisode<'_>) -> ViewExtent {
@@ -64,9 +71,7 @@ impl ViewExtent {
             left_m: (0.0, 0.0),
             behind_m: (story.shown.stage.agents[story.ego()].size_m[0] - 4.5) as f32,
         };
-        let last = story.samples().saturating_sub(1);
-        let at = story.shown.decided.map_or(last, |decided| decided.sample);
-        let Some(frame) = story.shown.at_sample(at) else {
+        let Some(frame) = decided_frame(story) else {
             return around;
         };
         // The cameras neither pitch nor roll.
@@ -81,6 +86,42 @@ impl ViewExtent {
             }
         }
         around
+    }
+
+    /// Returns the place of a body's label, in the frame of the body.
+    ///
+    /// The label lies above the roof for the camera behind the ego, and beside the body for
+    /// the camera above it, so that it hides the body in neither view. The ego's label is to
+    /// its right, and the others' on their side of the ego, or to the left.
+    pub(super) fn label_place(&self, story: &ViewedEpisode<'_>, who: usize) -> [f32; 3] {
+        let [length_m, width_m, height_m] = story.shown.stage.agents[who].size_m;
+        let Some(frame) = decided_frame(story) else {
+            return [0.0, 0.0, height_m as f32];
+        };
+        let own = frame.placements[story.ego()].ground_frame();
+        let body = &frame.placements[who];
+        let [ahead_m, left_m] = own
+            .to_local(Point2::new(body.centre_m[0], body.centre_m[1]))
+            .into();
+        let (eye_m, _) = self.seen_aslant();
+        let place_m = [ahead_m, left_m, height_m].map(|it| it as f32);
+        let square = |axis: usize| (place_m[axis] - eye_m[axis]).powi(2);
+        let far_m = (square(0) + square(1) + square(2)).sqrt();
+        let up_m = ViewExtent::LABEL_PX / ViewExtent::ASLANT_PX * far_m;
+        let (above_m, _) = self.seen_from_above();
+        let beside_m = ViewExtent::LABEL_PX / ViewExtent::ABOVE_PX * above_m[2];
+        // The extent of a turned body across the ego's heading.
+        let turned_rad = body.heading_rad() - frame.placements[story.ego()].heading_rad();
+        let half_m = 0.5 * (length_m * turned_rad.sin().abs() + width_m * turned_rad.cos().abs());
+        let is_right = who == story.ego() || left_m < -1.0;
+        let side = if is_right { -1.0 } else { 1.0 };
+        let aside_m = side * (half_m + f64::from(beside_m));
+        let [x, y] = own.to_world(0.0, aside_m).into();
+        let from_ego = [x - own.origin_m.x, y - own.origin_m.y, 0.0];
+        let offset_m = body.rotation.inverse() * nalgebra::Vector3::from(from_ego);
+        // The only cast from offsets to labels.
+        let up_m = 0.5 * height_m as f32 + up_m;
+        [offset_m.x as f32, offset_m.y as f32, up_m]
     }
 
     /// Returns the eye and the target of an oblique camera.
@@ -127,6 +168,13 @@ impl ViewExtent {
         let eye_m = [ahead_m, aside_m - 0.01, height_m.max(9.0)];
         (eye_m, [ahead_m, aside_m, 0.0])
     }
+}
+
+/// Frame of the sample of the verdict, or of the last sample.
+fn decided_frame<'a>(story: &'a ViewedEpisode<'_>) -> Option<&'a Frame> {
+    let last = story.samples().saturating_sub(1);
+    let at = story.shown.decided.map_or(last, |decided| decided.sample);
+    story.shown.at_sample(at)
 }
 
 fn grown(extent_m: (f32, f32), by_m: f64) -> (f32, f32) {

@@ -1,54 +1,121 @@
 //! Figures of road users: as large as their bodies, with a shape for each kind.
+//!
+//! A vehicle whose body file lists the parts of its collision shape is drawn as these
+//! parts, and the outline of a car has the corner radius of its shape.
 
 use rerun::AsComponents;
-use rerun::archetypes::{Boxes3D, Capsules3D, Cylinders3D, Points3D};
+use rerun::archetypes::{Capsules3D, Cylinders3D, Points3D};
 use rerun::components::FillMode;
 
+use super::camera::ViewExtent;
 use super::entity::agent_path;
 use super::error::ViewError;
 use super::log_writer::LogWriter;
+use super::mesh::{FaceMesh, Footprint};
 use super::palette::{self, Rgb};
 use super::viewed_episode::ViewedEpisode;
 use crate::scene::{AgentDescription, BodyFigure};
+use crate::sim::{BodyPart, BodyShape};
+
+/// Radius of the corners of a car whose collision shape is a box, in metres.
+const EDGE_M: f32 = 0.08;
 
 /// Logs a body in the frame of its own centre: x forward, y left, z up.
 pub(super) fn log(
     story: &ViewedEpisode<'_>,
     who: usize,
+    around: &ViewExtent,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let agent = &story.shown.stage.agents[who];
     let colour = story.colour(who);
     let figure = agent.figure();
     let scale = Scale::of(agent);
-    let (mut centres, mut sizes, mut colours) = (Vec::new(), Vec::new(), Vec::new());
-    for (centre, size, colour) in boxes(figure, &scale, colour, agent.colour) {
-        centres.push(centre);
-        sizes.push(size);
-        colours.push(colour);
-    }
-    let body = Boxes3D::from_centers_and_sizes(centres, sizes)
-        .with_colors(colours)
-        .with_fill_mode(FillMode::Solid)
-        .with_show_labels(false);
-    let label = match figure {
-        BodyFigure::Car => agent.name.clone(),
-        _ => format!("{} ({})", agent.name, agent.body),
-    };
-    // The ego's name lies to its right and other names to their left. Seen from
-    // above, the names of two touching agents then stay apart.
-    let side = if who == story.ego() { -1.0 } else { 1.0 };
-    let aside_m = side * (0.5 * scale.width_m + 0.9);
-    let name = Points3D::new([[0.0, aside_m, 0.5 * scale.height_m + 0.2]])
+    let body = surface(agent, colour).mesh();
+    let name = Points3D::new([around.label_place(story, who)])
         .with_radii([0.03])
         .with_colors([colour])
-        .with_labels([label]);
+        .with_labels([agent.name.as_str()]);
     let wheels = wheels(figure, &scale);
     let limbs = limbs(figure, &scale, colour, agent.colour);
     let mut parts: Vec<&dyn AsComponents> = vec![&body, &name];
     parts.extend(wheels.iter().map(|wheels| wheels as &dyn AsComponents));
     parts.extend(limbs.iter().map(|limbs| limbs as &dyn AsComponents));
     journal.always(agent_path(&agent.name), &parts)
+}
+
+/// Flat faces of a body. `colour` identifies the agent.
+fn surface(agent: &AgentDescription, colour: Rgb) -> FaceMesh {
+    let (figure, scale) = (agent.figure(), Scale::of(agent));
+    let mut faces = FaceMesh::default();
+    match (&agent.shape, figure) {
+        (BodyShape::Parts(parts), BodyFigure::Car | BodyFigure::Van | BodyFigure::Truck) => {
+            add_parts(parts, agent.size_m[2], colour, &mut faces);
+        }
+        (BodyShape::Rounded { corner_radius_m }, BodyFigure::Car) => {
+            add_car(&scale, *corner_radius_m as f32, colour, &mut faces);
+        }
+        (_, BodyFigure::Car) => add_car(&scale, EDGE_M, colour, &mut faces),
+        (_, BodyFigure::Van) => add_van(&scale, colour, agent.colour, &mut faces),
+        _ => {}
+    }
+    for (centre, size, colour) in blocks(agent, colour) {
+        faces.block(scale.place(centre), scale.size(size), colour);
+    }
+    faces
+}
+
+/// Adds the parts of a collision shape, in shades of one colour.
+fn add_parts(parts: &[BodyPart], height_m: f64, colour: Rgb, faces: &mut FaceMesh) {
+    for (part, keep) in parts.iter().zip([1.0, 0.8, 0.65].into_iter().cycle()) {
+        faces.part(part, -0.5 * height_m, palette::dimmed(colour, keep));
+    }
+}
+
+/// Adds a body with a bonnet, and a cabin of glass with a roof.
+fn add_car(body: &Scale, radius_m: f32, colour: Rgb, faces: &mut FaceMesh) {
+    let layer = |(rear, front): (f32, f32), half_width: f32, up: f32| {
+        body.footprint(rear, front, half_width, radius_m)
+            .at(body.up(up))
+    };
+    let hull = [
+        layer((-0.48, 0.48), 0.47, 0.16),
+        layer((-0.5, 0.5), 0.5, 0.26),
+        layer((-0.5, 0.5), 0.5, 0.46),
+        layer((-0.485, 0.47), 0.48, 0.58),
+    ];
+    faces.loft(&hull, &[colour; 3]);
+    let cabin = [
+        layer((-0.44, 0.22), 0.455, 0.58),
+        layer((-0.33, 0.05), 0.37, 0.94),
+        layer((-0.31, 0.03), 0.34, 1.0),
+    ];
+    faces.loft(&cabin, &[palette::GLASS, colour]);
+}
+
+/// Adds a body with a slanted front. Its roof identifies it from above.
+fn add_van(body: &Scale, colour: Rgb, paint: Rgb, faces: &mut FaceMesh) {
+    let layer = |(rear, front): (f32, f32), half_width: f32, up: f32| {
+        body.footprint(rear, front, half_width, EDGE_M)
+            .at(body.up(up))
+    };
+    let hull = [
+        layer((-0.5, 0.5), 0.5, 0.1),
+        layer((-0.5, 0.5), 0.5, 0.36),
+        layer((-0.5, 0.44), 0.5, 0.5),
+        layer((-0.5, 0.28), 0.48, 0.95),
+        layer((-0.49, 0.26), 0.46, 1.0),
+    ];
+    faces.loft(&hull, &[colour, colour, paint, colour]);
+    // The windscreen lies on the slanted front, slightly before it.
+    let at = |ahead: f32, left: f32, up: f32| body.place([ahead, left, up]);
+    let windscreen = [
+        at(0.432, -0.44, 0.54),
+        at(0.432, 0.44, 0.54),
+        at(0.314, 0.42, 0.88),
+        at(0.314, -0.42, 0.88),
+    ];
+    faces.face(&windscreen, palette::GLASS);
 }
 
 /// Size of a body in the viewer's precision.
@@ -69,97 +136,78 @@ impl Scale {
     }
 
     /// Place by shares of the body: 0 is the middle, or the foot for z.
-    fn place(&self, x: f32, y: f32, z: f32) -> [f32; 3] {
-        [
-            x * self.length_m,
-            y * self.width_m,
-            (z - 0.5) * self.height_m,
-        ]
+    fn place(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        [x * self.length_m, y * self.width_m, self.up(z)]
     }
 
-    fn size(&self, x: f32, y: f32, z: f32) -> [f32; 3] {
+    fn size(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         [x * self.length_m, y * self.width_m, z * self.height_m]
+    }
+
+    /// Height above the centre by a share of the height.
+    fn up(&self, share: f32) -> f32 {
+        (share - 0.5) * self.height_m
+    }
+
+    /// Rectangle by shares of length and width.
+    fn footprint(&self, rear: f32, front: f32, half_width: f32, radius_m: f32) -> Footprint {
+        let half_m = half_width * self.width_m;
+        Footprint {
+            ahead_m: (rear * self.length_m, front * self.length_m),
+            left_m: (-half_m, half_m),
+            radius_m,
+        }
     }
 }
 
-type ColouredBox = ([f32; 3], [f32; 3], Rgb);
+/// Block by shares of a body: centre, size, colour.
+type Block = ([f32; 3], [f32; 3], Rgb);
 
-/// Boxes (centre, size, colour) of a figure.
+/// Blocks of a figure, beside its curved surfaces.
 ///
-/// `colour` identifies the agent, and `paint` is its own.
-fn boxes(figure: BodyFigure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<ColouredBox> {
-    let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> ColouredBox {
-        let (place, size) = (
-            body.place(at[0], at[1], at[2]),
-            body.size(size[0], size[1], size[2]),
-        );
-        (place, size, colour)
-    };
-    let mut parts = match figure {
+/// `colour` identifies the agent.
+fn blocks(agent: &AgentDescription, colour: Rgb) -> Vec<Block> {
+    let figure = agent.figure();
+    let low = match figure {
         // A face shows the direction in which a person looks.
         BodyFigure::Person => {
-            return vec![part([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)];
+            return vec![([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)];
         }
         BodyFigure::TwoWheeler => {
             return vec![
-                part([0.0, 0.0, 0.36], [0.5, 0.36, 0.22], colour),
-                part([-0.22, 0.0, 0.5], [0.34, 0.3, 0.06], palette::TYRE),
-                part([0.22, 0.0, 0.64], [0.04, 0.9, 0.03], palette::POST),
-                part([0.34, 0.0, 0.54], [0.03, 0.26, 0.1], palette::HEADLIGHT),
-                part([-0.44, 0.0, 0.48], [0.03, 0.2, 0.05], palette::TAIL_LIGHT),
+                ([0.0, 0.0, 0.36], [0.5, 0.36, 0.22], colour),
+                ([-0.22, 0.0, 0.5], [0.34, 0.3, 0.06], palette::TYRE),
+                ([0.22, 0.0, 0.64], [0.04, 0.9, 0.03], palette::POST),
+                ([0.34, 0.0, 0.54], [0.03, 0.26, 0.1], palette::HEADLIGHT),
+                ([-0.44, 0.0, 0.48], [0.03, 0.2, 0.05], palette::TAIL_LIGHT),
             ];
         }
-        BodyFigure::Car => vec![
-            part([0.0, 0.0, 0.38], [1.0, 1.0, 0.40], colour),
-            part([-0.10, 0.0, 0.74], [0.50, 0.86, 0.36], palette::GLASS),
-            part([-0.10, 0.0, 0.96], [0.45, 0.84, 0.08], colour),
-            // A bright bonnet stripe and lights distinguish the front from the
-            // rear.
-            part([0.325, 0.0, 0.59], [0.31, 0.16, 0.03], palette::MARKING),
-        ],
-        BodyFigure::Van => vec![
-            part([0.0, 0.0, 0.30], [1.0, 1.0, 0.40], colour),
-            part([-0.16, 0.0, 0.74], [0.68, 0.98, 0.48], paint),
-            part([0.27, 0.0, 0.66], [0.22, 0.94, 0.32], palette::GLASS),
-            part([0.24, 0.0, 0.90], [0.20, 0.96, 0.16], colour),
-            part([0.43, 0.0, 0.505], [0.13, 0.16, 0.02], palette::MARKING),
-        ],
-        BodyFigure::Truck => vec![
-            part([-0.02, 0.0, 0.18], [0.94, 0.70, 0.12], palette::TYRE),
-            part([0.39, 0.0, 0.34], [0.22, 1.0, 0.40], colour),
-            part([0.40, 0.0, 0.60], [0.20, 0.96, 0.14], palette::GLASS),
-            part([0.38, 0.0, 0.72], [0.20, 1.0, 0.12], colour),
-            part([-0.12, 0.0, 0.62], [0.75, 1.0, 0.76], paint),
-            // A band in the colour of its role identifies it from behind too.
-            part([-0.12, 0.0, 0.30], [0.756, 1.01, 0.08], colour),
-        ],
+        BodyFigure::Car => 0.42,
+        BodyFigure::Van | BodyFigure::Truck => 0.24,
     };
-    // Pillars in the role's colour hold the roof of a car.
-    if figure == BodyFigure::Car {
-        for x in [0.13, -0.33] {
-            for side in [-0.42, 0.42] {
-                parts.push(part([x, side, 0.74], [0.02, 0.05, 0.40], colour));
-            }
-        }
-    }
-    let low = if figure == BodyFigure::Car {
-        0.45
-    } else {
-        0.24
-    };
+    let mut blocks = Vec::new();
     for side in [-0.36, 0.36] {
-        parts.push(part(
-            [0.5, side, low],
-            [0.012, 0.2, 0.1],
-            palette::HEADLIGHT,
-        ));
-        parts.push(part(
-            [-0.5, side, low],
-            [0.012, 0.2, 0.1],
-            palette::TAIL_LIGHT,
-        ));
+        blocks.push(([0.5, side, low], [0.012, 0.2, 0.08], palette::HEADLIGHT));
+        blocks.push(([-0.5, side, low], [0.012, 0.2, 0.08], palette::TAIL_LIGHT));
     }
-    parts
+    let is_of_parts = matches!(agent.shape, BodyShape::Parts(_));
+    match figure {
+        // A bright stripe on the bonnet distinguishes the front from the rear.
+        BodyFigure::Car if !is_of_parts => {
+            blocks.push(([0.34, 0.0, 0.58], [0.24, 0.12, 0.02], palette::MARKING));
+        }
+        BodyFigure::Truck if !is_of_parts => blocks.extend([
+            ([-0.02, 0.0, 0.18], [0.94, 0.70, 0.12], palette::TYRE),
+            ([0.39, 0.0, 0.34], [0.22, 1.0, 0.40], colour),
+            ([0.40, 0.0, 0.60], [0.20, 0.96, 0.14], palette::GLASS),
+            ([0.38, 0.0, 0.72], [0.20, 1.0, 0.12], colour),
+            ([-0.12, 0.0, 0.62], [0.75, 1.0, 0.76], agent.colour),
+            // A band in the colour of its role identifies it from behind too.
+            ([-0.12, 0.0, 0.30], [0.756, 1.01, 0.08], colour),
+        ]),
+        _ => {}
+    }
+    blocks
 }
 
 /// Wheels: four, or two on a motorcycle, or none on foot.
@@ -221,7 +269,7 @@ fn limbs(figure: BodyFigure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Ca
         BodyFigure::Car | BodyFigure::Van | BodyFigure::Truck => return None,
     };
     let height_m = body.height_m;
-    let feet = upright.iter().map(|([x, y, z], ..)| body.place(*x, *y, *z));
+    let feet = upright.iter().map(|(foot, ..)| body.place(*foot));
     let limbs = Capsules3D::from_lengths_and_radii(
         upright.iter().map(|(_, length, ..)| length * height_m),
         upright.iter().map(|(_, _, radius, _)| radius * height_m),
@@ -251,16 +299,22 @@ mod tests {
             let body = Body::shipped(name).unwrap().unwrap();
             let agent = AgentDescription::of("ado", Role::Ado, &body);
             assert_eq!(agent.figure(), figure, "{name}");
-            let scale = Scale::of(&agent);
-            for (centre, size, _) in boxes(figure, &scale, [1; 3], [2; 3]) {
-                for (axis, whole_m) in agent.size_m.iter().enumerate() {
-                    let reach_m = f64::from(centre[axis].abs() + 0.5 * size[axis]);
-                    assert!(
-                        reach_m <= 0.51 * whole_m,
-                        "{name}: axis {axis}, {reach_m} m"
-                    );
-                }
+            let bounds = surface(&agent, [1; 3]).bounds();
+            for ((least, greatest), whole_m) in bounds.into_iter().zip(agent.size_m) {
+                let reach_m = f64::from(greatest.max(-least));
+                assert!(reach_m <= 0.51 * whole_m, "{name}: {reach_m} m");
             }
         }
+    }
+
+    #[test]
+    fn a_body_of_parts_is_drawn_as_its_parts() {
+        let body = Body::shipped("lorry_40t").unwrap().unwrap();
+        let agent = AgentDescription::of("ado", Role::Ado, &body);
+        assert!(matches!(agent.shape, BodyShape::Parts(_)));
+        // Cab, rear of the tractor and trailer. A box would have 168 m³.
+        let parts_m3 = 2.4 * 2.5 * 3.8 + 3.65 * 2.5 * 1.15 + 13.6 * 2.55 * 2.85;
+        let found_m3 = surface(&agent, [1; 3]).volume_m3();
+        assert!((found_m3 - parts_m3).abs() < 0.3, "{found_m3} m³");
     }
 }

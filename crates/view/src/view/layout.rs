@@ -14,7 +14,6 @@ use rerun::blueprint::components::{
 use rerun::datatypes::{self, Range1D};
 
 use super::error::ViewError;
-use super::lines;
 use super::log_writer::{LogWriter, SHOWN_TIME, nanos};
 use super::viewed_episode::ViewedEpisode;
 
@@ -23,46 +22,41 @@ const PLOT_PX: f32 = 140.0;
 const LEGEND_LINE_PX: f32 = 27.0;
 const LEGEND_ROOM_PX: f32 = 62.0;
 
-/// Share of a column that a plot takes.
+/// Share of a column that a plot takes, so that a legend of some lines fits.
 ///
-/// It suffices for a legend of `curves` and the marks of the story. Without a
-/// legend it is smaller.
-pub(super) fn height_of(story: &ViewedEpisode<'_>, curves: usize) -> f32 {
-    let marks =
-        usize::from(story.shown.decided.is_some()) + usize::from(story.episode.contact.is_some());
-    match curves {
+/// Without a legend it is smaller.
+pub(super) fn height_of(legend_lines: usize) -> f32 {
+    match legend_lines {
         0 => 0.75,
-        _ => {
-            let lines = (curves + marks) as f32;
-            ((LEGEND_ROOM_PX + LEGEND_LINE_PX * lines) / PLOT_PX).max(0.9)
-        }
+        lines => ((LEGEND_ROOM_PX + LEGEND_LINE_PX * lines as f32) / PLOT_PX).max(0.9),
     }
 }
 
-/// Width of a plot in a window of usual size, and of a letter of its legend.
-const PLOT_WIDE_PX: f64 = 550.0;
-const LETTER_PX: f64 = 5.7;
+/// Corner of legends, because the last moments of an episode decide.
+const LEGEND: Corner2D = Corner2D::LeftTop;
 
-/// Factor by which the time axis of plots is longer than the episode.
-///
-/// The longest name of a rule then has room after the last event. The factor is
-/// limited to half of a plot.
-fn legend_room(story: &ViewedEpisode<'_>) -> f64 {
-    let longest = story.rules.iter().map(|rule| rule.name.chars().count());
-    let legend_px = 40.0 + LETTER_PX * longest.max().unwrap_or(0) as f64;
-    // A legend wider than half of the plot would squeeze the curves.
-    (1.0 / (1.0 - (legend_px / PLOT_WIDE_PX).min(0.5))).max(1.45)
-}
+/// Factor by which the time axis of plots is longer than the time up to the verdict.
+const ROOM: f64 = 1.03;
 
 /// Time axis of a stream: about the length of an episode before the current time.
 fn latest_episode(story: &ViewedEpisode<'_>) -> TimeAxis {
     let from_now = |time_s: f64| {
         datatypes::TimeRangeBoundary::CursorRelative(datatypes::TimeInt(nanos(time_s)))
     };
+    let length_s = story.motion_end_s().max(1.0);
     TimeAxis::new().with_view_range(datatypes::TimeRange {
-        start: from_now(-1.2 * story.end_s().max(1.0)),
-        end: from_now(0.5),
+        start: from_now(-ROOM * length_s),
+        end: from_now((ROOM - 1.0) * length_s),
     })
+}
+
+/// Range of the values of a plot.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum PlotRange {
+    /// That of the visible curves.
+    Fitted,
+    /// From the least to the greatest value.
+    Fixed(f64, f64),
 }
 
 /// Builder of a blueprint, node by node.
@@ -91,13 +85,8 @@ impl<'a> BlueprintBuilder<'a> {
     }
 
     /// Adds a plot of curves over the complete timeline.
-    pub(super) fn curves(
-        &mut self,
-        title: &str,
-        origin: &str,
-        legend: Corner2D,
-    ) -> Result<BlueprintNode, ViewError> {
-        let view = self.lines(title, origin, Some(legend))?;
+    pub(super) fn curves(&mut self, title: &str, origin: &str) -> Result<BlueprintNode, ViewError> {
+        let view = self.lines(title, origin, &["$origin/**"], true)?;
         let all = TimeAxis::new().with_view_range(datatypes::TimeRange {
             start: datatypes::TimeRangeBoundary::Infinite,
             end: datatypes::TimeRangeBoundary::Infinite,
@@ -106,58 +95,54 @@ impl<'a> BlueprintBuilder<'a> {
         Ok(view)
     }
 
+    /// Adds a plot of curves over the time up to the verdict.
+    pub(super) fn plot(
+        &mut self,
+        story: &ViewedEpisode<'_>,
+        title: &str,
+        contents: &[&str],
+        range: PlotRange,
+        has_legend: bool,
+    ) -> Result<BlueprintNode, ViewError> {
+        let view = self.lines(title, "/", contents, has_legend)?;
+        if let PlotRange::Fixed(least, greatest) = range {
+            let axis = ScalarAxis::new().with_range(Range1D([least, greatest]));
+            self.property(&view, "ScalarAxis", &axis)?;
+        }
+        if self.is_stream {
+            self.property(&view, "TimeAxis", &latest_episode(story))?;
+            return Ok(view);
+        }
+        let instant =
+            |time_s: f64| datatypes::TimeRangeBoundary::Absolute(datatypes::TimeInt(nanos(time_s)));
+        // All plots have the same axis, so that they are comparable.
+        let axis = TimeAxis::new().with_view_range(datatypes::TimeRange {
+            start: instant(0.0),
+            end: instant(ROOM * story.plotted_until_s().max(0.1)),
+        });
+        self.property(&view, "TimeAxis", &axis)?;
+        Ok(view)
+    }
+
     fn lines(
         &mut self,
         title: &str,
         origin: &str,
-        legend: Option<Corner2D>,
+        contents: &[&str],
+        has_legend: bool,
     ) -> Result<BlueprintNode, ViewError> {
-        let view = self.view("TimeSeries", title, origin, &["$origin/**"])?;
-        let legend = match legend {
-            Some(corner) => PlotLegend::new().with_corner(corner),
-            None => PlotLegend::new().with_visible(false),
+        let view = self.view("TimeSeries", title, origin, contents)?;
+        let legend = match has_legend {
+            true => PlotLegend::new().with_corner(LEGEND),
+            false => PlotLegend::new().with_visible(false),
         };
         self.property(&view, "PlotLegend", &legend)?;
         Ok(view)
     }
 
-    /// Adds a plot of curves over time. `axis` is the range of their values.
-    pub(super) fn plot(
-        &mut self,
-        story: &ViewedEpisode<'_>,
-        title: &str,
-        origin: &str,
-        axis: (f64, f64),
-        legend: Option<Corner2D>,
-    ) -> Result<BlueprintNode, ViewError> {
-        if self.is_stream {
-            let view = self.lines(title, origin, legend)?;
-            self.property(&view, "TimeAxis", &latest_episode(story))?;
-            return Ok(view);
-        }
-        let marks = format!("+ {}/**", lines::MARKS);
-        let view = self.view("TimeSeries", title, origin, &["$origin/**", &marks])?;
-        // Marks extend beyond every axis, so the axis must be fixed.
-        if lines::has_marks(story) || origin == "/robustness" {
-            let axis = ScalarAxis::new().with_range(Range1D([axis.0, axis.1]));
-            self.property(&view, "ScalarAxis", &axis)?;
-        }
-        let legend = match legend {
-            Some(corner) => PlotLegend::new().with_corner(corner),
-            None => PlotLegend::new().with_visible(false),
-        };
-        self.property(&view, "PlotLegend", &legend)?;
-        // Room at the end keeps the legend off the last events. Plots without a
-        // legend have the same axis, so that they are comparable.
-        let end_s = (legend_room(story) * story.end_s().max(0.1)).max(story.motion_end_s());
-        let instant =
-            |time_s: f64| datatypes::TimeRangeBoundary::Absolute(datatypes::TimeInt(nanos(time_s)));
-        let axis = TimeAxis::new().with_view_range(datatypes::TimeRange {
-            start: instant(0.0),
-            end: instant(end_s),
-        });
-        self.property(&view, "TimeAxis", &axis)?;
-        Ok(view)
+    /// Returns whether the layout is that of a stream.
+    pub(super) fn is_stream(&self) -> bool {
+        self.is_stream
     }
 
     /// Adds the window: no panels of the viewer itself, and the time at its end.

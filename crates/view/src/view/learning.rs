@@ -3,7 +3,6 @@
 use re_chunk::{TimePoint, Timeline};
 use rerun::AsComponents;
 use rerun::archetypes::{Scalars, SeriesLines};
-use rerun::blueprint::components::Corner2D;
 
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, Views};
@@ -96,7 +95,7 @@ fn at(shown_ns: i64, decisions: u64) -> TimePoint {
 /// Adds the plots of the learning curves.
 pub(super) fn views(layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let mut plot = |title: &str, origin: &str, height: f32| {
-        let view = layout.curves(title, origin, Corner2D::LeftTop)?;
+        let view = layout.curves(title, origin)?;
         Ok::<_, ViewError>((view, height))
     };
     Ok(vec![

@@ -1,13 +1,14 @@
 //! Traffic lights: a post beside the stop line, and its phases over time.
 
 use rerun::archetypes::Transform3D;
-use rerun::archetypes::{Boxes3D, LineStrips3D, Points3D, StateChange, StateConfiguration};
+use rerun::archetypes::{Boxes3D, LineStrips3D, Points3D, StateConfiguration};
 use rerun::components::Color;
 use rerun::components::FillMode;
 
 use super::entity::{agent_path, path};
 use super::error::ViewError;
-use super::log_writer::{LogWriter, clock};
+use super::lines::log_states;
+use super::log_writer::LogWriter;
 use super::palette;
 use super::space::{distance, lifted, quaternion};
 use super::viewed_episode::ViewedEpisode;
@@ -48,7 +49,7 @@ pub(super) fn log_phases(
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     for (l, light) in story.shown.stage.lights.iter().enumerate() {
-        log_lanes(light, &story.shown.light_turns(l), journal)?;
+        log_lanes(story, light, &story.shown.light_turns(l), journal)?;
     }
     Ok(())
 }
@@ -109,6 +110,7 @@ fn log_lit(
 
 /// Logs the phases of one light as coloured lanes.
 fn log_lanes(
+    story: &ViewedEpisode<'_>,
     light: &LightPost,
     turns: &[(SampleInstant, Phase)],
     journal: &mut LogWriter,
@@ -123,11 +125,9 @@ fn log_lanes(
         .with_labels(PHASES.map(phase_word))
         .with_colors(PHASES.map(colour));
     journal.always(entity.clone(), &[&lanes])?;
-    let states = StateChange::update_fields()
-        .with_state(turns.iter().map(|(_, phase)| phase_word(*phase)))
-        .columns_of_unit_batches();
     let instants = turns
         .iter()
         .map(|(instant, _)| (instant.sample, instant.time_s));
-    journal.columns(entity, clock(instants), states)
+    let states = turns.iter().map(|(_, phase)| phase_word(*phase));
+    log_states(entity, instants, states, story, journal)
 }

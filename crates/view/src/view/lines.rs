@@ -2,24 +2,24 @@
 
 use re_chunk::TimeColumn;
 use re_log_types::EntityPath;
-use rerun::archetypes::{Scalars, SeriesLines};
+use rerun::archetypes::{Scalars, SeriesLines, StateChange};
 use rerun::components::Color;
 
 use super::entity::path;
 use super::error::ViewError;
-use super::log_writer::{LogWriter, clock};
+use super::log_writer::{LogWriter, after_last, clock};
 use super::palette::{self, Rgb};
 use super::viewed_episode::ViewedEpisode;
 use crate::experiment::SampleInstant;
 
-/// Entity of the marks that all plots show.
+/// Entity of the marks.
 pub(super) const MARKS: &str = "/marks";
 /// Extent of a mark upward and downward, beyond the axis of any plot.
-const MARK_REACH: f64 = 2e3;
+const MARK_REACH: f64 = 1e6;
 
-/// Returns true if there is an instant to mark.
-pub(super) fn has_marks(story: &ViewedEpisode<'_>) -> bool {
-    story.shown.decided.is_some() || story.episode.contact.is_some()
+/// Number of instants to mark.
+pub(super) fn marks(story: &ViewedEpisode<'_>) -> usize {
+    usize::from(story.shown.decided.is_some()) + usize::from(story.episode.contact.is_some())
 }
 
 /// Logs vertical lines at the instants of the verdict and of the contact.
@@ -27,7 +27,7 @@ pub(super) fn log_marks(
     story: &ViewedEpisode<'_>,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    // In a stream the axes fit the curves, so the marks would flatten them.
+    // A stream marks each verdict by the end of its curves.
     if journal.is_stream() {
         return Ok(());
     }
@@ -55,6 +55,9 @@ pub(super) fn log_marks(
 pub(super) type Pen<'a> = (&'a str, Rgb, f32);
 
 /// Logs the lines of one entity. `values` has one value per pen for every instant.
+///
+/// In a stream the lines end after the last instant, so that those of the next episode are
+/// apart from them.
 pub(super) fn log_lines(
     entity: EntityPath,
     pens: &[Pen<'_>],
@@ -62,6 +65,13 @@ pub(super) fn log_lines(
     values: Vec<f64>,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
+    let (instants, values) = if journal.is_stream() {
+        // The viewer connects neighbours, but nothing with a value that is no number.
+        let gap = vec![f64::NAN; pens.len()];
+        (after_last(&instants), [values, gap].concat())
+    } else {
+        (instants, values)
+    };
     let rows = values.len() / pens.len();
     let style = SeriesLines::new()
         .with_names(pens.iter().map(|(name, _, _)| *name))
@@ -70,6 +80,29 @@ pub(super) fn log_lines(
     journal.always(entity.clone(), &[&style])?;
     let scalars = Scalars::new(values).columns(vec![pens.len(); rows]);
     journal.columns(entity, instants, scalars)
+}
+
+/// Logs the states of a coloured lane, each from its instant on.
+///
+/// In a stream the last one ends with the motion of the episode.
+pub(super) fn log_states<'a>(
+    entity: EntityPath,
+    instants: impl Iterator<Item = (usize, f64)>,
+    states: impl Iterator<Item = &'a str>,
+    story: &ViewedEpisode<'_>,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
+    let last = story.pose_instants().last();
+    let end = last
+        .filter(|_| journal.is_stream())
+        // Later than all of them, so that the order of the instants stays that of time.
+        .map(|(sample, time_s)| (sample, time_s.max(story.end_s()) + 1e-6));
+    // The viewer shows an empty state as a gap.
+    let states = states.chain(end.map(|_| ""));
+    let states = StateChange::update_fields()
+        .with_state(states)
+        .columns_of_unit_batches();
+    journal.columns(entity, clock(instants.chain(end)), states)
 }
 
 /// Both timelines at every sample.

@@ -48,12 +48,24 @@ struct Shared {
     closed: AtomicBool,
 }
 
+/// Choice of the episodes that a viewer shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShownShare {
+    /// As many as the viewer shows without delaying the work.
+    #[default]
+    InTime,
+    /// All of them. The work waits while too many are left to write.
+    All,
+}
+
 /// Viewer of work in progress.
 ///
 /// Episodes are evaluated and written on a thread of its own. If it is still at work, or
 /// has taken its share of the processor time, an episode is left out. So it never delays
-/// the work, even if the viewer at the other end reads nothing.
+/// the work, even if the viewer at the other end reads nothing. With [`ShownShare::All`]
+/// no episode is left out, and the work waits instead.
 pub struct LiveView {
+    share: ShownShare,
     shared: Arc<Shared>,
     work: ProcessTime,
     sender: Mutex<Option<SyncSender<Message>>>,
@@ -78,7 +90,7 @@ impl LiveView {
     /// # Errors
     ///
     /// Returns an error if the system starts no thread.
-    pub fn start(stream: EpisodeStream) -> std::io::Result<LiveView> {
+    pub fn start(stream: EpisodeStream, share: ShownShare) -> std::io::Result<LiveView> {
         let shared = Arc::new(Shared::default());
         let (sender, messages) = sync_channel(WAITING);
         let (end, ended) = sync_channel(1);
@@ -91,6 +103,7 @@ impl LiveView {
             let _ = end.send(written);
         })?;
         Ok(LiveView {
+            share,
             shared,
             work: ProcessTime::now(),
             sender: Mutex::new(Some(sender)),
@@ -113,7 +126,11 @@ impl LiveView {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .take()?;
-        let error = match ended.recv_timeout(PATIENCE) {
+        let written = match self.share {
+            ShownShare::InTime => ended.recv_timeout(PATIENCE),
+            ShownShare::All => ended.recv().map_err(|_| RecvTimeoutError::Disconnected),
+        };
+        let error = match written {
             Ok(written) => written.err(),
             Err(RecvTimeoutError::Timeout) => Some(ViewError::Stuck),
             // A panic of the viewer's library has printed its message.
@@ -131,12 +148,29 @@ impl LiveView {
         let sent = sender.as_ref().map(|sender| sender.try_send(message));
         matches!(sent, Some(Ok(())))
     }
+
+    /// Sends an episode, and waits for its place if all are shown.
+    fn send_episode(&self, message: Message) -> bool {
+        if self.share == ShownShare::InTime {
+            return self.send(message);
+        }
+        // A copy, so that `finish` need not wait for the place.
+        let sender = self
+            .sender
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
+        sender.is_some_and(|sender| sender.send(message).is_ok())
+    }
 }
 
 impl Audience for LiveView {
     fn is_ready(&self) -> bool {
         if self.shared.closed.load(Ordering::Relaxed) {
             return false;
+        }
+        if self.share == ShownShare::All {
+            return true;
         }
         let spent_s = 1e-9 * self.shared.spent_ns.load(Ordering::Relaxed) as f64;
         let allowed_s = HEAD_START_S + SHARE * self.work.elapsed().as_secs_f64();
@@ -155,7 +189,7 @@ impl Audience for LiveView {
             caption: shown.caption.to_owned(),
             decisions: shown.decisions,
         };
-        if !self.send(Message::Episode(Box::new(owned))) {
+        if !self.send_episode(Message::Episode(Box::new(owned))) {
             self.shared.busy.store(false, Ordering::Relaxed);
             self.left_out.fetch_add(1, Ordering::Relaxed);
         }

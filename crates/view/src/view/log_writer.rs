@@ -303,6 +303,16 @@ pub(super) fn clock(instants: impl IntoIterator<Item = (usize, f64)>) -> [TimeCo
     ]
 }
 
+/// Both timelines with another instant, 1 µs after the last one.
+pub(super) fn after_last([times, steps]: &[TimeColumn; 2]) -> [TimeColumn; 2] {
+    let (times, steps) = (times.times_raw(), steps.times_raw());
+    let after = times.last().map(|time| time + 1_000);
+    [
+        TimeColumn::new_duration_nanos("sim_time", times.iter().copied().chain(after)),
+        TimeColumn::new_sequence("step", steps.iter().chain(steps.last()).copied()),
+    ]
+}
+
 /// Seconds in the viewer's unit.
 pub(super) fn nanos(time_s: f64) -> i64 {
     // Rounded, so that products of the sample time give equal instants everywhere.

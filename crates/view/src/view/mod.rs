@@ -15,6 +15,7 @@
 //! | map | grids | `/map/outcome` | a frame around the cell where it was decided |
 //! | scene | roads | `/world/road` | surface, lane markings, a post every 10 m |
 //! | scene | roads | `/world/<agent>` | body, moved by its transform |
+//! | scene | roads | `/world/<agent>/velocity` | an arrow as long as the way in 0.5 s |
 //! | scene | roads | `/world/<light>` | a post with its dark lamps |
 //! | scene | roads | `/world/<light>/lit` | the lamp that is lit and the stop line in its colour |
 //! | scene | roads | `/trails` | everybody's path on the ground |
@@ -27,7 +28,7 @@
 //! | running robustness | all | `/robustness/ego_spec` | running robustness of ψ_ego |
 //! | running robustness | all | `/robustness/rule/<name>` | and of each rule |
 //! | running robustness | all | `/robustness/zero` | the line that it crosses when a formula is lost |
-//! | running robustness | all | `/marks/verdict` | the instant of the verdict, as an upright line in all plots |
+//! | running robustness | all | `/marks/verdict` | the instant of the verdict, as an upright line |
 //! | running robustness | all | `/marks/contact` | and that of the contact |
 //! | signals | all | `/signals/<group>` | curves, grouped by unit, e.g. `/signals/speed` |
 //! | verdict | all | `/verdict` | the verdict in words, and why |
@@ -80,6 +81,7 @@ mod lights;
 mod lines;
 mod live;
 mod log_writer;
+mod mesh;
 mod palette;
 pub(crate) mod panel;
 pub mod panels;
@@ -97,7 +99,7 @@ use rerun::archetypes::RecordingInfo;
 use crate::testbench::Episode;
 use crate::world::Scenario;
 pub use error::ViewError;
-pub use live::{LiveEnd, LiveView};
+pub use live::{LiveEnd, LiveView, ShownShare};
 use log_writer::LogWriter;
 pub use stream::EpisodeStream;
 use viewed_episode::ViewedEpisode;
@@ -215,12 +217,12 @@ impl<'a> Recording<'a> {
     pub fn encode(&self) -> Result<Vec<u8>, ViewError> {
         let Messages { recording, layout } = self.messages()?;
         let encoded = || -> Result<Vec<u8>, EncodeError> {
-            // A file is a sequence of streams. The stream of the layout omits
-            // the index of its chunks, which would be larger than the stream
-            // itself.
-            let mut bytes = encoded(&recording, Index::Write)?;
-            bytes.extend(encoded(&layout, Index::Omit)?);
-            Ok(bytes)
+            // One stream, whose footer has the index of both stores. Readers that begin
+            // at the footer refuse a file without one.
+            let mut encoder = Encoder::local()?;
+            encoder.extend(recording.iter().chain(&layout).map(Ok))?;
+            encoder.finish()?;
+            encoder.into_inner()
         };
         encoded().map_err(|error| ViewError::Encode {
             what: error.to_string(),
@@ -234,21 +236,4 @@ pub struct Messages {
     pub recording: Vec<LogMsg>,
     /// Messages of the views and their arrangement.
     pub layout: Vec<LogMsg>,
-}
-
-/// Presence of an index of the chunks at the end of a stream.
-#[derive(PartialEq, Eq)]
-enum Index {
-    Write,
-    Omit,
-}
-
-fn encoded(messages: &[LogMsg], index: Index) -> Result<Vec<u8>, EncodeError> {
-    let mut encoder = Encoder::local()?;
-    if index == Index::Omit {
-        encoder.do_not_emit_footer();
-    }
-    encoder.extend(messages.iter().map(Ok))?;
-    encoder.finish()?;
-    encoder.into_inner()
 }

@@ -29,6 +29,17 @@ pub(super) const DECIDED: Rgb = [255, 210, 60];
 /// Contact.
 pub(super) const CONTACT: Rgb = [255, 64, 92];
 
+/// Action without an effect, which also is that of no action.
+pub(super) const IDLE: Rgb = [96, 104, 116];
+/// Action that brakes, or makes the weather worse.
+pub(super) const BRAKING: Rgb = [204, 62, 50];
+/// Action that accelerates, or makes the weather better.
+pub(super) const ACCELERATING: Rgb = [52, 152, 86];
+/// Action that moves to the left only.
+pub(super) const LEFTWARD: Rgb = [62, 124, 214];
+/// Action that moves to the right only.
+pub(super) const RIGHTWARD: Rgb = [144, 88, 204];
+
 const EGO: [Rgb; 1] = [[74, 158, 255]];
 const ADO: [Rgb; 4] = [
     [255, 112, 67],
@@ -80,6 +91,18 @@ pub(super) fn of_phase(phase: Phase) -> Rgb {
         Phase::Yellow => [255, 200, 40],
         Phase::Red => [255, 52, 52],
     }
+}
+
+/// Mixes a colour with white by the share `by`.
+pub(super) fn brightened(colour: Rgb, by: f32) -> Rgb {
+    mixed(colour, [255; 3], by)
+}
+
+/// Mixes a colour with the share `by` of another one.
+pub(super) fn mixed(colour: Rgb, other: Rgb, by: f32) -> Rgb {
+    std::array::from_fn(|i| {
+        (f32::from(colour[i]) * (1.0 - by) + f32::from(other[i]) * by).round() as u8
+    })
 }
 
 /// Mixes a colour with black and keeps the share `keep`.

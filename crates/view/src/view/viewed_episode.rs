@@ -118,6 +118,38 @@ impl<'a> ViewedEpisode<'a> {
         (opening.end_s + GOES_ON_S < self.motion_end_s()).then_some(opening)
     }
 
+    /// Velocity in m/s of a member of the cast at every pose, from the pose before it.
+    ///
+    /// At a contact it is therefore that before the contact. The first pose has the next
+    /// one's, and a single pose 0.
+    pub(super) fn velocities_mps(&self, who: usize) -> Vec<[f64; 3]> {
+        let between = self.shown.frames.windows(2).map(|pair| {
+            let [from, to] = [&pair[0], &pair[1]].map(|it| it.frame.placements[who].centre_m);
+            let time_s = (pair[1].time_s - pair[0].time_s).max(1e-9);
+            std::array::from_fn(|axis| (to[axis] - from[axis]) / time_s)
+        });
+        let moving: Vec<[f64; 3]> = between.collect();
+        let first = moving.first().copied().unwrap_or_default();
+        let poses = self.shown.frames.len();
+        std::iter::once(first).chain(moving).take(poses).collect()
+    }
+
+    /// Instant at which the plots end: the contact or the verdict, the later of both.
+    ///
+    /// Without either it is the last sample.
+    pub(super) fn plotted_until_s(&self) -> f64 {
+        let contact_s = self.episode.contact.as_ref().map(|touch| touch.time_s);
+        let decided_s = self.shown.decided.map(|decided| decided.time_s);
+        let ends_s = contact_s.into_iter().chain(decided_s);
+        ends_s.reduce(f64::max).unwrap_or(self.end_s())
+    }
+
+    /// Number of samples in the plots.
+    pub(super) fn plotted_samples(&self) -> usize {
+        let last = self.sample_of(self.plotted_until_s() - 1e-9);
+        self.samples().min(last + 1)
+    }
+
     /// Height of the ground below a member of the cast: 0 on flat roads.
     pub(super) fn ground_m(&self, who: usize, frame: &Frame) -> f64 {
         let mut borders = self

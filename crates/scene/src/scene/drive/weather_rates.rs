@@ -26,7 +26,7 @@ impl WeatherRates {
     }
 
     /// Returns how much better the weather gets, for a ranking of actions.
-    pub(super) fn mildness(&self) -> f64 {
+    pub fn mildness(&self) -> f64 {
         // A friction of 0.1 and a visibility of 10 m count alike.
         self.friction_per_s + 0.01 * self.visibility_mps - 0.1 * self.noise_per_s
     }

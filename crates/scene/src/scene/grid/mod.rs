@@ -26,7 +26,7 @@ use super::{
 };
 use crate::rl::Spaces;
 use crate::seed::StartKey;
-use crate::sim::Placement;
+use crate::sim::{BodyShape, Placement};
 use crate::stl::BoundExpr;
 use crate::trace::{Schema, SchemaError};
 use signals::{PositionHistory, Source};
@@ -310,6 +310,7 @@ impl Scene for GridScene {
             role,
             body: "cell".to_owned(),
             size_m: [side; 3],
+            shape: BodyShape::Box,
             colour: [128; 3],
             on_foot: false,
         };

@@ -1,14 +1,16 @@
 //! Chosen actions of the ados and phases of lights, as coloured lanes.
 
-use rerun::archetypes::{StateChange, StateConfiguration};
+use rerun::archetypes::StateConfiguration;
 
 use crate::experiment::action_runs;
+use crate::scene::drive::{Actions, Maneuver, PhaseAction};
 use crate::view::entity::path;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::lights;
-use crate::view::lines::colour;
-use crate::view::log_writer::{LogWriter, clock};
+use crate::view::lines::{colour, log_states};
+use crate::view::log_writer::LogWriter;
+use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::viewed_episode::ViewedEpisode;
 use crate::world::ScenarioKind;
@@ -64,7 +66,8 @@ fn log_actions(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
             let labels: Vec<String> = (0..spaces.actions)
                 .map(|action| grid.action_label(action))
                 .collect();
-            return log_choice(story, "ado", joint, &labels, spaces.neutral, journal);
+            let colours = labels_colours(&labels, spaces.neutral);
+            return log_choice(story, "ado", joint, &labels, &colours, journal);
         }
     };
     let mut stride = 1;
@@ -76,9 +79,78 @@ fn log_actions(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
             .collect();
         stride *= set.len();
         let labels: Vec<String> = (0..set.len()).map(|action| set.label(action)).collect();
-        log_choice(story, agent, &own, &labels, neutral, journal)?;
+        let colours = match set {
+            Actions::Turns(_) => labels_colours(&labels, neutral),
+            _ => (0..set.len())
+                .map(|action| colour_of(set, action))
+                .collect(),
+        };
+        log_choice(story, agent, &own, &labels, &colours, journal)?;
     }
     Ok(())
+}
+
+/// Colours of actions that have no direction: grey for the neutral one.
+fn labels_colours(labels: &[String], neutral: usize) -> Vec<Rgb> {
+    let colour = |action: usize| match action == neutral {
+        true => palette::IDLE,
+        false => palette::dimmed(palette::neutral(action), 0.75),
+    };
+    (0..labels.len()).map(colour).collect()
+}
+
+/// Colour of an action by its effect.
+///
+/// Braking is red and accelerating green, lighter to the left and darker to the right.
+/// Without either, moving to the left is blue and to the right violet. No effect is grey.
+fn colour_of(set: &Actions, action: usize) -> Rgb {
+    let (faster, left) = effect(set.choice(action));
+    let strongest = (0..set.len())
+        .map(|action| effect(set.choice(action)).0.abs())
+        .fold(0.0, f64::max);
+    if faster == 0.0 {
+        return match left {
+            0.0 => palette::IDLE,
+            left if left > 0.0 => palette::LEFTWARD,
+            _ => palette::RIGHTWARD,
+        };
+    }
+    let full = if faster < 0.0 {
+        palette::BRAKING
+    } else {
+        palette::ACCELERATING
+    };
+    // A weak action still has most of its colour.
+    let share = 0.6 + 0.4 * (faster.abs() / strongest) as f32;
+    let colour = palette::mixed(palette::IDLE, full, share);
+    match left {
+        0.0 => colour,
+        left if left > 0.0 => palette::brightened(colour, 0.25),
+        _ => palette::dimmed(colour, 0.7),
+    }
+}
+
+/// Effect of an action: how much faster it makes an agent, and how far it moves it to the left.
+///
+/// Better weather lets an ego drive faster. A walk across the road only moves.
+fn effect(choice: Maneuver) -> (f64, f64) {
+    match choice {
+        Maneuver::Drive {
+            accel_mps2,
+            lateral_mps,
+        } => (accel_mps2, lateral_mps),
+        Maneuver::Walk {
+            along_mps,
+            left_mps,
+        } => match left_mps {
+            0.0 => (along_mps, 0.0),
+            left_mps => (0.0, left_mps),
+        },
+        Maneuver::Turn(PhaseAction::Hold) => (0.0, 0.0),
+        Maneuver::Turn(PhaseAction::Advance) => (0.0, 1.0),
+        Maneuver::Change(rates) => (rates.mildness(), 0.0),
+        Maneuver::Bend { curvature_per_m } => (0.0, curvature_per_m),
+    }
 }
 
 /// Logs the chosen actions of one ado, decision by decision.
@@ -87,28 +159,20 @@ fn log_choice(
     name: &str,
     own: &[usize],
     labels: &[String],
-    neutral: usize,
+    colours: &[Rgb],
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
     let entity = path(["actions", name]);
-    // Among accelerations, those below the neutral action brake.
-    let colours = (0..labels.len()).map(|action| match action.cmp(&neutral) {
-        std::cmp::Ordering::Less => colour([192, 72, 60]),
-        std::cmp::Ordering::Equal => colour([96, 104, 116]),
-        std::cmp::Ordering::Greater => colour([66, 148, 92]),
-    });
     let lanes = StateConfiguration::new()
         .with_values(labels.iter().map(String::as_str))
         .with_labels(labels.iter().map(String::as_str))
-        .with_colors(colours);
+        .with_colors(colours.iter().copied().map(colour));
     journal.always(entity.clone(), &[&lanes])?;
     let runs = action_runs(own);
-    let states = StateChange::update_fields()
-        .with_state(runs.iter().map(|run| labels[run.action].as_str()))
-        .columns_of_unit_batches();
     let instants = runs.iter().map(|run| {
         let sample = story.decision_sample(run.from);
         (sample, story.time_s(sample))
     });
-    journal.columns(entity, clock(instants), states)
+    let states = runs.iter().map(|run| labels[run.action].as_str());
+    log_states(entity, instants, states, story, journal)
 }

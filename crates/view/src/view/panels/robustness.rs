@@ -1,12 +1,13 @@
 //! Running robustness of ψ_ego and of every rule over time.
 
 use re_chunk::TimeColumn;
-use rerun::blueprint::components::Corner2D;
+use rerun::blueprint::components::ContainerKind;
 
+use crate::rulebook::Verdict;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::layout::{BlueprintBuilder, Views, height_of};
-use crate::view::lines::{every_sample, log_lines, log_marks, roomy, span, union};
+use crate::view::layout::{BlueprintBuilder, PlotRange, Views, height_of};
+use crate::view::lines::{MARKS, every_sample, log_lines, log_marks, marks};
 use crate::view::log_writer::{LogWriter, clock};
 use crate::view::palette;
 use crate::view::panel::{Column, Panel, PanelWorlds};
@@ -25,7 +26,7 @@ pub(super) static PANEL: Panel = Panel {
         ),
         (
             "/marks/verdict",
-            "the instant of the verdict, as an upright line in all plots",
+            "the instant of the verdict, as an upright line",
         ),
         ("/marks/contact", "and that of the contact"),
     ],
@@ -33,12 +34,26 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
+/// Time in seconds whose margins fill the plot: the last ones before the least margin.
+const NEAR_S: f64 = 1.0;
+
+/// Robustness near zero, and in a tab behind it its whole range.
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
-    let legend = Some(Corner2D::RightTop);
-    let axis = roomy(robustness_span(story));
-    let plot = layout.plot(story, "running robustness ρ", "/robustness", axis, legend)?;
+    let (all, marked) = ("+ /robustness/**", format!("+ {MARKS}/**"));
+    let (least, greatest) = near_zero(story);
+    let near = layout.plot(
+        story,
+        "running robustness ρ near 0",
+        &[all, &marked],
+        PlotRange::Fixed(least, greatest),
+        true,
+    )?;
+    // Marks reach beyond every range.
+    let whole = layout.plot(story, "whole range", &[all], PlotRange::Fitted, true)?;
+    let tabs = layout.container(ContainerKind::Tabs, "robustness", &[near, whole], &[])?;
     // Two curves besides the rules: ψ_ego and zero.
-    Ok(vec![(plot, height_of(story, 2 + story.rules.len()))])
+    let marks = if layout.is_stream() { 0 } else { marks(story) };
+    Ok(vec![(tabs, height_of(2 + story.rules.len() + marks))])
 }
 
 fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
@@ -46,12 +61,25 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
     log_marks(story, journal)
 }
 
-fn robustness_span(story: &ViewedEpisode<'_>) -> (f64, f64) {
+/// Range of values around zero in which the deciding margin ends.
+///
+/// Its top is the value that the margin has [`NEAR_S`] before it reaches its last one, so
+/// that margins of another size do not flatten the end. The curves have all values.
+fn near_zero(story: &ViewedEpisode<'_>) -> (f64, f64) {
+    let deciding = match story.episode.verdict {
+        Verdict::Foul { rule, .. } => story.rules.get(rule).unwrap_or(&story.spec),
+        _ => &story.spec,
+    };
     let rho_max = story.scenario.rulebook().reward.rho_max();
-    let all = std::iter::once(&story.spec).chain(&story.rules);
-    let spans = all.map(|running| span(&finite(&running.values, rho_max)));
-    // Zero is always visible, since its crossing is the violation.
-    union(spans.chain([(0.0, 0.0)]))
+    let values = finite(&deciding.values, rho_max);
+    let judged = &values[..story.plotted_samples().min(values.len())];
+    let last = judged.last().copied().unwrap_or(0.0);
+    let reached = judged.iter().position(|value| *value == last).unwrap_or(0);
+    let before = (NEAR_S / story.episode.trace.dt_s()).round() as usize;
+    let from = judged.get(reached.saturating_sub(before)).copied();
+    // A margin that hardly changes still has some room around it.
+    let top = from.unwrap_or(0.0).max(2.0 * last.abs()).max(1e-3);
+    ((-0.25 * top).min(1.2 * last), 1.05 * top)
 }
 
 /// Replaces infinite robustness (Boolean signals, empty windows) by ±ρ_max.

@@ -10,7 +10,7 @@ use crate::rulebook::Verdict;
 use crate::scene::Frame;
 use crate::sim::Placement;
 use crate::view::camera::{FOLLOW, SPACE, ViewExtent, look};
-use crate::view::entity::agent_path;
+use crate::view::entity::{agent_path, path};
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
 use crate::view::log_writer::{LogWriter, clock};
@@ -26,6 +26,10 @@ pub(super) static PANEL: Panel = Panel {
     entities: &[
         ("/world/road", "surface, lane markings, a post every 10 m"),
         ("/world/<agent>", "body, moved by its transform"),
+        (
+            "/world/<agent>/velocity",
+            "an arrow as long as the way in 0.5 s",
+        ),
         ("/world/<light>", "a post with its dark lamps"),
         (
             "/world/<light>/lit",
@@ -49,6 +53,9 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
+/// Time in seconds in which an agent covers the length of its arrow.
+const ARROW_S: f64 = 0.5;
+
 /// Scene from behind the ego, with room for the agents ahead.
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
     let around = ViewExtent::of(story);
@@ -65,9 +72,11 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
 fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     road::log(story, journal)?;
     lights::log_posts(story, journal)?;
+    let around = ViewExtent::of(story);
     for who in 0..story.shown.stage.agents.len() {
-        figure::log(story, who, journal)?;
+        figure::log(story, who, &around, journal)?;
         log_motion(story, who, journal)?;
+        log_velocity(story, who, journal)?;
     }
     log_trails(story, journal)?;
     log_follow(story, journal)?;
@@ -84,6 +93,27 @@ fn log_motion(
     let placements = story.poses().map(|frame| frame.placements[who]);
     let entity = agent_path(&story.shown.stage.agents[who].name);
     log_transforms(story, entity, placements, journal)
+}
+
+/// Logs an arrow from the front of an agent, as long as its way in [`ARROW_S`].
+fn log_velocity(
+    story: &ViewedEpisode<'_>,
+    who: usize,
+    journal: &mut LogWriter,
+) -> Result<(), ViewError> {
+    let agent = &story.shown.stage.agents[who];
+    let entity = agent_path(&agent.name).join(&path(["velocity"]));
+    let front = lifted([0.5 * agent.size_m[0], 0.0, 0.0], 0.0);
+    let arrow = Arrows3D::update_fields()
+        .with_origins([front])
+        .with_radii([0.05])
+        .with_colors([palette::brightened(story.colour(who), 0.45)]);
+    journal.always(entity.clone(), &[&arrow])?;
+    let vectors = story.velocities_mps(who).into_iter();
+    let vectors = Arrows3D::update_fields()
+        .with_vectors(vectors.map(|mps| lifted(mps.map(|it| ARROW_S * it), 0.0)));
+    let columns = vectors.columns_of_unit_batches();
+    journal.columns(entity, clock(story.pose_instants()), columns)
 }
 
 /// Logs the cameras' frame, which follows the ego without pitch and roll.
@@ -172,8 +202,9 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
             format!("closing {closing:.1} m/s"),
         ])
         .with_show_labels(false);
-    // The label lies above the names of the touching agents.
-    let point = Points3D::new([[pin[0], pin[1] - 3.4, 4.4]])
+    // The label lies above the names of the touching agents, to the right of the ego.
+    let side = beside(&frame.placements[story.ego()], at, -3.4);
+    let point = Points3D::new([lifted(side, 4.4)])
         .with_radii([0.12])
         .with_colors([palette::CONTACT])
         .with_labels([format!("contact, closing at {closing:.1} m/s")]);
@@ -199,11 +230,21 @@ fn log_verdict_mark(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Resul
         Verdict::Held { .. } => "held",
         Verdict::Invalid => "fault",
     };
-    let [x, y, _] = frame.placements[story.ego()].centre_m;
-    let top = lifted([x, y + 3.4, 0.0], 5.2);
-    let mark = Points3D::new([top])
+    let own = &frame.placements[story.ego()];
+    let ground = [
+        own.centre_m[0],
+        own.centre_m[1],
+        story.ground_m(story.ego(), frame),
+    ];
+    let mark = Points3D::new([lifted(beside(own, ground, 3.4), 5.2)])
         .with_radii([0.12])
         .with_colors([palette::DECIDED])
         .with_labels([format!("{what} at {:.2} s", decided.time_s)]);
     journal.from(decided, "verdict/mark", &[&mark])
+}
+
+/// Place at a distance to the left of another one, as the ego is headed.
+fn beside(ego: &Placement, from: [f64; 3], left_m: f64) -> [f64; 3] {
+    let (sin, cos) = ego.heading_rad().sin_cos();
+    [from[0] - left_m * sin, from[1] + left_m * cos, from[2]]
 }

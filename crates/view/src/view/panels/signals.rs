@@ -1,12 +1,12 @@
 //! Signals by unit. The most informative groups have plots of their own.
 
 use re_log_types::EntityPath;
-use rerun::blueprint::components::{ContainerKind, Corner2D};
+use rerun::blueprint::components::ContainerKind;
 
 use crate::road::Road;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
-use crate::view::layout::{BlueprintBuilder, BlueprintNode, Views, height_of};
+use crate::view::layout::{BlueprintBuilder, BlueprintNode, PlotRange, Views, height_of};
 use crate::view::lines::{Pen, every_sample, log_lines, roomy, span, union};
 use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
@@ -30,24 +30,24 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
     let mut column = Vec::new();
     let mut filters = vec!["+ /signals/**".to_owned()];
     for plot in plots(story).iter().filter(|plot| plot.prominent) {
-        let legend = plot.needs_legend().then_some(Corner2D::RightTop);
         let entity = plot.entity.to_string();
         filters.push(format!("- {entity}/**"));
-        let axis = roomy(plot.span);
-        let curves = if plot.needs_legend() {
-            plot.names.len()
+        let has_legend = plot.needs_legend();
+        let lines = if has_legend { plot.names.len() } else { 0 };
+        let (least, greatest) = roomy(plot.span);
+        // In a stream the axis fits the curves of the current episode.
+        let range = if layout.is_stream() {
+            PlotRange::Fitted
         } else {
-            0
+            PlotRange::Fixed(least, greatest)
         };
-        let height = height_of(story, curves);
-        column.push((
-            layout.plot(story, &plot.title, &entity, axis, legend)?,
-            height,
-        ));
+        let contents = format!("+ {entity}/**");
+        let node = layout.plot(story, &plot.title, &[&contents], range, has_legend)?;
+        column.push((node, height_of(lines)));
     }
     // Less informative signals are in a tab behind the last prominent plot.
     let others: Vec<&str> = filters.iter().map(String::as_str).collect();
-    let rest = layout.view("TimeSeries", "other signals", "/signals", &others)?;
+    let rest = layout.plot(story, "other signals", &others, PlotRange::Fitted, true)?;
     let last = column.pop();
     let height = last.as_ref().map_or(1.0, |(_, height)| *height);
     let tabs: Vec<BlueprintNode> = last
@@ -96,7 +96,7 @@ struct Plot {
     names: Vec<String>,
     colours: Vec<Rgb>,
     nobodys: usize,
-    /// Least and greatest value.
+    /// Least and greatest value up to the verdict.
     span: (f64, f64),
 }
 
@@ -141,6 +141,8 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: LaneKeepingStat
         ("m", "y" | "lateral") if lanes == LaneKeepingState::Left => "lateral",
         ("m", "lateral") if lanes == LaneKeepingState::Bent => "lateral",
         ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
+        // A road is no distance of bodies, and 10 km of radius would flatten them.
+        ("m", "radius") => "other",
         ("m", _) => "distance",
         ("cell", "d_man") => "chase",
         ("m/s", "lateral_speed") => "sideways",
@@ -212,7 +214,9 @@ fn plots(story: &ViewedEpisode<'_>) -> Vec<Plot> {
         if let ([name], Some((group, unit))) = (&plot.names[..], plot.title.split_once(" [")) {
             plot.title = format!("{group}: {name} [{unit}");
         }
-        let columns = plot.signals.iter().map(|&i| story.episode.trace.column(i));
+        let plotted = ..story.plotted_samples();
+        let column = |i: &usize| &story.episode.trace.column(*i)[plotted];
+        let columns = plot.signals.iter().map(column);
         plot.span = union(columns.map(span));
     }
     plots
