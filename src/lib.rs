@@ -90,6 +90,9 @@ pub use brakecheck_experiment::search;
 use brakecheck_files::ron_file;
 #[cfg(test)]
 use brakecheck_files::run_files;
+#[cfg(feature = "raster")]
+#[doc(inline)]
+pub use brakecheck_raster::raster;
 #[doc(inline)]
 pub use brakecheck_report::report;
 #[doc(inline)]

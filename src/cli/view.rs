@@ -13,7 +13,8 @@ use super::failure::{Exit, Failure};
 use super::live::Streamed;
 use super::live::{self, RerunArgs};
 use super::terminal::{self, Common};
-use crate::crashes::{Regressions, Replayed, ViewKind, newest_of_training, picture};
+use crate::crashes::{PictureFormat, Regressions, Replayed, ViewKind};
+use crate::crashes::{newest_of_training, picture_as};
 use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
 use crate::experiment::ShownEpisode;
@@ -33,9 +34,14 @@ pub(super) struct ViewArgs {
     /// Replay against this ego first: a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
-    /// The recording to write, or a picture from above that plays in any
-    /// browser [default: the episode's name with .rrd].
-    #[arg(short, long, value_name = "OUT.rrd|OUT.svg", conflicts_with = "rerun")]
+    /// The recording to write, or a picture from above: .svg plays in any browser,
+    /// .gif everywhere, .png is a still [default: the episode's name with .rrd].
+    #[arg(
+        short,
+        long,
+        value_name = "OUT.rrd|svg|gif|png",
+        conflicts_with = "rerun"
+    )]
     output: Option<PathBuf>,
     #[command(flatten)]
     live: RerunArgs,
@@ -71,15 +77,18 @@ fn drivers() -> PossibleValuesParser {
 pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     refuse_program("view", &args.program)?;
     let kind = args.output.as_deref().map(ViewKind::of).transpose()?;
-    let is_picture = kind == Some(ViewKind::Picture);
-    if args.beside.is_some() && !is_picture {
+    let format = match kind {
+        Some(ViewKind::Picture(format)) => Some(format),
+        _ => None,
+    };
+    if args.beside.is_some() && format.is_none() {
         return Err(Failure::input(
             "`--beside` is for pictures",
             "name one to write: `-o crash.svg`",
         ));
     }
     // Refused before any replay, which could start a program.
-    if !is_picture && !cfg!(feature = "rerun") {
+    if format.is_none() && !cfg!(feature = "rerun") {
         return Err(live::without_viewer());
     }
     args.live.admit(args.json)?;
@@ -94,15 +103,22 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
         let message = format!("there is nothing to see: {fault}");
         return Err(Failure::fault(message, None));
     }
-    match &args.output {
+    match (&args.output, format) {
         _ if args.live.is_given() => stream(args, &replayed),
-        Some(output) if is_picture => draw(args, first, &ego, output),
+        (Some(output), Some(format)) => {
+            let picture = ViewedPicture {
+                format,
+                ego: &ego,
+                output,
+            };
+            draw(args, first, &picture)
+        }
         _ => recording(args, first),
     }?;
     Ok(Exit::Done)
 }
 
-/// Newest counterexamples of a running training that a stream shows.
+/// Newest counterexamples of a running training that a stream shows without `--rerun-all`.
 const NEWEST: usize = 20;
 
 /// Plays the requested counterexamples again, and returns them with the name of the ego.
@@ -144,7 +160,11 @@ fn of_training(
             "a training that has not finished numbers them from 0, the newest",
         ));
     };
-    let (skipped, most) = if all { (0, NEWEST) } else { (number, 1) };
+    let (skipped, most) = match (all, args.live.is_complete()) {
+        (true, true) => (0, usize::MAX),
+        (true, false) => (0, NEWEST),
+        (false, _) => (number, 1),
+    };
     let newest = newest_of_training(run, skipped, most)?;
     if newest.is_empty() {
         return Err(Failure::input(
@@ -206,21 +226,32 @@ fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
     }
 }
 
+/// Picture to write, with the name of the ego.
+struct ViewedPicture<'a> {
+    format: PictureFormat,
+    ego: &'a str,
+    output: &'a Path,
+}
+
 /// Writes the picture.
-fn draw(args: &ViewArgs, replayed: &Replayed, ego: &str, output: &Path) -> Result<(), Failure> {
+fn draw(args: &ViewArgs, replayed: &Replayed, to: &ViewedPicture<'_>) -> Result<(), Failure> {
     let mut drivers = ReferenceDriver::VARIANTS.iter().copied();
     let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
-    let svg = picture(replayed, ego, beside)?;
-    write_file(output, svg.as_bytes())?;
-    let file = output.display().to_string();
+    let bytes = picture_as(to.format, replayed, to.ego, beside)?;
+    write_file(to.output, &bytes)?;
+    let file = to.output.display().to_string();
     if args.json {
-        print_json(&json!({ "file": file, "bytes": svg.len() }))
-    } else {
-        terminal::data(&format!(
-            "{file}: {} kB; any browser plays it",
-            svg.len().div_ceil(1000)
-        ))
+        return print_json(&json!({ "file": file, "bytes": bytes.len() }));
     }
+    let use_of_it = match to.format {
+        PictureFormat::Svg => "any browser plays it",
+        #[cfg(feature = "raster")]
+        PictureFormat::Png => "a still of its end",
+        #[cfg(feature = "raster")]
+        PictureFormat::Gif => "it plays in a loop",
+    };
+    let size_kb = bytes.len().div_ceil(1000);
+    terminal::data(&format!("{file}: {size_kb} kB; {use_of_it}"))
 }
 
 /// Writes the recording and prints its path.

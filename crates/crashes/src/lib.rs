@@ -24,6 +24,8 @@ pub mod openx;
 use brakecheck_ego::ego;
 use brakecheck_experiment::{experiment, run_dir, search};
 use brakecheck_files::ron_file;
+#[cfg(feature = "raster")]
+use brakecheck_raster::raster;
 use brakecheck_report::report;
 use brakecheck_road::road;
 use brakecheck_scene::{preventability, rulebook, scene, testbench};

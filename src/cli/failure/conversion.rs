@@ -8,7 +8,7 @@ use crate::adversary::AdversaryError;
 use crate::campaign::CampaignError;
 use crate::cli::terminal;
 use crate::crashes::{
-    ExportRefusal, FindError, Inapplicable, NotExported, RegressionError, UnknownViewKind,
+    ExportRefusal, FindError, NotExported, PictureError, RegressionError, UnknownViewKind,
 };
 #[cfg(feature = "drive")]
 use crate::drive::DriveError;
@@ -399,7 +399,7 @@ macro_rules! from_helped {
     };
 }
 
-from_helped!(SearchError, SweepError, UnknownViewKind, Inapplicable);
+from_helped!(SearchError, SweepError, UnknownViewKind, PictureError);
 
 /// Implements the conversion of an owned error.
 macro_rules! from_owned {
@@ -420,10 +420,10 @@ from_owned!(
     EgoError,
     EvaluationError,
     FindError,
-    Inapplicable,
     KeptError,
     LeagueError,
     LoadError,
+    PictureError,
     PopulationError,
     RegressionError,
     RunError,

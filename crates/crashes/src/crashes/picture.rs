@@ -2,11 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "raster")]
+use rayon::prelude::*;
+
 use super::replay::Replayed;
 use super::save_crashes::description;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::FilmedDriver;
-use crate::report::{Beside, Example, looping_picture};
+#[cfg(feature = "raster")]
+use crate::raster::{GifFrame, PixelImage, RasterError, looping_gif};
+#[cfg(feature = "raster")]
+use crate::report::HOLD_S;
+use crate::report::{Beside, Example, LoopingPicture, looping_picture};
 use crate::testbench::{Film, film_beyond};
 
 /// A reference driver cannot take the ego's place in an episode.
@@ -33,22 +40,45 @@ impl Inapplicable {
 pub enum ViewKind {
     /// `.rrd`, for the rerun viewer.
     Recording,
-    /// `.svg`, for any browser; see [`picture`].
-    Picture,
+    /// A picture, for everything else; see [`picture_as`].
+    Picture(PictureFormat),
 }
 
-/// File name without a known kind.
+/// Format of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureFormat {
+    /// `.svg`, which plays in any browser.
+    Svg,
+    /// `.png`, which shows the end, for slides and documents.
+    #[cfg(feature = "raster")]
+    Png,
+    /// `.gif`, which plays everywhere.
+    #[cfg(feature = "raster")]
+    Gif,
+}
+
+/// File name without a kind that this program writes.
 #[derive(Clone, Debug, thiserror::Error)]
-#[error("`{}` is neither a recording nor a picture", file.display())]
+#[error("`{}` is {}", file.display(), match needs {
+    Some(needs) => format!("a picture that needs the feature `{needs}`"),
+    None => "neither a recording nor a picture".to_owned(),
+})]
 pub struct UnknownViewKind {
     /// The file.
     pub file: PathBuf,
+    /// Cargo feature with which brakecheck writes it.
+    pub needs: Option<&'static str>,
 }
 
 impl UnknownViewKind {
     /// Returns the fix.
     pub fn help(&self) -> &'static str {
-        "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser"
+        match self.needs {
+            Some(_) => "build brakecheck with this feature, or name a `.svg`",
+            None => {
+                "name a `.rrd`, for the rerun viewer, a `.svg`, for any browser, a `.png`, for a still, or a `.gif`, for a loop"
+            }
+        }
     }
 }
 
@@ -60,22 +90,98 @@ impl ViewKind {
     ///
     /// ```
     /// # use brakecheck_crashes as brakecheck;
-    /// use brakecheck::crashes::ViewKind;
-    /// assert_eq!(ViewKind::of("crash.SVG".as_ref())?, ViewKind::Picture);
-    /// assert!(ViewKind::of("crash.png".as_ref()).is_err());
+    /// use brakecheck::crashes::{PictureFormat, ViewKind};
+    /// let kind = ViewKind::of("crash.SVG".as_ref())?;
+    /// assert_eq!(kind, ViewKind::Picture(PictureFormat::Svg));
+    /// assert!(ViewKind::of("crash.jpg".as_ref()).is_err());
     /// # Ok::<(), brakecheck::crashes::UnknownViewKind>(())
     /// ```
     pub fn of(output: &Path) -> Result<ViewKind, UnknownViewKind> {
         let extension = output.extension().unwrap_or_default();
-        let is = |kind: &str| extension.eq_ignore_ascii_case(kind);
-        match (is("rrd"), is("svg")) {
-            (true, _) => Ok(ViewKind::Recording),
-            (_, true) => Ok(ViewKind::Picture),
-            _ => Err(UnknownViewKind {
-                file: output.into(),
-            }),
+        let unknown = |needs| {
+            let file = output.to_owned();
+            Err(UnknownViewKind { file, needs })
+        };
+        match extension.to_string_lossy().to_lowercase().as_str() {
+            "rrd" => Ok(ViewKind::Recording),
+            "svg" => Ok(ViewKind::Picture(PictureFormat::Svg)),
+            #[cfg(feature = "raster")]
+            "png" => Ok(ViewKind::Picture(PictureFormat::Png)),
+            #[cfg(feature = "raster")]
+            "gif" => Ok(ViewKind::Picture(PictureFormat::Gif)),
+            #[cfg(not(feature = "raster"))]
+            "png" | "gif" => unknown(Some("raster")),
+            _ => unknown(None),
         }
     }
+}
+
+/// A picture cannot be drawn.
+#[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PictureError {
+    /// The reference driver does not apply.
+    #[error(transparent)]
+    Inapplicable(#[from] Inapplicable),
+    /// The picture cannot become pixels.
+    #[cfg(feature = "raster")]
+    #[error(transparent)]
+    Raster(#[from] RasterError),
+}
+
+impl PictureError {
+    /// Returns the fix.
+    pub fn help(&self) -> &'static str {
+        match self {
+            PictureError::Inapplicable(error) => error.help(),
+            #[cfg(feature = "raster")]
+            PictureError::Raster(_) => "name a `.svg`, which any browser draws",
+        }
+    }
+}
+
+/// Pixels of a PNG file per unit of the SVG, for slides and sharp screens.
+#[cfg(feature = "raster")]
+const STILL_SCALE: f32 = 2.0;
+/// Time between two frames of a GIF file in seconds.
+#[cfg(feature = "raster")]
+const FRAME_S: f64 = 0.08;
+
+/// Draws a replayed counterexample as the bytes of a file.
+///
+/// As [`picture`]. A PNG file shows the end, 1800 pixels wide. A GIF file plays, 900
+/// pixels wide, and has at most [`MOST_GIF_BYTES`](crate::raster::MOST_GIF_BYTES).
+///
+/// # Errors
+/// Reference drivers do not apply to the end of the episode.
+pub fn picture_as(
+    format: PictureFormat,
+    replayed: &Replayed,
+    ego: &str,
+    beside: Option<ReferenceDriver>,
+) -> Result<Vec<u8>, PictureError> {
+    let picture = looping(replayed, ego, beside)?;
+    match format {
+        PictureFormat::Svg => Ok(picture.svg().into_bytes()),
+        #[cfg(feature = "raster")]
+        PictureFormat::Png => Ok(PixelImage::of(&picture.svg(), STILL_SCALE)?.png()?),
+        #[cfg(feature = "raster")]
+        PictureFormat::Gif => Ok(looping_gif(frames(&picture))?),
+    }
+}
+
+/// Returns the frames of a picture. The last one is shown through the pause.
+#[cfg(feature = "raster")]
+fn frames(picture: &LoopingPicture) -> Vec<Result<GifFrame, RasterError>> {
+    let last = (picture.motion_s() / FRAME_S).ceil() as usize;
+    let frame = |nth: usize| {
+        let svg = picture.at(nth as f64 * FRAME_S);
+        Ok(GifFrame {
+            image: PixelImage::of(&svg, 1.0)?,
+            duration_s: if nth == last { HOLD_S } else { FRAME_S },
+        })
+    };
+    (0..=last).into_par_iter().map(frame).collect()
 }
 
 /// Draws a replayed counterexample as a looping SVG, with `ego` as a caption.
@@ -104,6 +210,14 @@ pub fn picture(
     ego: &str,
     beside: Option<ReferenceDriver>,
 ) -> Result<String, Inapplicable> {
+    Ok(looping(replayed, ego, beside)?.svg())
+}
+
+fn looping(
+    replayed: &Replayed,
+    ego: &str,
+    beside: Option<ReferenceDriver>,
+) -> Result<LoopingPicture, Inapplicable> {
     let Replayed {
         scenario, episode, ..
     } = replayed;

@@ -9,7 +9,7 @@ use super::running_robustness::{SampleInstant, decided, ending_at};
 use crate::ego::Phase;
 use crate::preventability::FilmedDriver;
 use crate::scene::{ContactEvent, Frame, Role, SceneGeometry};
-use crate::testbench::{Episode, FilmAfterContact};
+use crate::testbench::{Episode, FilmAfterContact, Testbench};
 use crate::trace::Trace;
 use crate::world::Scenario;
 
@@ -46,7 +46,45 @@ pub struct EpisodeFrames {
     pub decided: Option<SampleInstant>,
 }
 
+impl ShownFrame {
+    /// Returns the current sample of a bench, as the first frame of a film.
+    pub fn now(bench: &Testbench) -> ShownFrame {
+        let trace = bench.trace();
+        let last = trace.len().saturating_sub(1);
+        let time_s = rounded_s(last, trace.dt_s());
+        let frame = bench.frame();
+        let bodies = bench.bodies().into_iter();
+        let mut speeds_mps: Vec<Option<f64>> = bodies.map(|it| Some(it.state.speed_mps)).collect();
+        // Players of a grid have no bodies.
+        speeds_mps.resize(frame.placements.len(), None);
+        ShownFrame {
+            sample: 0,
+            // A contact on the whole run holds its sample to the end, and the clock says so.
+            time_s: bench.contact().map_or(time_s, |contact| contact.time_s),
+            frame,
+            speeds_mps,
+        }
+    }
+}
+
 impl EpisodeFrames {
+    /// Returns the current sample of a bench as the only frame.
+    pub fn now(bench: &Testbench) -> EpisodeFrames {
+        let shown = ShownFrame::now(bench);
+        EpisodeFrames {
+            stage: bench.stage(),
+            judged: SampleInstant {
+                sample: shown.sample,
+                time_s: shown.time_s,
+            },
+            frames: vec![shown],
+            recorded: 1,
+            sample_s: bench.trace().dt_s(),
+            contact: bench.contact().cloned(),
+            decided: None,
+        }
+    }
+
     /// Returns an episode whose poses are known, with those after the contact.
     ///
     /// `frames` has one per sample, the first at 0 s. `stage` is that of the episode's road.
@@ -117,8 +155,7 @@ impl EpisodeFrames {
     /// A contact lies between two samples, and the last frame of the record is of its
     /// instant. Samples after it only hold its values.
     pub fn time_s(&self, sample: usize) -> f64 {
-        // Rounding removes the digits that binary fractions add.
-        let time_s = (sample as f64 * self.sample_s * 1e9).round() / 1e9;
+        let time_s = rounded_s(sample, self.sample_s);
         match &self.contact {
             Some(touch) if sample < self.recorded => time_s.min(touch.time_s),
             _ => time_s,
@@ -161,6 +198,11 @@ impl EpisodeFrames {
     pub fn ego(&self) -> usize {
         ego_of(&self.stage)
     }
+}
+
+/// Returns the time of a sample in seconds, without the digits that binary fractions add.
+fn rounded_s(sample: usize, sample_s: f64) -> f64 {
+    (sample as f64 * sample_s * 1e9).round() / 1e9
 }
 
 /// Returns the index of the ego in the cast of a scene.

@@ -35,7 +35,7 @@ use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
-pub use animation::{Beside, looping_picture};
+pub use animation::{Beside, HOLD_S, LoopingPicture, looping_picture, running_picture};
 pub use campaign::CampaignPage;
 pub use figures::sweep_curve;
 pub use points::{PointCase, PointsPage};

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::Vector2;
 
+use super::write::n;
 use crate::ego::Phase;
 use crate::experiment::{EpisodeFrames, ShownFrame};
 use crate::scene::SceneGeometry;
@@ -135,6 +136,14 @@ impl FilmTracks {
     /// Place of the world in the picture's directions.
     pub(super) fn turned(&self, x_m: f64, y_m: f64) -> [f64; 2] {
         (rotation_by(self.turn_rad).inverse() * Vector2::new(x_m, y_m)).into()
+    }
+
+    /// SVG `transform` of a body at a sample.
+    pub(super) fn pose(&self, who: usize, i: usize) -> String {
+        let track = &self.tracks[who];
+        let turn_deg = track.heading_rad[i].to_degrees();
+        let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
+        format!("translate({x} {y}) rotate({})", n(turn_deg, 2))
     }
 
     /// Half of the extent of a body in the picture's directions.

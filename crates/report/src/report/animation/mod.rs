@@ -21,13 +21,14 @@ mod looping;
 mod moments;
 mod moves;
 mod picture;
+mod running;
 #[cfg(test)]
 pub(super) mod tests;
 mod write;
 
 pub(super) use bodies::colour_class;
-pub use looping::Beside;
-pub use looping::looping_picture;
+pub use looping::{Beside, HOLD_S, LoopingPicture, looping_picture};
+pub use running::running_picture;
 use maud::{Markup, html};
 
 use super::Example;

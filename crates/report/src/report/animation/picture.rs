@@ -191,18 +191,10 @@ impl<'a> Picture<'a> {
     fn placed(&self, who: usize, i: usize) -> Markup {
         let brakes = self.film.tracks[who].accel_mps2[i] < -BRAKES_MPS2;
         html! {
-            g class=(if brakes { "body braking" } else { "body" }) transform=(self.pose(&self.film, who, i)) {
+            g class=(if brakes { "body braking" } else { "body" }) transform=(self.film.pose(who, i)) {
                 use href={ "#" (self.body(who)) } {}
             }
         }
-    }
-
-    /// SVG `transform` of a body at a sample.
-    pub(super) fn pose(&self, film: &FilmTracks, who: usize, i: usize) -> String {
-        let track = &film.tracks[who];
-        let turn_deg = track.heading_rad[i].to_degrees();
-        let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
-        format!("translate({x} {y}) rotate({})", n(turn_deg, 2))
     }
 
     /// Outlines of the ego and the encountered agent at the violation of ψ_ego.
@@ -212,7 +204,7 @@ impl<'a> Picture<'a> {
         html! {
             @for who in std::iter::once(ego).chain(self.film.opponent).filter(|_| !self.on_cells) {
                 @let [length_m, width_m, _] = self.shown.stage.agents[who].size_m;
-                g transform=(self.pose(&self.film, who, i)) {
+                g transform=(self.film.pose(who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
                 }
             }

@@ -168,7 +168,7 @@ fn left_is_up_forward_is_right_and_bodies_are_turned_in_degrees() {
     let scale = arguments(&transform, "scale");
     assert!((scale[0] - camera.scale).abs() < 1e-3 && (scale[1] + camera.scale).abs() < 1e-3);
     for (who, track) in film.tracks.iter().enumerate() {
-        let pose = picture.pose(film, who, i);
+        let pose = film.pose(who, i);
         let turn_deg = arguments(&pose, "rotate")[0];
         assert!(
             (turn_deg.to_radians() - track.heading_rad[i]).abs() < 1e-3,
@@ -374,7 +374,7 @@ fn a_looping_picture_moves_everybody_from_the_first_to_the_last_pose() {
     for scenario in [acc(), cut_in()] {
         let example = crash(&scenario);
         let picture = Picture::of(&scenario, &example, 0);
-        let svg = looping_picture(&scenario, &example, "mine", None, None);
+        let svg = looping_picture(&scenario, &example, "mine", None, None).svg();
         assert!(svg.contains("prefers-reduced-motion") && !svg.contains("<script"));
         // Programs without CSS variables draw it, too.
         assert!(!svg.contains("var(--"), "a variable is left");
@@ -478,7 +478,7 @@ fn a_looping_picture_goes_on_after_the_contact_and_names_the_collision() {
     let scenario = acc_with_aftermath();
     let example = crash(&scenario);
     let picture = Picture::of(&scenario, &example, 0);
-    let svg = looping_picture(&scenario, &example, "mine", None, None);
+    let svg = looping_picture(&scenario, &example, "mine", None, None).svg();
     let film = &picture.film;
     for track in &film.tracks {
         let last = film.times_s.len() - 1;

@@ -27,6 +27,7 @@ use crate::report::file_style::file_style;
 use crate::report::page::STYLE;
 use crate::visible::visible_markup;
 use crate::world::Scenario;
+pub use keyframes::HOLD_S;
 use keyframes::{Keyframes, Period};
 use panel::LoopPanel;
 use words::{captions_of, ending_of, facts, outcome_of, wrapped};
@@ -42,7 +43,7 @@ const LINE_PX: f64 = 18.0;
 const HEIGHT_PX: f64 = 250.0;
 
 /// Style of the text on a looping picture.
-const OWN_STYLE: &str = "\
+pub(super) const OWN_STYLE: &str = "\
 .card{fill:var(--card)}.ground{fill:var(--verge)}.plate{fill:#0c0f13;fill-opacity:.82}\
 .fine{fill:#2f7d4d}.poor{fill:#c2273d}.bar{fill:var(--held)}.head2{fill:var(--ink)}\
 svg .title,svg .result{fill:#fff;font-size:13px;font-weight:600}\
@@ -57,7 +58,35 @@ pub struct Beside {
     pub filmed: FilmedDriver,
 }
 
-/// Returns a crash as one SVG that plays in a loop.
+/// Kept crash as an SVG that plays in a loop, or that shows one instant.
+pub struct LoopingPicture {
+    /// The SVG up to the keyframes in its style sheet, and after them.
+    head: String,
+    tail: String,
+    keyframes: Keyframes,
+}
+
+impl LoopingPicture {
+    /// Returns the SVG that plays. Programs without CSS animations draw its end.
+    pub fn svg(&self) -> String {
+        [&self.head, self.keyframes.css().as_str(), &self.tail].concat()
+    }
+
+    /// Returns the duration of the motion in seconds, without the pause after it.
+    pub fn motion_s(&self) -> f64 {
+        self.keyframes.period.until_s - self.keyframes.period.from_s
+    }
+
+    /// Returns the SVG of an instant, in seconds since the picture begins to move.
+    ///
+    /// It needs no CSS animations. After the motion it is that of the end.
+    pub fn at(&self, time_s: f64) -> String {
+        let css = self.keyframes.css_at(self.keyframes.period.from_s + time_s);
+        [&self.head, css.as_str(), &self.tail].concat()
+    }
+}
+
+/// Returns a crash as a picture that plays in a loop.
 ///
 /// `ego` describes the system under test, and the note adds a remark on the
 /// run. Without `beside` the picture has one half. The example must have
@@ -68,7 +97,7 @@ pub fn looping_picture(
     ego: &str,
     note: Option<&str>,
     beside: Option<&Beside>,
-) -> String {
+) -> LoopingPicture {
     let picture = Picture::of(scenario, example, 0);
     let other = beside.map(|it| {
         let shown = picture.shown.with_driver(&it.filmed);
@@ -137,7 +166,7 @@ fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a FilmTracks) ->
 }
 
 /// Halves, clock and text as one picture.
-fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
+fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> LoopingPicture {
     let mut keyframes = Keyframes::new(period);
     let count = panels.len() as f64;
     let canvas = Canvas {
@@ -180,7 +209,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
         // Inkscape before 1.3 reads `href` of `use` in this namespace only.
         svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" class="loop" viewBox=(format!("0 0 {WIDTH_PX} {height_px}")) width=(WIDTH_PX) height=(height_px) role="img" {
             title { (said.join(" ")) }
-            style { (PreEscaped(file_style(&[STYLE, SHAPES, OWN_STYLE]))) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}{}", strokes(scale)))) (PreEscaped(keyframes.into_css())) }
+            style { (PreEscaped(file_style(&[STYLE, SHAPES, OWN_STYLE]))) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}{}", strokes(scale)))) }
             defs {
                 clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
                 g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.shown.stage)) } @else { (road(&picture.shown.stage, picture.frames())) } }
@@ -196,13 +225,21 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> String {
             }
         }
     };
-    visible_markup(&drawn.into_string()).into_owned()
+    let svg = visible_markup(&drawn.into_string()).into_owned();
+    // The keyframes end the only style sheet.
+    let at = svg.find("</style>").unwrap_or_default();
+    let (head, tail) = svg.split_at(at);
+    LoopingPicture {
+        head: head.to_owned(),
+        tail: tail.to_owned(),
+        keyframes,
+    }
 }
 
 /// Widths of strokes in metres, at so many pixels per metre.
 ///
 /// Not every program knows `vector-effect`, and the scale of a file is constant.
-fn strokes(scale: f64) -> String {
+pub(super) fn strokes(scale: f64) -> String {
     let widths_px = [
         (".paint,.cargo,.ring,.cells", 1.0),
         (".head", 0.8),

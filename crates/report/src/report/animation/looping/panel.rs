@@ -139,7 +139,7 @@ impl LoopPanel<'_> {
         let lit = braking.iter().any(|(_, brakes)| *brakes);
         let end = shown[shown.len() - 1];
         html! {
-            g class={ "body " (moved) } transform=(self.picture.pose(self.film, who, end)) {
+            g class={ "body " (moved) } transform=(self.film.pose(who, end)) {
                 use xlink:href={ "#" (self.picture.body(who)) } {}
                 @if lit {
                     g class={ "braking " (keyframes.seen(&braking)) } visibility=(if brakes(end) { "visible" } else { "hidden" }) {
