@@ -8,8 +8,8 @@ use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec};
 use crate::world::Scenario;
 
-/// Describes a world to the simulator.
-pub(super) fn hello(scenario: &Scenario) -> Value {
+/// Describes a world and the player of its ados to the simulator.
+pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
     let world = scenario.world();
     let clock = world.clock();
     let actions = (0..world.spaces().actions).map(|action| {
@@ -27,6 +27,8 @@ pub(super) fn hello(scenario: &Scenario) -> Value {
         "protocol": PROTOCOL,
         "program": concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
         "world": scenario.name(),
+        "ado": ado,
+        "origin": scenario.origin,
         "sample_s": clock.sample_s,
         "decision_s": clock.decision_s,
         "horizon_s": clock.horizon_s,

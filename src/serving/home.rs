@@ -13,9 +13,10 @@ use serde_json::json;
 use super::live::LiveEpisode;
 use crate::crashes::{file_stem, labels_of_contact};
 use crate::ego::{Command, Controller, Fault, Percept};
-use crate::run_dir::{AdversaryId, Counterexample, KeptError};
+use crate::run_dir::{Counterexample, KeptError};
 use crate::scene::Pose;
 use crate::scene::drive::{Drive, DriveWorld};
+use crate::sim::wrapped;
 use crate::testbench::{Aftermath, Episode, Replay, play};
 use crate::world::{Change, Scenario};
 
@@ -23,6 +24,8 @@ use crate::world::{Change, Scenario};
 const EGO: &str = "external";
 /// Share of an error in place that is corrected per second, 1/s.
 const CORRECTION_PER_S: f64 = 1.0;
+/// Rounding of a ratio of decimal fractions.
+const ROUNDING: f64 = 1e-6;
 /// Bounds of the tracking commands, within those of any ego.
 const MOST_ACCEL_MPS2: f64 = 15.0;
 const MOST_LATERAL_MPS: f64 = 5.0;
@@ -72,11 +75,10 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
         let verdict = episode.verdict.word();
         return Err(NotKept::Differs { verdict, off_m });
     }
-    let ado = AdversaryId::Trained;
     let change = Change::default();
     let kept = Counterexample {
         about: Some(labels_of_contact(&here, &episode)),
-        ..Counterexample::record(&here, EGO, &change, ado.caption(), &episode)
+        ..Counterexample::record(&here, EGO, &change, live.adversary().caption(), &episode)
     };
     crate::run_dir::make_dir(dir).map_err(KeptError::from)?;
     // A start of the simulator has no number, so the start itself is one.
@@ -108,7 +110,9 @@ struct ReportedEgo {
 }
 
 impl EgoMotion {
-    /// Reads the motion from the trace of an episode. `None` without an ego.
+    /// Reads the motion from the trace of an episode, at the samples of the world.
+    ///
+    /// `None` without an ego.
     fn of(drive: &DriveWorld, episode: &Episode) -> Option<EgoMotion> {
         let spec = drive.spec();
         let ego = &spec.agents[spec
@@ -119,19 +123,28 @@ impl EgoMotion {
         let column = |of: &str| episode.trace.signal(&format!("{}.{of}", ego.name));
         let (x, y) = (column("x")?, column("y")?);
         let (heading, speed) = (column("heading")?, column("speed")?);
-        let samples = (0..episode.trace.len()).map(|i| {
+        // The other simulator may have another step than the world's samples.
+        let step_s = episode.trace.dt_s();
+        let steps = spec.clock.sample_s / step_s;
+        let last = episode.trace.len().saturating_sub(1);
+        let samples = (0..=(last as f64 / steps - ROUNDING).ceil() as usize).map(|i| {
+            let at = (i as f64 * steps).min(last as f64);
+            let before = (at + ROUNDING).floor() as usize;
+            let (after, share) = ((before + 1).min(last), (at - before as f64).max(0.0));
+            let mixed = |column: &[f64]| column[before] + share * (column[after] - column[before]);
+            let turn_rad = wrapped(heading[after] - heading[before]);
             let pose = Pose {
-                x_m: x[i],
-                y_m: y[i],
-                heading_rad: heading[i],
+                x_m: mixed(x),
+                y_m: mixed(y),
+                heading_rad: heading[before] + share * turn_rad,
             };
             let at = course.locate(&pose);
             ReportedEgo {
-                x_m: x[i],
-                y_m: y[i],
+                x_m: pose.x_m,
+                y_m: pose.y_m,
                 s_m: at.s_m,
                 lateral_m: at.lateral_m,
-                speed_mps: speed[i],
+                speed_mps: mixed(speed),
             }
         });
         Some(EgoMotion {

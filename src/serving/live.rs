@@ -10,12 +10,14 @@ use indexmap::IndexMap;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use super::actions_of;
+use super::step::stepped;
+use super::{actions_of, player::ServedPlayer};
 use crate::experiment::test_start;
-use crate::rl::Policy;
 use crate::rulebook::Verdict;
+use crate::run_dir::AdversaryId;
 use crate::scene::drive::{Drive, DriveSpec};
 use crate::scene::{BodyState, Pose, Start};
+use crate::search::JointActions;
 use crate::testbench::{Aftermath, Episode, Testbench};
 use crate::world::Scenario;
 
@@ -31,6 +33,9 @@ pub(super) struct ResetRequest {
     /// Value of every axis, instead of a test start.
     #[serde(default)]
     start: Option<IndexMap<String, f64>>,
+    /// Time between two samples. The world's own if omitted.
+    #[serde(default)]
+    step_s: Option<f64>,
 }
 
 /// State of one agent at the end of a sample.
@@ -95,9 +100,12 @@ pub(super) struct LiveEpisode {
     noise: u64,
     /// Seed and position of its test start. `None` for a start of the simulator.
     pub(super) test_start: Option<(u64, usize)>,
+    ados: JointActions,
+    /// Whether a search found a sequence from this start. `None` without a search.
+    found: Option<bool>,
     actions: Vec<usize>,
-    /// Value of the last decision.
-    value: f32,
+    /// Value of the last decision, if a policy takes it.
+    value: Option<f32>,
     /// Names of all agents, and the position of the ego among them.
     agents: Vec<String>,
     ego: usize,
@@ -158,11 +166,11 @@ impl LiveEpisode {
     /// Begins an episode. `None` if the request has no start.
     ///
     /// # Errors
-    /// The start does not fit the world, or the world has no vehicles.
+    /// The start or the step does not fit the world, or the world has no vehicles.
     pub(super) fn begin(
         world: &Scenario,
         request: &ResetRequest,
-        policy: &dyn Policy,
+        player: &ServedPlayer,
     ) -> Result<Option<LiveEpisode>, String> {
         // The ego comes from outside, so that of the world must not start a program.
         let world = &world.with_commands(&Arc::from([]));
@@ -177,7 +185,11 @@ impl LiveEpisode {
         };
         let spec: &DriveSpec = drive.spec();
         let is_ego = |agent: &crate::scene::drive::Agent| matches!(agent.drive, Drive::Ego);
-        let mut bench = world.bench();
+        let mut bench = match request.step_s {
+            None => world.bench(),
+            Some(step_s) => stepped(world, step_s)?.bench(),
+        };
+        let (ados, found) = player.joint_actions(&start, noise, bench.spaces());
         // To the contact, which a kept file needs for its severity.
         bench.begin(&start, noise, Aftermath::Play);
         let mut live = LiveEpisode {
@@ -185,34 +197,48 @@ impl LiveEpisode {
             start,
             noise,
             test_start: request.index.map(|index| (request.seed, index)),
+            ados,
+            found,
             actions: Vec::new(),
-            value: f32::NAN,
+            value: None,
             agents: spec.agents.iter().map(|it| it.name.clone()).collect(),
             ego: spec.agents.iter().position(is_ego).unwrap_or(0),
         };
-        live.decide(policy);
+        live.decide();
         Ok(Some(live))
     }
 
+    /// Returns the keys of the answer to `reset` alone.
+    pub(super) fn beginning(&self, world: &Scenario) -> Map<String, Value> {
+        let mut answer = Map::new();
+        let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
+        add("ready", json!(true));
+        add("start", self.start_by_name(world));
+        add("step_s", json!(self.bench.clock().sample_s));
+        if let Some(found) = self.found {
+            add("found", json!(found));
+        }
+        answer
+    }
+
     /// Returns the start, by name of the axis.
-    pub(super) fn start_by_name(&self, world: &Scenario) -> Value {
+    fn start_by_name(&self, world: &Scenario) -> Value {
         let axes = world.axes().into_iter().map(|axis| axis.name);
         let values = self.start.0.iter().map(|value| json!(value));
         Value::Object(axes.zip(values).collect())
     }
 
     /// Lets the ados decide, if they do so at this sample.
-    fn decide(&mut self, policy: &dyn Policy) {
+    fn decide(&mut self) {
         if self.bench.is_done() || !self.bench.is_decision_due() {
             return;
         }
         let mut obs = vec![0.0; self.bench.spaces().observation];
         self.bench.observe(&mut obs);
-        let action = match self.bench.allowed() {
-            Some(allowed) => policy.act_among(&obs, &allowed),
-            None => policy.act(&obs),
-        };
-        self.value = policy.value(&obs);
+        let allowed = self.bench.allowed();
+        let decision = self.actions.len();
+        let action = self.ados.act(&obs, allowed.as_deref(), decision);
+        self.value = self.ados.value(&obs).filter(|value| value.is_finite());
         self.actions.push(action);
         self.bench.decide_only(action);
     }
@@ -222,7 +248,7 @@ impl LiveEpisode {
     /// # Errors
     /// The episode is over, an agent is unknown, the ego is missing, or a position
     /// contradicts the speeds and headings.
-    pub(super) fn sample(&mut self, request: &Value, policy: &dyn Policy) -> Result<(), String> {
+    pub(super) fn sample(&mut self, request: &Value) -> Result<(), String> {
         if self.bench.is_done() {
             return Err("the episode is over: reset".to_owned());
         }
@@ -253,7 +279,7 @@ impl LiveEpisode {
         }
         // Invariant: the episode is not over and its agents have bodies, so a sample is played.
         self.bench.sample_given(&states);
-        self.decide(policy);
+        self.decide();
         Ok(())
     }
 
@@ -262,11 +288,13 @@ impl LiveEpisode {
         let bodies = self
             .agents
             .iter()
-            .zip(self.bench.bodies())
-            .map(|(name, body)| {
+            .zip(self.bench.bodies().into_iter().zip(self.bench.attitudes()))
+            .map(|(name, (body, attitude))| {
                 let BodyState { pose, .. } = body.state;
                 let state = json!({
-                    "x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad,
+                    "x_m": pose.x_m, "y_m": pose.y_m, "z_m": attitude.z_m,
+                    "heading_rad": pose.heading_rad,
+                    "pitch_rad": attitude.pitch_rad, "roll_rad": attitude.roll_rad,
                     "speed_mps": body.state.speed_mps, "accel_mps2": body.state.accel_mps2,
                 });
                 (name.clone(), state)
@@ -283,7 +311,7 @@ impl LiveEpisode {
             add("action", json!(action));
             add("label", json!(world.action_label(action)));
             add("ados", actions_of(world.world(), action));
-            add("value", json!(self.value.is_finite().then_some(self.value)));
+            add("value", json!(self.value));
         }
         answer.extend(self.judgement(world));
         answer
@@ -322,6 +350,11 @@ impl LiveEpisode {
             );
         }
         answer
+    }
+
+    /// Returns the name of the ados' player in kept files.
+    pub(super) fn adversary(&self) -> AdversaryId {
+        self.ados.adversary()
     }
 
     /// Returns whether the episode is over and the ego failed with all rules kept.

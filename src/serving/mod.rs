@@ -1,4 +1,4 @@
-//! Trained ado for another simulator: ado protocol 1.
+//! Ados for another simulator: ado protocol 1.
 //!
 //! It mirrors the ego protocol. There brakecheck requests commands of the ego from a
 //! program. Here a simulator requests actions of the ado from brakecheck.
@@ -9,6 +9,8 @@
 mod description;
 mod home;
 mod live;
+mod player;
+mod step;
 
 use std::io::{self, BufRead, Read, Write};
 use std::path::PathBuf;
@@ -17,23 +19,25 @@ use indexmap::IndexMap;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use crate::rl::Policy;
+use crate::experiment::EgoError;
 use crate::run_dir::{RunDir, RunError};
 use crate::scene::World;
 use crate::scene::drive::{Actions, PhaseAction};
+use crate::search::AdoPlayer;
 use crate::world::Scenario;
 use description::with_derived;
 use live::{LiveEpisode, ResetRequest};
+use player::ServedPlayer;
 
 /// Version of the protocol.
 const PROTOCOL: u32 = 1;
 /// Largest length of a message, bytes.
 const LONGEST: u64 = 65_536;
 
-/// Trained ado that acts in the world of another simulator.
+/// Ado that acts in the world of another simulator.
 pub struct ServedAdo {
     world: Scenario,
-    policy: Box<dyn Policy>,
+    player: ServedPlayer,
     /// Decisions since the episode began.
     ///
     /// They determine `time` and `time_left` if the simulator omits them.
@@ -57,6 +61,27 @@ pub struct Served {
     pub successes: u64,
     /// Counterexamples that were kept.
     pub kept: u64,
+}
+
+/// Reason why the ados of a world cannot be served.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotServed {
+    /// Grids have no vehicles that a simulator could move.
+    #[error("`{world}` is a grid world, and only a trained ado of it can be served")]
+    Grid {
+        /// Name of the world.
+        world: String,
+    },
+    /// No run with a trained ado was given.
+    #[error("`{world}` is a world, and a trained ado requires its run")]
+    NotTrained {
+        /// Name of the world.
+        world: String,
+    },
+    /// The search would start a program without consent.
+    #[error(transparent)]
+    Ego(#[from] EgoError),
 }
 
 /// Error that ends a conversation.
@@ -104,13 +129,35 @@ impl ServedAdo {
     /// # Errors
     /// Returns an error if the run has no policy, or its files are damaged.
     pub fn of(run: &RunDir) -> Result<ServedAdo, RunError> {
-        Ok(ServedAdo {
-            policy: run.policy()?,
-            world: run.scenario()?,
+        let player = ServedPlayer::Trained(run.policy()?.into());
+        Ok(ServedAdo::new(run.scenario()?, player))
+    }
+
+    /// Returns the ados of a world without a training.
+    ///
+    /// They act in judged episodes only.
+    ///
+    /// # Errors
+    /// The world is a grid, the trained ado is requested, or a search would start a program
+    /// without consent.
+    pub fn untrained(world: Scenario, player: AdoPlayer) -> Result<ServedAdo, NotServed> {
+        let name = world.name().to_owned();
+        if world.drive().is_none() {
+            return Err(NotServed::Grid { world: name });
+        }
+        let player = ServedPlayer::untrained(&world, player)?;
+        let player = player.ok_or(NotServed::NotTrained { world: name })?;
+        Ok(ServedAdo::new(world, player))
+    }
+
+    fn new(world: Scenario, player: ServedPlayer) -> ServedAdo {
+        ServedAdo {
+            world,
+            player,
             decisions: 0,
             live: None,
             keep: None,
-        })
+        }
     }
 
     /// Keeps the counterexamples among the judged episodes in a directory.
@@ -123,7 +170,12 @@ impl ServedAdo {
         }
     }
 
-    /// Returns the world of the training.
+    /// Returns the word for the player of the ados, such as `trained`.
+    pub fn player(&self) -> &'static str {
+        self.player.word()
+    }
+
+    /// Returns the world.
     pub fn world(&self) -> &Scenario {
         &self.world
     }
@@ -193,7 +245,7 @@ impl ServedAdo {
                 hello: Some(hello), ..
             } => {
                 if hello.protocol == PROTOCOL {
-                    json!({ "hello": description::hello(&self.world) })
+                    json!({ "hello": description::hello(&self.world, self.player()) })
                 } else {
                     let spoken = hello.protocol;
                     return Err(format!(
@@ -227,12 +279,11 @@ impl ServedAdo {
         self.decisions = 0;
         self.live = None;
         let request = ResetRequest::parse(request)?;
-        let Some(live) = LiveEpisode::begin(&self.world, &request, &*self.policy)? else {
+        let Some(live) = LiveEpisode::begin(&self.world, &request, &self.player)? else {
             return Ok(json!({ "ready": true }));
         };
-        let mut answer = live.answer(&self.world);
-        answer.insert("ready".to_owned(), json!(true));
-        answer.insert("start".to_owned(), live.start_by_name(&self.world));
+        let mut answer = live.beginning(&self.world);
+        answer.extend(live.answer(&self.world));
         self.live = Some(live);
         Ok(Value::Object(answer))
     }
@@ -242,7 +293,7 @@ impl ServedAdo {
         let Some(live) = &mut self.live else {
             return Err("a sample requires an episode: reset with `index` or `start`".to_owned());
         };
-        live.sample(request, &*self.policy)?;
+        live.sample(request)?;
         let mut answer = live.answer(&self.world);
         if let Some(dir) = self.keep.as_ref().filter(|_| live.is_counterexample()) {
             match home::keep(&self.world, live, dir) {
@@ -259,6 +310,7 @@ impl ServedAdo {
     }
 
     fn decide(&mut self, signals: &IndexMap<String, Value>) -> Result<Value, String> {
+        let policy = self.player.policy()?;
         let world = self.world.world();
         let signals = with_derived(&self.world, signals)?;
         let clock = world.clock();
@@ -282,9 +334,9 @@ impl ServedAdo {
         if !missing.is_empty() {
             return Err(format!("the ado also observes {}", missing.join(", ")));
         }
-        let action = self.policy.act(&obs);
+        let action = policy.act(&obs);
         self.decisions += 1;
-        let value = self.policy.value(&obs);
+        let value = policy.value(&obs);
         Ok(json!({
             "action": action,
             "label": world.action_label(action),
@@ -365,7 +417,15 @@ fn message(text: &str) -> Result<Option<ServeRequest>, String> {
     serde_json::from_str::<Map<String, Value>>(text)
         .and_then(|fields| serde_json::from_value(Value::Object(fields)))
         .map(Some)
-        .map_err(|error| error.to_string())
+        .map_err(|error| {
+            let is_number = ["NaN", "Infinity"].iter().any(|it| text.contains(it));
+            let hint = if is_number {
+                ": JSON has no NaN and no Infinity"
+            } else {
+                ""
+            };
+            format!("{error}{hint}")
+        })
 }
 
 fn write_line(answers: &mut impl Write, answer: &Value) -> io::Result<()> {
