@@ -27,7 +27,7 @@ pub mod testbench;
 use brakecheck_ego::ego;
 use brakecheck_files::{content_hash, ron_file};
 use brakecheck_rl::rl;
-use brakecheck_road::road;
+use brakecheck_road::{road, trajectory};
 use brakecheck_sim::{severity, sim};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use crate::ron_file::{Problems, ValuePath};
 use crate::tree::{BoardElement, CheckedCondition, CheckedEffect, ElementKind};
 use crate::values::{
-    Act, Effect, EventPriority, ManeuverGroup, Story, StoryEvent, StoryManeuver, Storyboard,
+    Act, DynamicLimits, Effect, EventPriority, ManeuverGroup, Story, StoryEvent, StoryManeuver,
+    Storyboard,
 };
 
 /// Greatest number of elements, and of conditions, so that a file allocates little.
@@ -45,8 +46,8 @@ pub struct CheckedStoryboard {
     pub(crate) elements: Vec<BoardElement>,
     pub(crate) conditions: Vec<CheckedCondition>,
     pub(crate) variables: Vec<f64>,
-    /// Number of agents.
-    pub(crate) agents: usize,
+    /// Limits of each agent.
+    pub(crate) limits: Vec<DynamicLimits<f64>>,
     /// Storyboard before its parameters got values. `None` if it has none.
     open: Option<Arc<OpenStoryboard>>,
 }
@@ -76,10 +77,12 @@ pub fn check(
         has_parameters: false,
         variables: board.variables.iter().map(|it| it.name.clone()).collect(),
         first: Vec::new(),
+        limits: vec![DynamicLimits::default(); names.agents.len()],
         elements: Vec::new(),
         conditions: Vec::new(),
     };
     check.variables(path, board);
+    check.performance(path, board);
     check.storyboard(path, board);
     // Conditions may name elements that follow them, so they come last.
     check.triggers(path, board);
@@ -87,6 +90,7 @@ pub fn check(
         problems,
         has_parameters,
         first,
+        limits,
         elements,
         conditions,
         ..
@@ -99,7 +103,7 @@ pub fn check(
         elements,
         conditions,
         variables: first,
-        agents: names.agents.len(),
+        limits,
         open: open.map(Arc::new),
     })
 }
@@ -125,6 +129,11 @@ impl CheckedStoryboard {
     /// Returns whether it depends on parameters of the start.
     pub fn has_parameters(&self) -> bool {
         self.open.is_some()
+    }
+
+    /// Returns the limits of an agent, which bound all its actions.
+    pub fn limits(&self, agent: usize) -> DynamicLimits<f64> {
+        self.limits[agent]
     }
 
     /// Returns the number of elements.
@@ -165,6 +174,7 @@ struct Check<'a, 'b> {
     variables: Vec<String>,
     /// Their first values.
     first: Vec<f64>,
+    limits: Vec<DynamicLimits<f64>>,
     elements: Vec<BoardElement>,
     conditions: Vec<CheckedCondition>,
 }
@@ -201,6 +211,24 @@ impl Check<'_, '_> {
             if self.variables[..i].contains(&variable.name) {
                 let what = format!("a second variable `{}`", variable.name);
                 self.wrong(&at.to("name"), what, "give it another name");
+            }
+        }
+    }
+
+    fn performance(&mut self, path: &ValuePath, board: &Storyboard) {
+        for (i, of) in board.performance.iter().enumerate() {
+            let at = path.to("performance").at(i);
+            let agent = self.agent(&at.to("entity"), &of.entity);
+            let limits = self.limits(&at.to("limits"), &of.limits);
+            if board.performance[..i]
+                .iter()
+                .any(|it| it.entity == of.entity)
+            {
+                let what = format!("a second performance of `{}`", of.entity);
+                self.wrong(&at.to("entity"), what, "write one");
+            }
+            if let Some(known) = self.limits.get_mut(agent) {
+                *known = limits;
             }
         }
     }

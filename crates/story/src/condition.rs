@@ -1,5 +1,6 @@
 //! Expressions of conditions at an instant.
 
+use crate::axis::AxisSpan;
 use crate::pose::Pose;
 use crate::road::OnRoad;
 use crate::tree::{AgentExpression, AgentQuantity, MeasuredAxis, ValueComparison};
@@ -19,31 +20,11 @@ pub(crate) struct Instant<'a, V: ?Sized> {
     pub since_s: f64,
 }
 
-/// Interval of a body along an axis.
-#[derive(Clone, Copy, Debug)]
-struct AxisSpan {
-    least_m: f64,
-    most_m: f64,
-}
-
 /// Agent ahead of another, and the speeds of both in the direction of the first.
 struct AgentAhead {
     ahead_m: f64,
     own_mps: f64,
     other_mps: f64,
-}
-
-impl AxisSpan {
-    /// Returns the distance to another span, 0 if they overlap.
-    fn distance_m(&self, other: &AxisSpan) -> f64 {
-        let ahead_m = other.least_m - self.most_m;
-        let behind_m = self.least_m - other.most_m;
-        ahead_m.max(behind_m).max(0.0)
-    }
-
-    fn middle_m(&self) -> f64 {
-        0.5 * (self.least_m + self.most_m)
-    }
 }
 
 /// Compares a number, which may be undefined.
@@ -237,35 +218,12 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         measured: MeasuredAxis,
         freespace: bool,
     ) -> AxisSpan {
-        if !freespace {
-            let at_m = self.on_axis(viewer, &self.reference(agent), measured);
-            return AxisSpan {
-                least_m: at_m,
-                most_m: at_m,
-            };
-        }
-        let size = self.view.size(agent);
-        let pose = self.motion(agent).pose;
-        let half_m = 0.5 * size.width_m;
-        let corners = [
-            (0.0, half_m),
-            (0.0, -half_m),
-            (-size.length_m, half_m),
-            (-size.length_m, -half_m),
-        ];
-        let places = corners.map(|(ahead_m, left_m)| {
-            let at = pose.frame().to_world(ahead_m, left_m);
-            let corner = Pose {
-                x_m: at.x,
-                y_m: at.y,
-                ..pose
-            };
-            self.on_axis(viewer, &corner, measured)
-        });
-        AxisSpan {
-            least_m: places.into_iter().fold(f64::INFINITY, f64::min),
-            most_m: places.into_iter().fold(f64::NEG_INFINITY, f64::max),
-        }
+        AxisSpan::of(
+            self.view.size(agent),
+            &self.motion(agent).pose,
+            freespace,
+            |pose| self.on_axis(viewer, pose, measured),
+        )
     }
 
     /// Returns distance and both speeds along an axis if `other` is ahead of an agent.

@@ -21,6 +21,7 @@
     allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
 )]
 
+pub mod axis;
 pub mod check;
 mod condition;
 pub mod run;

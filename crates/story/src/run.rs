@@ -104,9 +104,9 @@ impl StoryRun {
             elements: vec![idle; board.elements.len()],
             conditions: vec![ConditionRun::default(); board.conditions.len()],
             variables: board.variables.clone(),
-            owners: vec![[None; 2]; board.agents],
+            owners: vec![[None; 2]; board.limits.len()],
             ways_m: if board.conditions.iter().any(asks_way) {
-                vec![0.0; board.agents]
+                vec![0.0; board.limits.len()]
             } else {
                 Vec::new()
             },
@@ -313,8 +313,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         controlled.all(|(actor, domain)| {
             // Another action may have taken the agent over.
             self.owner(actor, domain) != Some(element)
-                || (!action.is_endless()
-                    && self.stage.ends_s(actor, domain) <= self.now_s + SAME_S)
+                || (!action.is_endless() && self.stage.ends_s(actor, domain) <= self.now_s + SAME_S)
         })
     }
 

@@ -33,11 +33,24 @@ pub struct Storyboard {
     /// Variables and their first values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variables: Vec<Variable>,
+    /// Limits of agents, which bound all their actions. Default: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub performance: Vec<EntityPerformance>,
     /// Stories, which run side by side.
     pub stories: Vec<Story>,
     /// Stops all stories. Default: never.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stop_trigger: Trigger,
+}
+
+/// Limits of an agent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EntityPerformance {
+    /// Agent.
+    pub entity: String,
+    /// Limits of its motion along the path.
+    pub limits: DynamicLimits,
 }
 
 /// Number that actions change and conditions read.

@@ -55,6 +55,22 @@ impl AgentMotion {
         }
     }
 
+    /// Returns the motion after a time at the same acceleration. It never reverses.
+    pub fn ahead(&self, for_s: f64) -> AgentMotion {
+        let rests_s = if self.accel_mps2 < 0.0 {
+            (self.speed_mps / -self.accel_mps2).max(0.0)
+        } else {
+            f64::INFINITY
+        };
+        let moves_s = for_s.min(rests_s);
+        let way_m = (self.speed_mps + 0.5 * self.accel_mps2 * moves_s) * moves_s;
+        AgentMotion {
+            pose: self.pose.ahead(way_m),
+            speed_mps: self.speed_mps + self.accel_mps2 * moves_s,
+            ..*self
+        }
+    }
+
     /// Returns the velocity in the world frame.
     pub fn velocity_mps(&self) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.pose.heading_rad);

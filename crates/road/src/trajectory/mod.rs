@@ -8,7 +8,8 @@ mod nurbs;
 
 use self::nurbs::Nurbs;
 use crate::opendrive::curve::arcs_of;
-use crate::opendrive::ways::{Spiral, WINDS};
+pub use crate::opendrive::ways::Spiral;
+use crate::opendrive::ways::WINDS;
 use crate::pose::Pose;
 use crate::road::{Bend, Course, CourseError, wrapped};
 

@@ -195,6 +195,17 @@ impl Body {
     pub fn lever_m(&self) -> f64 {
         self.kind.answers().lever_m()
     }
+
+    /// Distance from the reference point of OpenSCENARIO files to the front bumper.
+    ///
+    /// The point is the middle of the rear axle, or that of a walker.
+    pub fn front_m(&self) -> f64 {
+        if self.is_on_foot() {
+            self.half_length_m()
+        } else {
+            self.lever_m()
+        }
+    }
 }
 
 impl BodyKind {

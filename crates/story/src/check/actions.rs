@@ -212,18 +212,16 @@ impl Check<'_, '_> {
                 continuous,
                 shape,
                 max_lateral_acc_mps2,
-            } => {
-                ActorAction::LaneOffset {
-                    target: self.offset(path, target_m.as_ref(), target.as_ref()),
-                    continuous: *continuous,
-                    shape: *shape,
-                    most_lateral_mps2: self.lane_offset_acceleration(
-                        path,
-                        *shape,
-                        max_lateral_acc_mps2.as_ref(),
-                    ),
-                }
-            }
+            } => ActorAction::LaneOffset {
+                target: self.offset(path, target_m.as_ref(), target.as_ref()),
+                continuous: *continuous,
+                shape: *shape,
+                most_lateral_mps2: self.lane_offset_acceleration(
+                    path,
+                    *shape,
+                    max_lateral_acc_mps2.as_ref(),
+                ),
+            },
             Effect::FollowTrajectory {
                 trajectory,
                 timing,
@@ -307,12 +305,10 @@ impl Check<'_, '_> {
             (None, Some(OffsetTarget::Absolute { value_m })) => {
                 ActorOffset::Absolute(self.number(&at.to("value_m"), value_m, -MOST))
             }
-            (None, Some(OffsetTarget::Relative { entity, value_m })) => {
-                ActorOffset::Relative(
-                    self.agent(&at.to("entity"), entity),
-                    self.number(&at.to("value_m"), value_m, -MOST),
-                )
-            }
+            (None, Some(OffsetTarget::Relative { entity, value_m })) => ActorOffset::Relative(
+                self.agent(&at.to("entity"), entity),
+                self.number(&at.to("value_m"), value_m, -MOST),
+            ),
             (None, Some(OffsetTarget::Line { lateral_m })) => {
                 ActorOffset::Line(self.number(&at.to("lateral_m"), lateral_m, -MOST))
             }

@@ -4,9 +4,12 @@ use std::sync::Arc;
 
 use super::motion::DriveScene;
 use super::plan_execution::{PlanRun, SampleSpan};
-use super::story_execution::deviation_of;
+use super::story_execution::{deviation_of, motion_of};
+use crate::ego::Phase;
 use crate::sim::BodyCommand;
 use crate::story::run::ElementChange;
+use crate::story::values::SignalState;
+use crate::story::view::SceneChange;
 
 impl DriveScene {
     /// Returns whether any plan waits for a formula.
@@ -21,8 +24,17 @@ impl DriveScene {
 
     /// Lets the actions of the storyboard begin that were due since the last sample.
     fn run_story(&mut self) {
-        if let Some(story) = &mut self.story {
-            story.run(&self.layout, &self.state, &mut self.plans, &self.chosen);
+        let Some(story) = &mut self.story else {
+            return;
+        };
+        let changes = story.run(&self.layout, &self.state, &mut self.plans, &self.chosen);
+        for change in changes {
+            match change {
+                SceneChange::Friction(friction) => self.state.set_friction(friction),
+                SceneChange::TrafficSignal(light, state) => self.state.show(light, phase_of(state)),
+                // Laws of plans.
+                SceneChange::Add(..) | SceneChange::Delete(_) => {}
+            }
         }
     }
 
@@ -58,17 +70,19 @@ impl DriveScene {
             let span = SampleSpan {
                 course: layout.network.course_of(i),
                 road: layout.spec.road_of(i),
+                network: &layout.network,
+                spec: &layout.spec,
+                motion_of: &|agent: usize| motion_of(&self.state.states[agent]),
                 from_s,
                 to_s,
             };
-            let states = &self.state.states;
-            let speed_of = |name: &str| {
-                let mut agents = layout.spec.agents.iter();
-                let other = agents.position(|agent| agent.name == name);
-                other.map_or(0.0, |other| states[other].speed_mps)
+            let arrival = run.advance(span, deviation);
+            let to = arrival.pose;
+            let command = if run.take_jump() {
+                BodyCommand::Jump { to }
+            } else {
+                BodyCommand::Carry { to }
             };
-            let arrival = run.advance(span, deviation, speed_of);
-            let command = BodyCommand::Carry { to: arrival.pose };
             self.commanded[i] = Some(command);
             self.arrivals[i] = arrival;
             self.state.plant.command(self.state.bodies[i], command);
@@ -135,5 +149,13 @@ impl DriveScene {
             run.map(|run| run.planned(course, 0.0)).unwrap_or_default()
         });
         self.state.planned.extend(planned);
+    }
+}
+
+fn phase_of(state: SignalState) -> Phase {
+    match state {
+        SignalState::Green => Phase::Green,
+        SignalState::Yellow => Phase::Yellow,
+        SignalState::Red => Phase::Red,
     }
 }

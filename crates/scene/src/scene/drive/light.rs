@@ -59,6 +59,8 @@ pub(super) struct LightState {
     pub phase: Phase,
     /// The sample at which the phase began.
     pub since: usize,
+    /// Whether a story has set it, which ends its schedule.
+    is_told: bool,
 }
 
 impl LightState {
@@ -68,12 +70,18 @@ impl LightState {
             LightDrive::Schedule(schedule) => schedule.at(0.0, light.phase),
             LightDrive::Ado { .. } | LightDrive::Trained(_) => light.phase,
         };
-        LightState { phase, since: 0 }
+        LightState {
+            phase,
+            since: 0,
+            is_told: false,
+        }
     }
 
     /// Updates a scheduled light to a time.
     pub(super) fn keep_time(&mut self, light: &Light, time_s: f64, sample: usize) {
-        if let LightDrive::Schedule(schedule) = &light.drive {
+        if let LightDrive::Schedule(schedule) = &light.drive
+            && !self.is_told
+        {
             self.show(schedule.at(time_s, light.phase), sample);
         }
     }
@@ -85,6 +93,12 @@ impl LightState {
         }
     }
 
+    /// Shows a phase from now on, whatever its schedule states.
+    pub(super) fn tell(&mut self, phase: Phase, sample: usize) {
+        self.is_told = true;
+        self.show(phase, sample);
+    }
+
     fn show(&mut self, phase: Phase, sample: usize) {
         // `since` is the start of the phase, so showing the same phase again
         // keeps it.
@@ -92,6 +106,7 @@ impl LightState {
             *self = LightState {
                 phase,
                 since: sample,
+                ..*self
             };
         }
     }

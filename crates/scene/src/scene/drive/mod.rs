@@ -23,6 +23,7 @@ mod names;
 mod observing;
 mod plan;
 mod plan_execution;
+mod plan_way;
 mod range;
 mod replaying;
 mod road_ado;

@@ -5,21 +5,27 @@
 //! at their own instant. Between those instants speeds are linear and lateral
 //! motion has a closed form, so no error accumulates over time.
 
+mod beside;
 mod steps;
 mod story_laws;
+mod ways;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::Vector2;
 
+use self::beside::BesideRun;
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionPlan, ScriptStep, Unmet};
+use super::plan_way::{PlanWay, TimedLegs};
+use super::spec::DriveSpec;
 use super::story_law::DueLaw;
 use crate::ego::Command;
-use crate::road::{Course, Road, wrapped};
+use crate::road::{Course, Road, RoadNetwork, wrapped};
 use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
+use crate::story::view::AgentMotion;
 
 /// Speed below which a body keeps its heading.
 const TURNING_MPS: f64 = 0.05;
@@ -43,6 +49,8 @@ pub(super) struct PlannedAt {
 pub(super) struct PlanConstants {
     /// Distance from the point moved by the laws to the front.
     pub lever_m: f64,
+    /// Distance from the point that stories move to the front.
+    pub front_m: f64,
     /// Heading at the start, relative to the road's direction.
     pub facing_rad: f64,
     pub on_foot: bool,
@@ -115,15 +123,40 @@ pub(super) struct PlanRun {
     last: Arrival,
     /// Laws of a story that are to begin, in the order of time.
     laws: VecDeque<DueLaw>,
+    /// Way that it follows instead of its own road.
+    way: Option<Arc<PlanWay>>,
+    /// Parts of a trajectory with times.
+    legs: Option<TimedLegs>,
+    /// Lateral place to another agent that it keeps.
+    beside: Option<BesideRun>,
+    /// End of the last trajectory or lateral place that has ended by itself.
+    way_ended_s: f64,
+    /// Whether it has been put somewhere else since its body moved.
+    has_jumped: bool,
+    /// Whether it is out of reach, and obeys nothing but a place.
+    is_absent: bool,
 }
 
-/// Interval and road of a sample, as input to a plan.
+/// Interval of a sample, with roads and agents at its beginning, as input to a plan.
 #[derive(Clone, Copy)]
 pub(super) struct SampleSpan<'a> {
+    /// The agent's own road.
     pub course: &'a Course,
     pub road: &'a Road,
+    pub network: &'a RoadNetwork,
+    pub spec: &'a DriveSpec,
+    pub motion_of: &'a dyn Fn(usize) -> AgentMotion,
     pub from_s: f64,
     pub to_s: f64,
+}
+
+impl SampleSpan<'_> {
+    /// Returns the speed of an agent, 0 for an unknown one.
+    fn speed_of(&self, name: &str) -> f64 {
+        let mut agents = self.spec.agents.iter();
+        let other = agents.position(|agent| agent.name == name);
+        other.map_or(0.0, |other| (self.motion_of)(other).speed_mps)
+    }
 }
 
 impl PlanRun {
@@ -174,6 +207,12 @@ impl PlanRun {
                 ..Arrival::default()
             },
             laws: VecDeque::new(),
+            way: None,
+            legs: None,
+            beside: None,
+            way_ended_s: f64::NEG_INFINITY,
+            has_jumped: false,
+            is_absent: false,
             carried,
         };
         run.phase = run.turn_of(0, 0.0);
@@ -226,24 +265,24 @@ impl PlanRun {
     /// Advances by a sample.
     ///
     /// `deviation` is what an ado adds, along its heading and to the left of it.
-    pub(super) fn advance(
-        &mut self,
-        stretch: SampleSpan<'_>,
-        deviation: Command,
-        speed_of: impl Fn(&str) -> f64,
-    ) -> Arrival {
+    pub(super) fn advance(&mut self, stretch: SampleSpan<'_>, deviation: Command) -> Arrival {
         let SampleSpan { from_s, to_s, .. } = stretch;
         let mut time_s = from_s;
         let mut driven = Driven::default();
+        self.aim(time_s, stretch);
         loop {
             // Steps due at the end of the sample are settled too, so the
             // arrival has the motion that follows them.
-            self.settle(time_s, stretch.road, &speed_of);
+            self.settle(time_s, stretch);
             if to_s - SAME_S <= time_s {
                 break;
             }
-            let next_s = self.next_change_s(time_s).min(to_s);
-            driven.add(self.move_on(stretch.course, time_s, next_s));
+            let change_s = self.next_change_s(time_s).min(to_s);
+            let next_s = self.way_end_s(time_s, change_s);
+            // A handle, as the plan changes on its way.
+            let way = self.way.clone();
+            let course = way.as_deref().map_or(stretch.course, PlanWay::course);
+            driven.add(self.move_on(course, time_s, next_s));
             time_s = next_s;
         }
         let sample_s = to_s - from_s;
@@ -258,12 +297,14 @@ impl PlanRun {
             planned_m: driven.way_m,
             driven_m: driven.way_m + strayed_m,
         };
-        self.arrive(stretch.course, end)
+        let way = self.way.clone();
+        self.arrive(way.as_deref().map_or(stretch.course, PlanWay::course), end)
     }
 
     /// Returns the planned state, without deviations.
     pub(super) fn planned(&self, course: &Course, time_s: f64) -> PlannedAt {
-        let at = course.locate(&self.front(course, Stray::default(), self.planned_rad));
+        let front = self.front(self.course(course), Stray::default(), self.planned_rad);
+        let at = course.locate(&front);
         PlannedAt {
             s_m: at.s_m,
             lateral_m: at.lateral_m,
@@ -273,7 +314,7 @@ impl PlanRun {
 
     /// Returns the pose of the front bumper now.
     pub(super) fn pose(&self, course: &Course) -> Pose {
-        self.front(course, self.stray, self.heading_rad)
+        self.front(self.course(course), self.stray, self.heading_rad)
     }
 
     fn front(&self, course: &Course, stray: Stray, heading_rad: f64) -> Pose {
@@ -418,6 +459,17 @@ impl PlanRun {
                 .carried
                 .turned(self.planned_rad, towards_rad, planned_m);
         }
+        if let Some(turned_rad) = self.turned_rad() {
+            // On a curve the body has its heading, to which a deviation adds.
+            let strays = !self.carried.on_foot && moves;
+            let strayed_rad = if strays {
+                libm::atan2(velocity_mps.y, velocity_mps.x)
+            } else {
+                0.0
+            };
+            self.planned_rad = turned_rad;
+            self.heading_rad = wrapped(turned_rad + strayed_rad);
+        }
         let before = self.last;
         let pose = self.pose(course);
         let turn_rad = wrapped(pose.heading_rad - before.pose.heading_rad);
@@ -425,7 +477,11 @@ impl PlanRun {
         let own_mps = if self.carried.on_foot {
             rotation_by(self.heading_rad).inverse() * velocity_mps
         } else {
-            Vector2::new(along_mps, yaw_rate_rad_per_s * self.carried.lever_m)
+            // A body that faces backwards on a curve reverses.
+            let faces_back = self.way.is_some() && libm::cos(self.heading_rad) < 0.0;
+            let reverses = faces_back && cos > 0.0;
+            let ahead_mps = if reverses { -along_mps } else { along_mps };
+            Vector2::new(ahead_mps, yaw_rate_rad_per_s * self.carried.lever_m)
         };
         let arrival = Arrival {
             pose,

@@ -119,6 +119,7 @@ impl DriveSpec {
             } else {
                 agent.body.lever_m()
             },
+            front_m: agent.body.front_m(),
             facing_rad: agent.facing_rad,
             on_foot: agent.body.is_on_foot(),
             whens,

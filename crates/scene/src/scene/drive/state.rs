@@ -14,7 +14,7 @@ use super::spec::{Agent, DriveSpec};
 use super::surface::surface_of;
 use super::weather::WeatherState;
 use super::weather_rates::WeatherRates;
-use crate::ego::LaneOccupancy;
+use crate::ego::{LaneOccupancy, Phase};
 use crate::road::{Direction, OnRoad, RoadNetwork, slope_direction};
 use crate::sim::{
     self, Body, BodyId, BodyState, Contact, GRAVITY_MPS2, Ground, GroundSurface, Plant, Pose, Push,
@@ -37,6 +37,8 @@ pub struct SceneState {
     pub(super) lights: Vec<LightState>,
     /// Weather of this sample, if an ado changes it.
     pub(super) weather: Option<WeatherState>,
+    /// Friction that a story has set.
+    friction: Option<f64>,
     /// Curvature of the next piece of road, if an ado lays it.
     pub next_curvature_per_m: f64,
     /// Planned state of each agent. Empty if no agent has a plan.
@@ -61,6 +63,7 @@ impl SceneState {
             on_road: Vec::with_capacity(agents),
             lights: Vec::with_capacity(spec.lights.len()),
             weather: None,
+            friction: None,
             next_curvature_per_m: 0.0,
             planned: Vec::new(),
             parameters: Vec::new(),
@@ -94,6 +97,7 @@ impl SceneState {
             .extend(self.spec.lights.iter().map(LightState::first));
         let weather = self.spec.weather.as_ref();
         self.weather = weather.map(|it| WeatherState::first(it, self.spec.road.friction()));
+        self.friction = None;
         self.next_curvature_per_m = 0.0;
         self.touch = None;
         self.sample = 0;
@@ -103,8 +107,19 @@ impl SceneState {
     pub(super) fn ground(&self) -> Ground {
         match self.weather {
             Some(WeatherState { friction, .. }) => Ground { friction },
-            None => ground(&self.spec),
+            None => Ground {
+                friction: self.friction.unwrap_or(self.spec.road.friction()),
+            },
         }
+    }
+
+    /// Sets the friction of the road from now on. Weather changes it from there.
+    pub(super) fn set_friction(&mut self, friction: f64) {
+        match &mut self.weather {
+            Some(weather) => weather.friction = friction,
+            None => self.friction = Some(friction),
+        }
+        self.plant.set_ground(Ground { friction });
     }
 
     /// Spawns the body of the next agent.
@@ -160,6 +175,11 @@ impl SceneState {
         }
     }
 
+    /// Shows a phase of a light from now on.
+    pub(super) fn show(&mut self, light: usize, phase: Phase) {
+        self.lights[light].tell(phase, self.sample);
+    }
+
     /// Applies an ado's action to a light.
     pub(super) fn turn(&mut self, light: usize, turn: PhaseAction) {
         self.lights[light].turn(turn, self.sample);
@@ -195,6 +215,7 @@ impl SceneState {
             on_road: self.on_road.clone(),
             lights: self.lights.clone(),
             weather: self.weather,
+            friction: self.friction,
             next_curvature_per_m: self.next_curvature_per_m,
             planned: self.planned.clone(),
             parameters: self.parameters.clone(),

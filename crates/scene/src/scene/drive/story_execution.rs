@@ -4,6 +4,8 @@
 //! its own instant: the plan of its actor is driven again from the beginning of the
 //! sample. The body follows in the next sample, as for the formulas of scripts.
 
+mod across;
+
 use std::sync::Arc;
 
 use super::actions::Maneuver;
@@ -11,16 +13,16 @@ use super::layout::DriveLayout;
 use super::plan_execution::{Arrival, PlanRun, SampleSpan};
 use super::spec::Drive;
 use super::state::SceneState;
-use super::story_law::{DueLaw, LateralTiming, StoryLaw};
+use super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw};
 use crate::ego::{Command, Phase};
-use crate::road::OnRoad;
+use crate::road::{Course, OnRoad, Road};
 use crate::sim::{Body, BodyState, Pose, PosedBody, body_gap_m};
 use crate::story::check::CheckedStoryboard;
 use crate::story::run::{ElementChange, StoryRun};
 use crate::story::values::SignalState;
 use crate::story::view::{
-    ActorAction, ActorLane, ActorOffset, ActorSpeed, AgentMotion, AgentSize, MotionDomain,
-    PosedAgent, RoadLimits, SceneChange, StoryStage, StoryView,
+    ActorAction, ActorLane, ActorSpeed, AgentMotion, AgentSize, MotionDomain, PosedAgent,
+    RoadLimits, SceneChange, StoryStage, StoryView,
 };
 
 /// State of a storyboard, with the sample over which it runs next.
@@ -53,6 +55,8 @@ struct SampleStage<'a> {
     /// Plans at the end of the sample.
     plans: &'a mut [Option<PlanRun>],
     past: &'a mut PastSample,
+    /// Changes that are not those of agents.
+    applied: Vec<SceneChange>,
     to_s: f64,
 }
 
@@ -73,14 +77,14 @@ impl StoryExecution {
 
     /// Runs up to the current sample, and changes the plans whose laws begin in it.
     ///
-    /// `chosen` is what each ado does from now on.
+    /// `chosen` is what each ado does from now on. Returns the changes of road and lights.
     pub(super) fn run(
         &mut self,
         layout: &DriveLayout,
         state: &SceneState,
         plans: &mut [Option<PlanRun>],
         chosen: &[Maneuver],
-    ) {
+    ) -> Vec<SceneChange> {
         if self.past.motions.is_empty() {
             self.past = PastSample::of(state, plans, chosen);
         }
@@ -90,28 +94,37 @@ impl StoryExecution {
             state,
             plans: &mut *plans,
             past: &mut self.past,
+            applied: Vec::new(),
             to_s,
         };
         let changes = &mut self.changes;
         self.run.step(&self.board, &mut stage, to_s, changes);
+        let applied = stage.applied;
         self.past = PastSample::of(state, plans, chosen);
+        applied
     }
 }
 
 impl PastSample {
     /// Returns the beginning of a sample at the present state.
     fn of(state: &SceneState, plans: &[Option<PlanRun>], chosen: &[Maneuver]) -> PastSample {
+        let mut plans = plans.to_vec();
+        for plan in plans.iter_mut().flatten() {
+            // Its body makes the jump in the sample to come.
+            plan.take_jump();
+        }
         PastSample {
             from_s: state.time_s(),
             motions: state.states.iter().map(motion_of).collect(),
-            plans: plans.to_vec(),
+            plans,
             phases: state.lights.iter().map(|light| light.phase).collect(),
             chosen: chosen.to_vec(),
         }
     }
 }
 
-fn motion_of(state: &BodyState) -> AgentMotion {
+/// Returns the motion of a body at a sample.
+pub(super) fn motion_of(state: &BodyState) -> AgentMotion {
     AgentMotion {
         pose: state.pose,
         speed_mps: state.speed_mps,
@@ -148,16 +161,15 @@ impl SampleStage<'_> {
         let span = SampleSpan {
             course: self.state.network.course_of(agent),
             road: self.layout.spec.road_of(agent),
+            network: &self.state.network,
+            spec: &self.layout.spec,
+            motion_of: &|other: usize| self.past.motions[other],
             from_s: self.past.from_s,
             to_s: at_s,
         };
-        let agents = &self.layout.spec.agents;
-        let speed_of = |name: &str| {
-            let other = agents.iter().position(|agent| agent.name == name);
-            other.map_or(0.0, |other| self.past.motions[other].speed_mps)
-        };
-        let deviation = deviation_of(&agents[agent].drive, self.past.chosen[agent]);
-        Some(before.at(span, deviation, speed_of))
+        let drive = &self.layout.spec.agents[agent].drive;
+        let deviation = deviation_of(drive, self.past.chosen[agent]);
+        Some(before.at(span, deviation))
     }
 
     /// Lets a law begin at an instant of the sample.
@@ -170,10 +182,19 @@ impl SampleStage<'_> {
         }
     }
 
+    /// Returns the road on which an agent is: that of its route, or its own.
+    fn road_of(&self, agent: usize) -> (&Course, &Road) {
+        let run = self.plans.get(agent).and_then(Option::as_ref);
+        let routed = run.and_then(PlanRun::routed);
+        routed.unwrap_or_else(|| {
+            let course = self.state.network.course_of(agent);
+            (course, self.layout.spec.road_of(agent))
+        })
+    }
+
     fn lane_of(&self, agent: usize, at_s: f64) -> usize {
-        let pose = self.motion(agent, at_s).pose;
-        let place = self.on_road(agent, &pose.ahead(-self.size(agent).front_m));
-        self.layout.spec.road_of(agent).lane_at(place.lateral_m)
+        let (course, road) = self.road_of(agent);
+        road.lane_at(course.locate(&self.reference(agent, at_s)).lateral_m)
     }
 
     /// Returns the law of an action, or `None` for one that moves nothing.
@@ -195,34 +216,23 @@ impl SampleStage<'_> {
                 offset_m,
                 dynamics,
             } => {
-                let lanes = self.layout.spec.road_of(agent).lanes();
-                let lane = match target {
-                    ActorLane::Absolute(lane) => lane,
-                    ActorLane::Line(lateral_m) => self.layout.spec.road_of(agent).lane_at(lateral_m),
-                    ActorLane::Relative(of, by) => self
-                        .lane_of(of, at_s)
-                        .saturating_add_signed(isize::try_from(by).unwrap_or(0)),
+                let (from, line_m) = match target {
+                    ActorLane::Absolute(lane) => (LateralBase::Lane(lane), 0.0),
+                    ActorLane::Relative(of, by) => {
+                        let by = isize::try_from(by).unwrap_or(0);
+                        let lane = self.lane_of(of, at_s).saturating_add_signed(by);
+                        (LateralBase::Lane(lane), 0.0)
+                    }
+                    ActorLane::Line(lateral_m) => (LateralBase::Course, lateral_m),
                 };
                 StoryLaw::Lateral {
-                    lane: Some(lane.min(lanes.saturating_sub(1))),
-                    offset_m,
+                    from,
+                    offset_m: line_m + offset_m,
                     shape: dynamics.shape.curve(),
                     timing: LateralTiming::Size(dynamics.dimension),
                 }
             }
-            ActorAction::LaneOffset {
-                target: ActorOffset::Absolute(to_m),
-                shape,
-                most_lateral_mps2,
-                ..
-            } => StoryLaw::Lateral {
-                lane: None,
-                offset_m: to_m,
-                shape: shape.curve(),
-                timing: LateralTiming::Acceleration(most_lateral_mps2),
-            },
-            // Agents have no controllers that take over, and the check refuses the rest.
-            _ => return None,
+            _ => return self.law_across(agent, action, at_s),
         };
         Some(law)
     }
@@ -249,26 +259,25 @@ impl StoryView for SampleStage<'_> {
     }
 
     fn on_road(&self, viewer: usize, pose: &Pose) -> OnRoad {
-        self.state.network.locate(viewer, pose)
+        self.road_of(viewer).0.locate(pose)
     }
 
     fn pose_on_road(&self, viewer: usize, road: Option<usize>, s_m: f64, lateral_m: f64) -> Pose {
-        let network = &self.state.network;
-        let own = network.course_of(viewer);
-        let course = road.map_or(own, |road| &network.courses()[road]);
+        let courses = self.state.network.courses();
+        let course = road.map_or(self.road_of(viewer).0, |road| &courses[road]);
         course.pose(s_m, lateral_m)
     }
 
     fn lane_middle_m(&self, viewer: usize, lateral_m: f64, lanes: i32) -> f64 {
-        let road = self.layout.spec.road_of(viewer);
+        let road = self.road_of(viewer).1;
         let by = isize::try_from(lanes).unwrap_or(0);
         let lane = road.lane_at(lateral_m).saturating_add_signed(by);
         road.lane_middle_m(lane.min(road.lanes().saturating_sub(1)))
     }
 
     fn road_limits(&self, agent: usize) -> RoadLimits {
-        let mut borders = self.layout.spec.road_of(agent).borders_m();
-        let course = self.state.network.course_of(agent);
+        let (course, road) = self.road_of(agent);
+        let mut borders = road.borders_m();
         let first_m = borders.next().unwrap_or(f64::NEG_INFINITY);
         RoadLimits {
             right_m: first_m,
@@ -289,11 +298,7 @@ impl StoryView for SampleStage<'_> {
         AgentSize {
             length_m: body.length_m,
             width_m: body.width_m,
-            front_m: if body.is_on_foot() {
-                body.half_length_m()
-            } else {
-                body.lever_m()
-            },
+            front_m: body.front_m(),
         }
     }
 
@@ -331,8 +336,11 @@ impl StoryStage for SampleStage<'_> {
         }
     }
 
-    fn change(&mut self, _: SceneChange, _: f64) {
-        // The check refuses them.
+    fn change(&mut self, change: SceneChange, at_s: f64) {
+        match self.law_of_change(change, at_s) {
+            Some((agent, law)) => self.begin_law(agent, DueLaw { at_s, law }),
+            None => self.applied.push(change),
+        }
     }
 
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64 {

@@ -2,18 +2,20 @@
 
 use core::f64::consts::PI;
 
+use super::plan_way::TrajectoryLaw;
 use crate::road::ChangeShape;
+use crate::sim::Pose;
 use crate::story::values::Dimension;
 
 /// Law that begins at an instant.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct DueLaw {
     pub at_s: f64,
     pub law: StoryLaw,
 }
 
 /// Change of a motion that an action of a story demands.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum StoryLaw {
     /// The speed changes. Without a shape it does so at once.
     Speed {
@@ -23,8 +25,7 @@ pub(super) enum StoryLaw {
     },
     /// The lateral place changes. Without a shape it does so at once.
     Lateral {
-        /// Middle of a lane, or `None` for that of the present one.
-        lane: Option<usize>,
+        from: LateralBase,
         offset_m: f64,
         shape: Option<ChangeShape>,
         timing: LateralTiming,
@@ -33,6 +34,52 @@ pub(super) enum StoryLaw {
     KeepSpeed,
     /// The lateral place stays.
     KeepPlace,
+    /// The lateral place follows another agent.
+    Beside(BesideLaw),
+    /// The plan follows a curve.
+    Follow(TrajectoryLaw),
+    /// The plan follows another road of the world, by its number.
+    Route(usize),
+    /// The reference point is at a pose at once, on a road if that is known.
+    Place { at: Pose, road: Option<usize> },
+    /// The body stands out of reach.
+    Vanish { to: Pose },
+}
+
+/// Place from which a lateral target is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum LateralBase {
+    /// Middle of a lane.
+    Lane(usize),
+    /// Middle of the present lane.
+    PresentLane,
+    /// Course of the road.
+    Course,
+}
+
+/// Lateral place to another agent, and the limits of the motion to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BesideLaw {
+    pub of: usize,
+    /// Distance between the reference points, to the left of the other.
+    pub by_m: f64,
+    /// Distance from the reference point of the other to its front.
+    pub front_m: f64,
+    /// Whether the distance is across the axis of the other, and not across the road.
+    pub in_its_axes: bool,
+    /// Whether it goes on once the place is reached.
+    pub continuous: bool,
+    pub most_mps: f64,
+    pub most_accel_mps2: f64,
+    pub most_decel_mps2: f64,
+}
+
+impl BesideLaw {
+    /// Returns whether the place is reached at once.
+    pub(super) fn is_unlimited(&self) -> bool {
+        let most = [self.most_mps, self.most_accel_mps2, self.most_decel_mps2];
+        most.iter().all(|it| it.is_infinite())
+    }
 }
 
 /// Duration of a lateral motion.

@@ -4,9 +4,9 @@ use core::f64::consts::PI;
 
 use super::super::motion_profile::{SAME_S, SpeedRamp, Swing};
 use super::super::plan::MotionLaw;
-use super::{PlanPhase, PlanRun};
+use super::super::plan_way::TimedLegs;
+use super::{PlanPhase, PlanRun, SampleSpan};
 use crate::road::ChangeShape;
-use crate::road::Road;
 
 impl PlanRun {
     /// Returns the initial phase of a step that is next from an instant on.
@@ -25,12 +25,13 @@ impl PlanRun {
     }
 
     /// Begins and ends the steps that are due.
-    pub(super) fn settle(&mut self, time_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) {
-        self.begin_laws(time_s, road);
+    pub(super) fn settle(&mut self, time_s: f64, span: SampleSpan<'_>) {
+        self.begin_laws(time_s, span);
+        self.settle_way(time_s, span);
         loop {
             match self.phase {
                 PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
-                    self.phase = self.act(at_s, time_s, road, speed_of);
+                    self.phase = self.act(at_s, time_s, span);
                 }
                 PlanPhase::Acts { .. } if self.acts_until_s() <= time_s + SAME_S => {
                     let ends_s = self.acts_until_s();
@@ -72,7 +73,8 @@ impl PlanRun {
         };
         let swing = self.swing.filter(|_| !lags).map(|it| it.ends_s());
         let law = self.laws.front().map(|law| law.at_s);
-        let changes = [Some(step_s), Some(self.ramp.ends_s()), swing, law];
+        let leg = self.legs.as_ref().map(TimedLegs::next_s);
+        let changes = [Some(step_s), Some(self.ramp.ends_s()), swing, law, leg];
         let later = changes
             .into_iter()
             .flatten()
@@ -83,13 +85,7 @@ impl PlanRun {
     /// Begins the laws of a step and returns the phase in which they act.
     ///
     /// The step was due at `at_s`, which may lie before the current time.
-    fn act(
-        &mut self,
-        at_s: f64,
-        now_s: f64,
-        road: &Road,
-        speed_of: &impl Fn(&str) -> f64,
-    ) -> PlanPhase {
+    fn act(&mut self, at_s: f64, now_s: f64, span: SampleSpan<'_>) -> PlanPhase {
         let from_mps = self.ramp.speed_mps(now_s);
         let (mut ends_s, mut awaits_swing) = (at_s, false);
         let laws = self.steps[self.step].does.clone();
@@ -113,7 +109,9 @@ impl PlanRun {
                     shape,
                 } => {
                     let shape = shape.unwrap_or(ChangeShape::Linear);
-                    let base_mps = relative_to.as_deref().map_or(0.0, speed_of);
+                    let base_mps = relative_to
+                        .as_deref()
+                        .map_or(0.0, |name| span.speed_of(name));
                     to_speed(base_mps + to_mps, rate_mps2.unwrap_or(f64::INFINITY), shape)
                 }
                 MotionLaw::Brake { rate_mps2 } => to_speed(0.0, *rate_mps2, ChangeShape::Linear),
@@ -144,8 +142,8 @@ impl PlanRun {
                     to_m,
                     most_lateral_mps2,
                 } => {
-                    let lane = road.lane_at(self.start_m);
-                    let middle_m = road.lane_middle_m(lane) + self.changed_m;
+                    let lane = span.road.lane_at(self.start_m);
+                    let middle_m = span.road.lane_middle_m(lane) + self.changed_m;
                     let by_m = middle_m + to_m - self.lateral_m;
                     let lasts_s = PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt();
                     self.sway(Swing {

@@ -1,7 +1,9 @@
 //! Laws that a story begins and stops, at instants within a sample.
 
 use super::super::motion_profile::{SAME_S, SpeedRamp, Swing};
-use super::super::story_law::{DueLaw, LateralTiming, StoryLaw, greatest_rate};
+use super::super::plan_way::PlanWay;
+use super::super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw, greatest_rate};
+use super::beside::BesideRun;
 use super::{Arrival, PlanRun, SampleSpan};
 use crate::ego::Command;
 use crate::road::{ChangeShape, Course, Road};
@@ -13,16 +15,17 @@ impl PlanRun {
     }
 
     /// Begins the laws of a story that are due.
-    pub(super) fn begin_laws(&mut self, time_s: f64, road: &Road) {
-        while let Some(due) = self.laws.front().copied()
-            && due.at_s <= time_s + SAME_S
-        {
-            self.laws.pop_front();
-            self.obey(due, road);
+    pub(super) fn begin_laws(&mut self, time_s: f64, span: SampleSpan<'_>) {
+        while let Some(due) = self.laws.pop_front_if(|due| due.at_s <= time_s + SAME_S) {
+            self.obey(due, span);
         }
     }
 
-    fn obey(&mut self, DueLaw { at_s, law }: DueLaw, road: &Road) {
+    fn obey(&mut self, DueLaw { at_s, law }: DueLaw, span: SampleSpan<'_>) {
+        let is_place = matches!(law, StoryLaw::Place { .. } | StoryLaw::Vanish { .. });
+        if self.is_absent && !is_place {
+            return;
+        }
         let now_mps = self.ramp.speed_mps(at_s);
         match law {
             StoryLaw::Speed {
@@ -32,6 +35,7 @@ impl PlanRun {
             } => {
                 // Plans never reverse.
                 let target_mps = to_mps.max(0.0);
+                self.legs = None;
                 self.ramp = SpeedRamp {
                     begins_s: at_s,
                     from_mps: now_mps,
@@ -43,13 +47,15 @@ impl PlanRun {
                 };
             }
             StoryLaw::Lateral {
-                lane,
+                from,
                 offset_m,
                 shape,
                 timing,
             } => {
-                let target = lane.unwrap_or_else(|| road.lane_at(self.lateral_m));
-                let by_m = road.lane_middle_m(target) + offset_m - self.lateral_m;
+                self.find_lanes(span);
+                let from_m = self.base_m(from, span.road);
+                let by_m = from_m + offset_m - self.lateral_m;
+                self.beside = None;
                 let lasts_s = shape.map_or(0.0, |shape| timing.lasts_s(shape, by_m, now_mps));
                 self.swing = Some(Swing {
                     begins_s: at_s,
@@ -60,12 +66,38 @@ impl PlanRun {
                 });
             }
             StoryLaw::KeepSpeed => {
+                self.legs = None;
                 self.ramp = SpeedRamp {
                     begins_s: at_s,
                     ..SpeedRamp::steady(now_mps)
                 };
             }
-            StoryLaw::KeepPlace => self.swing = None,
+            StoryLaw::KeepPlace => {
+                (self.swing, self.beside) = (None, None);
+                self.leave_curve(span);
+            }
+            StoryLaw::Beside(law) => {
+                self.find_lanes(span);
+                self.beside = Some(BesideRun::new(law, at_s));
+                self.aim(at_s, span);
+            }
+            StoryLaw::Follow(law) => self.follow(&law, at_s, span.course),
+            StoryLaw::Route(number) => self.take_road(number, span),
+            StoryLaw::Place { at, road } => self.jump_to(&at, road, span),
+            StoryLaw::Vanish { to } => self.vanish(&to, at_s, span.course),
+        }
+    }
+
+    /// Returns the lateral place from which a target is measured.
+    fn base_m(&self, base: LateralBase, own: &Road) -> f64 {
+        let road = match self.way.as_deref() {
+            Some(PlanWay::Road(_, road)) => road,
+            _ => own,
+        };
+        match base {
+            LateralBase::Lane(lane) => road.lane_middle_m(lane.min(road.lanes().saturating_sub(1))),
+            LateralBase::PresentLane => road.lane_middle_m(road.lane_at(self.lateral_m)),
+            LateralBase::Course => 0.0,
         }
     }
 
@@ -76,15 +108,14 @@ impl PlanRun {
         &self,
         span: SampleSpan<'_>,
         deviation: Command,
-        speed_of: impl Fn(&str) -> f64,
     ) -> (PlanRun, Arrival) {
         let mut run = self.clone();
         if span.from_s < span.to_s {
-            let arrival = run.advance(span, deviation, speed_of);
+            let arrival = run.advance(span, deviation);
             return (run, arrival);
         }
         // A sample of no length has no mean motion, only the laws that begin.
-        run.settle(span.to_s, span.road, &speed_of);
+        run.settle(span.to_s, span);
         let arrival = Arrival {
             speed_mps: run.speed_at(span.to_s),
             ..run.last_at(span.course)
@@ -111,11 +142,20 @@ impl PlanRun {
 
     /// Returns the end of the change of speed.
     pub(in super::super) fn ramp_ends_s(&self) -> f64 {
-        self.ramp.ends_s()
+        self.legs
+            .as_ref()
+            .map_or_else(|| self.ramp.ends_s(), |legs| legs.ends_s)
     }
 
-    /// Returns the end of the lateral motion, as far as it is known now.
+    /// Returns the end of the lateral motion, infinite if it is not known yet.
     pub(in super::super) fn swing_ends_s(&self) -> f64 {
-        self.swing.map_or(f64::NEG_INFINITY, |it| it.ends_s())
+        let is_on_curve = || self.turned_rad().is_some();
+        match (&self.beside, &self.legs, self.swing) {
+            (Some(beside), ..) => beside.ends_s(),
+            (None, Some(legs), _) => legs.ends_s,
+            (None, None, Some(swing)) => swing.ends_s(),
+            (None, None, None) if is_on_curve() => f64::INFINITY,
+            (None, None, None) => self.way_ended_s,
+        }
     }
 }

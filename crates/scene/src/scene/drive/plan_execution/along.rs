@@ -1,0 +1,387 @@
+//! Speeds that follow another agent, in steps that no sample time changes.
+
+use super::super::along_law::{AlongAim, AlongLaw};
+use super::super::motion_profile::{SAME_S, SpeedRamp};
+use super::super::story_law::greatest_rate;
+use super::{PlanRun, SampleSpan, Stray};
+use crate::road::{ChangeShape, Course};
+use crate::sim::Pose;
+use crate::story::axis::AxisSpan;
+use crate::story::values::{Dimension, DistanceOrTime, FinalSpeed};
+use crate::story::view::{AgentMotion, AgentSize};
+
+/// Step in which the motion is planned.
+const STEP_S: f64 = 0.01;
+/// Distance from the aim that counts as reached.
+const REACHED_M: f64 = 0.01;
+/// Time constant of the last part of an approach.
+const SETTLES_S: f64 = 0.1;
+/// Displacement from which a body jumps, as it cannot drive there.
+const JUMP_M: f64 = 0.01;
+/// Speed below which an agent never arrives.
+const STANDS_MPS: f64 = 1e-3;
+
+/// Law along the path, in motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AlongRun {
+    law: AlongLaw,
+    /// Difference to the aimed speed, as far as a transition still has it.
+    offset: SpeedRamp,
+    accel_mps2: f64,
+    next_s: f64,
+}
+
+/// Time and way that are left to a meeting.
+struct MeetingAhead {
+    own_m: f64,
+    its_m: f64,
+    its_mps: f64,
+}
+
+impl AlongRun {
+    pub(super) fn new(law: AlongLaw, at_s: f64) -> AlongRun {
+        AlongRun {
+            law,
+            offset: SpeedRamp::steady(0.0),
+            accel_mps2: 0.0,
+            next_s: at_s,
+        }
+    }
+
+    /// Returns the acceleration now.
+    pub(super) fn accel_mps2(&self) -> f64 {
+        self.accel_mps2
+    }
+
+    /// Returns the end of its present step.
+    pub(super) fn next_s(&self) -> f64 {
+        self.next_s
+    }
+}
+
+fn size_of(agent: usize, span: SampleSpan<'_>) -> AgentSize {
+    let body = &span.spec.agents[agent].body;
+    AgentSize {
+        length_m: body.length_m,
+        width_m: body.width_m,
+        front_m: body.front_m(),
+    }
+}
+
+impl PlanRun {
+    /// Begins a motion that depends on another agent.
+    pub(super) fn begin_along(&mut self, law: AlongLaw, at_s: f64, span: SampleSpan<'_>) {
+        let now_mps = self.ramp.speed_mps(at_s);
+        let mut along = AlongRun::new(law, at_s);
+        if let AlongAim::Speed {
+            factor,
+            by_mps,
+            shape: Some(shape),
+            size,
+        } = law.aim
+        {
+            let aim_mps = factor * (span.motion_of)(law.of, at_s).speed_mps + by_mps;
+            let off_mps = now_mps - aim_mps;
+            let lasting = match size {
+                Dimension::Distance(way_m) => {
+                    let mean_mps = (0.5 * (now_mps + aim_mps)).max(STANDS_MPS);
+                    Dimension::Time(way_m / mean_mps)
+                }
+                size => size,
+            };
+            along.offset = SpeedRamp {
+                begins_s: at_s,
+                from_mps: off_mps,
+                to_mps: 0.0,
+                rate_mps2: greatest_rate(shape, lasting, [off_mps, 0.0]),
+                shape,
+            };
+        }
+        self.along = Some(along);
+    }
+
+    /// Plans the speed up to the next step, if it depends on another agent.
+    pub(super) fn pursue(&mut self, time_s: f64, span: SampleSpan<'_>) {
+        let Some(along) = self.along else {
+            return;
+        };
+        let grid_s = ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S;
+        let next_s = grid_s.min(span.to_s);
+        let [from_mps, to_mps] = match along.law.aim {
+            AlongAim::Speed { factor, by_mps, .. } => {
+                let aim_mps = |at_s: f64| {
+                    let other_mps = (span.motion_of)(along.law.of, at_s).speed_mps;
+                    factor * other_mps + by_mps + along.offset.speed_mps(at_s)
+                };
+                self.limited(&along.law, [aim_mps(time_s), aim_mps(next_s)], time_s, next_s)
+            }
+            AlongAim::Distance { .. } => {
+                let Some(speeds_mps) = self.keep_distance(along.law, time_s, next_s, span) else {
+                    return;
+                };
+                speeds_mps
+            }
+            AlongAim::Meeting { .. } => {
+                let Some(wanted_mps) = self.meet(along.law, time_s, next_s, span) else {
+                    return;
+                };
+                self.limited(&along.law, wanted_mps, time_s, next_s)
+            }
+        };
+        // The end of a sample belongs to the next one.
+        if span.to_s - SAME_S <= time_s {
+            return;
+        }
+        let rate_mps2 = (to_mps - from_mps).abs() / (next_s - time_s);
+        self.ramp = SpeedRamp {
+            begins_s: time_s,
+            from_mps,
+            to_mps,
+            rate_mps2,
+            shape: ChangeShape::Linear,
+        };
+        self.along = Some(AlongRun {
+            accel_mps2: (to_mps - from_mps) / (next_s - time_s),
+            next_s,
+            ..along
+        });
+    }
+
+    /// Returns speeds at both ends of a step as near to wanted ones as limits allow.
+    fn limited(&self, law: &AlongLaw, wanted_mps: [f64; 2], time_s: f64, next_s: f64) -> [f64; 2] {
+        let now_mps = self.ramp.speed_mps(time_s);
+        let from_mps = law.limits.nearest_mps(now_mps, wanted_mps[0], 0.0);
+        let to_mps = law
+            .limits
+            .nearest_mps(from_mps, wanted_mps[1], next_s - time_s);
+        [from_mps, to_mps]
+    }
+
+    /// Ends the motion. The body keeps a speed.
+    fn end_along(&mut self, at_s: f64, speed_mps: f64) {
+        self.along = None;
+        self.ramp = SpeedRamp {
+            begins_s: at_s,
+            ..SpeedRamp::steady(speed_mps)
+        };
+    }
+
+    fn planned_front(&self, course: &Course) -> Pose {
+        self.front(course, Stray::default(), self.planned_rad)
+    }
+
+    /// Returns the way that the actor is behind its place at a distance to the other.
+    fn behind_m(&self, law: &AlongLaw, other: &AgentMotion, span: SampleSpan<'_>) -> f64 {
+        let AlongAim::Distance {
+            distance,
+            leads,
+            freespace,
+            on_road,
+            ..
+        } = law.aim
+        else {
+            return 0.0;
+        };
+        let course = self.course(span.course);
+        let own = self.planned_front(course);
+        let towards = self.carried.direction().0.signum();
+        let on_axis = |pose: &Pose| {
+            if on_road {
+                towards * course.locate(pose).s_m
+            } else {
+                own.frame().to_local(pose.point_m()).x
+            }
+        };
+        let own_size = AgentSize {
+            length_m: self.carried.length_m,
+            width_m: 0.0,
+            front_m: self.carried.front_m,
+        };
+        let mine = AxisSpan::of(own_size, &own, freespace, on_axis);
+        let its = AxisSpan::of(size_of(law.of, span), &other.pose, freespace, on_axis);
+        let away_m = match distance {
+            DistanceOrTime::Metres(away_m) => away_m,
+            DistanceOrTime::Seconds(time_s) => time_s * self.ramp.to_mps,
+        };
+        if leads {
+            its.most_m + away_m - mine.least_m
+        } else {
+            its.least_m - away_m - mine.most_m
+        }
+    }
+
+    /// Returns the speed that keeps the present distance to another along its axis.
+    fn pace_mps(&self, law: &AlongLaw, other: &AgentMotion, span: SampleSpan<'_>) -> f64 {
+        let course = self.course(span.course);
+        if let AlongAim::Distance { on_road: false, .. } = law.aim {
+            let own = self.planned_front(course);
+            let (sin, cos) = libm::sincos(own.heading_rad);
+            let [x_mps, y_mps] = other.velocity_mps();
+            return x_mps * cos + y_mps * sin;
+        }
+        let on = course.locate(&other.pose);
+        let along_mps = on.velocity_mps(other.speed_mps, other.lateral_mps).x;
+        let stations_mps = along_mps / (1.0 - on.curvature_per_m * on.lateral_m);
+        let towards = self.carried.direction().0.signum();
+        let shorter = 1.0 - course.curvature_per_m(self.s_m) * self.lateral_m;
+        towards * stations_mps * shorter
+    }
+
+    /// Returns the speeds of a step, or `None` at the end of the motion.
+    fn keep_distance(
+        &mut self,
+        law: AlongLaw,
+        time_s: f64,
+        next_s: f64,
+        span: SampleSpan<'_>,
+    ) -> Option<[f64; 2]> {
+        let AlongAim::Distance {
+            distance,
+            continuous,
+            ..
+        } = law.aim
+        else {
+            return None;
+        };
+        let [now, next] = [time_s, next_s].map(|at_s| (span.motion_of)(law.of, at_s));
+        let paces_mps = [&now, &next].map(|other| self.pace_mps(&law, other, span).max(0.0));
+        let now_mps = self.ramp.speed_mps(time_s);
+        let is_new = self.along.is_some_and(|it| it.next_s == time_s && it.accel_mps2 == 0.0);
+        if law.limits.are_none() {
+            let headway_s = match distance {
+                DistanceOrTime::Seconds(headway_s) => headway_s,
+                DistanceOrTime::Metres(_) => 0.0,
+            };
+            // The pace is the other's, and a headway in time lets it follow gradually.
+            let from_mps = if is_new || headway_s <= 0.0 {
+                paces_mps[0]
+            } else {
+                now_mps
+            };
+            self.ramp = SpeedRamp {
+                begins_s: time_s,
+                ..SpeedRamp::steady(from_mps)
+            };
+            self.shift(self.behind_m(&law, &now, span), span);
+            if !continuous {
+                self.end_along(time_s, from_mps);
+                return None;
+            }
+            let lag = if headway_s > 0.0 {
+                libm::exp((time_s - next_s) / headway_s)
+            } else {
+                0.0
+            };
+            return Some([from_mps, paces_mps[1] + (from_mps - paces_mps[0]) * lag]);
+        }
+        let behind_m = self.behind_m(&law, &now, span);
+        if !continuous && behind_m.abs() <= REACHED_M {
+            self.end_along(time_s, now_mps);
+            return None;
+        }
+        // As fast as it can still slow down to the other's pace at the place.
+        let rate_mps2 = if behind_m > 0.0 {
+            law.limits.most_decel_mps2
+        } else {
+            law.limits.most_accel_mps2
+        };
+        let most_mps = (2.0 * rate_mps2 * behind_m.abs()).sqrt();
+        let closing_mps = most_mps.min(behind_m.abs() / SETTLES_S).copysign(behind_m);
+        let wanted_mps = paces_mps.map(|pace_mps| pace_mps + closing_mps);
+        Some(self.limited(&law, wanted_mps, time_s, next_s))
+    }
+
+    /// Displaces the body along its axis.
+    fn shift(&mut self, by_m: f64, span: SampleSpan<'_>) {
+        self.s_m += self.carried.direction().0 * by_m;
+        if by_m.abs() > JUMP_M {
+            self.jumped(span.course);
+        }
+    }
+
+    /// Returns wanted speeds of a step to a meeting, or `None` at its end.
+    fn meet(
+        &mut self,
+        law: AlongLaw,
+        time_s: f64,
+        next_s: f64,
+        span: SampleSpan<'_>,
+    ) -> Option<[f64; 2]> {
+        let AlongAim::Meeting {
+            tolerance_m,
+            its_tolerance_m,
+            final_speed,
+            steady,
+            ..
+        } = law.aim
+        else {
+            return None;
+        };
+        let now_mps = self.ramp.speed_mps(time_s);
+        let ahead = self.meeting_ahead(&law, time_s, span);
+        let MeetingAhead {
+            own_m,
+            its_m,
+            its_mps,
+        } = ahead;
+        if its_m <= its_tolerance_m.max(SAME_S) || own_m <= tolerance_m.max(SAME_S) {
+            self.end_along(time_s, now_mps);
+            return None;
+        }
+        if its_mps <= STANDS_MPS {
+            // It never arrives, so neither does the actor.
+            return Some([0.0, 0.0]);
+        }
+        let left_s = its_m / its_mps;
+        let Some(final_speed) = final_speed else {
+            let even_mps = own_m / left_s;
+            return Some([even_mps, even_mps]);
+        };
+        let end_mps = match final_speed {
+            FinalSpeed::Absolute(end_mps) => end_mps,
+            FinalSpeed::RelativeToMaster(by_mps) => (its_mps + by_mps).max(0.0),
+        };
+        let steady_m = match steady {
+            Some(DistanceOrTime::Metres(steady_m)) => steady_m,
+            Some(DistanceOrTime::Seconds(steady_s)) => steady_s * end_mps,
+            None => 0.0,
+        };
+        let steady_s = if end_mps > 0.0 { steady_m / end_mps } else { 0.0 };
+        let (way_m, for_s) = (own_m - steady_m, left_s - steady_s);
+        let step_s = next_s - time_s;
+        if for_s <= step_s || way_m <= 0.0 {
+            return Some([end_mps, end_mps]);
+        }
+        // Speed of least mean square acceleration that has both ends, after a step.
+        let rate_mps2 = (6.0 * way_m / for_s - 4.0 * now_mps - 2.0 * end_mps) / for_s;
+        let jerk_mps3 = (6.0 * (now_mps + end_mps) - 12.0 * way_m / for_s) / (for_s * for_s);
+        let after_mps = now_mps + (rate_mps2 + 0.5 * jerk_mps3 * step_s) * step_s;
+        Some([now_mps, after_mps])
+    }
+
+    fn meeting_ahead(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> MeetingAhead {
+        let AlongAim::Meeting {
+            to_s_m, its_s_m, ..
+        } = law.aim
+        else {
+            return MeetingAhead {
+                own_m: 0.0,
+                its_m: 0.0,
+                its_mps: 0.0,
+            };
+        };
+        let course = self.course(span.course);
+        let reference = self.planned_front(course).ahead(-self.carried.front_m);
+        let towards = self.carried.direction().0.signum();
+        let own_m = towards * (to_s_m - course.locate(&reference).s_m);
+        let other = (span.motion_of)(law.of, time_s);
+        let point = other.pose.ahead(-size_of(law.of, span).front_m);
+        let on = span.network.locate(law.of, &point);
+        let facing = libm::cos(on.heading_rad).signum();
+        MeetingAhead {
+            own_m,
+            its_m: facing * (its_s_m - on.s_m),
+            its_mps: other.speed_mps,
+        }
+    }
+}

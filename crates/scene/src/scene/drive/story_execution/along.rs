@@ -1,0 +1,133 @@
+//! Laws of actions along the path.
+
+use super::SampleStage;
+use crate::scene::drive::along_law::{AlongAim, AlongLaw, SpeedLimits};
+use crate::scene::drive::story_law::StoryLaw;
+use crate::story::values::{CoordinateSystem, TransitionDynamics};
+use crate::story::view::{
+    ActorAction, ActorDistance, ActorSpeed, DistanceSide, MeasuredAhead, StoryView,
+    Synchronization,
+};
+
+impl SampleStage<'_> {
+    /// Returns the law of an action along the path, and `None` for others.
+    pub(super) fn law_along(
+        &self,
+        agent: usize,
+        action: &ActorAction,
+        at_s: f64,
+    ) -> Option<StoryLaw> {
+        let limits = SpeedLimits::NONE.with(&self.board.limits(agent));
+        let law = match action {
+            ActorAction::Speed { target, dynamics } => {
+                self.speed_law(*target, *dynamics, limits, at_s)
+            }
+            ActorAction::SpeedProfile {
+                relative_to,
+                points,
+                limits: own,
+                ..
+            } => {
+                let base_mps = relative_to.map_or(0.0, |of| self.motion(of, at_s).speed_mps);
+                StoryLaw::Profile {
+                    base_mps,
+                    points: points.clone(),
+                    limits: limits.with(own),
+                }
+            }
+            ActorAction::LongitudinalDistance(distance) => StoryLaw::Along(AlongLaw {
+                of: distance.of,
+                aim: AlongAim::Distance {
+                    distance: distance.distance,
+                    leads: self.leads(agent, distance, at_s),
+                    freespace: distance.freespace,
+                    on_road: distance.system == CoordinateSystem::Road,
+                    continuous: distance.continuous,
+                },
+                limits: limits.with(&distance.limits),
+            }),
+            ActorAction::Synchronize(meeting) => {
+                StoryLaw::Along(self.meeting(agent, meeting, limits, at_s))
+            }
+            _ => return None,
+        };
+        Some(law)
+    }
+
+    fn speed_law(
+        &self,
+        target: ActorSpeed,
+        dynamics: TransitionDynamics<f64>,
+        limits: SpeedLimits,
+        at_s: f64,
+    ) -> StoryLaw {
+        let relative = match target {
+            ActorSpeed::Absolute(_) => None,
+            ActorSpeed::Delta(to) => Some((to, 1.0, to.by)),
+            ActorSpeed::Factor(to) => Some((to, to.by, 0.0)),
+        };
+        let (shape, size) = (dynamics.shape.curve(), dynamics.dimension);
+        if let Some((to, factor, by_mps)) = relative.filter(|it| it.0.continuous) {
+            return StoryLaw::Along(AlongLaw {
+                of: to.of,
+                aim: AlongAim::Speed {
+                    factor,
+                    by_mps,
+                    shape,
+                    size,
+                },
+                limits,
+            });
+        }
+        let to_mps = match (target, relative) {
+            (ActorSpeed::Absolute(to_mps), _) => to_mps,
+            (_, Some((to, factor, by_mps))) => {
+                factor * self.motion(to.of, at_s).speed_mps + by_mps
+            }
+            // Invariant: all other targets are relative.
+            (_, None) => 0.0,
+        };
+        StoryLaw::Speed {
+            to_mps,
+            shape,
+            size,
+            limits,
+        }
+    }
+
+    /// Returns whether an agent keeps a distance ahead of the other.
+    fn leads(&self, agent: usize, distance: &ActorDistance, at_s: f64) -> bool {
+        match distance.side {
+            DistanceSide::Less => false,
+            DistanceSide::More => true,
+            DistanceSide::Any => {
+                let MeasuredAhead { ahead_m, .. } =
+                    self.measured_ahead(agent, distance.of, distance.system, at_s);
+                ahead_m < 0.0
+            }
+        }
+    }
+
+    fn meeting(
+        &self,
+        agent: usize,
+        meeting: &Synchronization,
+        limits: SpeedLimits,
+        at_s: f64,
+    ) -> AlongLaw {
+        let target = self.pose_of(agent, &meeting.target_place, at_s);
+        let its = self.pose_of(meeting.master, &meeting.master_place, at_s);
+        AlongLaw {
+            of: meeting.master,
+            aim: AlongAim::Meeting {
+                to_s_m: self.on_road(agent, &target).s_m,
+                tolerance_m: meeting.target_tolerance_m,
+                its_s_m: self.on_road(meeting.master, &its).s_m,
+                its_tolerance_m: meeting.master_tolerance_m,
+                final_speed: meeting.final_speed,
+                steady: meeting.steady,
+            },
+            limits,
+        }
+    }
+}
