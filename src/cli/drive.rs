@@ -1,6 +1,7 @@
 //! `brakecheck drive`: a page in the browser, in which you drive.
 
 use std::path::PathBuf;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 use clap::Args;
@@ -140,9 +141,26 @@ fn open(address: &str) {
         "windows" => "explorer",
         _ => "xdg-open",
     };
-    if let Err(error) = std::process::Command::new(command).arg(address).spawn() {
-        terminal::note(&format!(
-            "`{command}` cannot be started ({error}): open the address yourself"
-        ));
+    let failed = move |why: &str| {
+        terminal::note(&format!("`{command}` {why}: open the address yourself"));
+    };
+    let opener = Command::new(command)
+        .arg(address)
+        // Its words are no part of this program's output.
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    match opener {
+        Err(error) => failed(&format!("cannot be started ({error})")),
+        // Some openers end with the browser only, so nobody waits for them here.
+        Ok(mut opener) => {
+            std::thread::spawn(move || match opener.wait() {
+                // Windows' explorer has a code of its own for success.
+                Ok(status) if status.success() || command == "explorer" => {}
+                Ok(status) => failed(&format!("failed ({status})")),
+                Err(error) => failed(&format!("cannot be waited for ({error})")),
+            });
+        }
     }
 }

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Drives the page of `brakecheck drive` in Chromium:
+# Drives the pages of `brakecheck drive` and `brakecheck report` in Chromium:
 #
 #   sh tests/browser/check.sh [DIRECTORY]
 #
@@ -19,4 +19,4 @@ fi
 "${PYTHON:-python3}" -m venv "$where/browser"
 "$where/browser/bin/python" -m pip install --quiet 'playwright>=1.50,<2' 'pytest>=8'
 CHROMIUM="$chromium" PROGRAM="${PROGRAM:-$here/../../target/release/brakecheck}" \
-    "$where/browser/bin/python" -m pytest -q -p no:cacheprovider "$here/drive.py"
+    "$where/browser/bin/python" -m pytest -q -p no:cacheprovider "$here/drive.py" "$here/report.py"

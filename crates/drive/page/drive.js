@@ -4,7 +4,8 @@ import { Scene3d } from "./scene3d.js";
 import { Panel } from "./panel.js";
 
 const byId = (id) => document.getElementById(id);
-const scene = new Scene3d(byId("scene")), panel = new Panel();
+const choose = (at) => { action = at; sendInput(); };
+const scene = new Scene3d(byId("scene")), panel = new Panel(choose);
 // Strength of the keys: m/s² along the road, m/s across it. Shift brakes as hard as it gets.
 const GAS = 3, BRAKE = 5, HARD = 9, ACROSS = 1.5;
 
@@ -18,6 +19,8 @@ let replay = null;
 let arrived = performance.now();
 const held = new Set();
 let sent = "", action = null;
+/** Buttons of the gamepad that were held at the last look. */
+let pressed = [];
 
 /** Asks the program. Only the page at the wheel is answered. */
 async function ask(request) {
@@ -39,23 +42,24 @@ function shownAt() { return looked === null ? newest() : Math.min(looked, newest
 
 const receive = {
   stage(it) {
-    stage = it; frames = []; looked = null; replay = null;
+    stage = it; frames = []; looked = null; replay = null; painted = "";
     scene.setStage(it); panel.setStage(it);
     byId("problems").hidden = true;
     byId("note").textContent = it.setup.ado === "search" ? "The search found a sequence with which the ego fails. Press Go." : "";
     byId("timeline").max = Math.round(it.horizon_s / it.sample_s);
-    const own = it.seat.ado === undefined ? null : it.seat.ado;
     action = null;
-    byId("keys").textContent = own === null
+    byId("keys").textContent = it.seat.ado === undefined
       ? (it.setup.ego === "you" ? "↑ gas   ↓ brake (Shift: hard)   ← → across   Space go / pause" : "Space go / pause")
-      : it.actions[own].map((name, at) => `${at + 1}: ${name}`).join("   ");
+      : "1 to 9: your action   Space go / pause";
   },
-  geometry(it) { scene.setRoads(it); },
+  geometry(it) { scene.setRoads(it); painted = ""; },
   frame(it) { frames.push(it); looked = null; arrived = performance.now(); },
   frames(all) { frames = all; looked = null; arrived = performance.now(); },
   state(it) {
-    state = it;
+    state = it; drawn = null;
     byId("speed").value = String(it.speed);
+    byId("number").value = it.number ?? "";
+    byId("number").disabled = it.wheel !== page;
     byId("wheel").textContent = who(it);
     for (const button of document.querySelectorAll("#controls button, #begin")) {
       if (!["camera", "keep", "resume"].includes(button.id)) button.disabled = it.wheel !== page;
@@ -73,10 +77,30 @@ events.onmessage = (event) => {
 };
 events.onerror = () => { byId("wheel").textContent = "The program is gone or does not answer."; };
 
+/** Gamepad that is connected, if any. Its order is that of a standard gamepad. */
+const gamepad = () => [...(navigator.getGamepads?.() ?? [])].find((it) => it);
+
+/** Does what buttons of the gamepad say that are newly pressed. */
+function pressButtons(pad) {
+  const now = pad ? pad.buttons.map((it) => it.pressed) : [];
+  const isNew = (at) => now[at] && !pressed[at];
+  const own = stage.actions[stage.seat.ado]?.length ?? 0;
+  // The four buttons on the right are the first four actions, and ↑ and ↓ go through all.
+  for (let at = 0; at < Math.min(4, own); at++) if (isNew(at)) action = at;
+  if (own) {
+    const by = (isNew(13) ? 1 : 0) - (isNew(12) ? 1 : 0);
+    if (by) action = Math.max(0, Math.min(own - 1, action === null ? 0 : action + by));
+  }
+  const others = { 4: actions.back, 5: actions.step, 8: camera, 9: run };
+  for (const at in others) if (isNew(at)) others[at]();
+  pressed = now;
+}
+
 /** Sends what the keys and the gamepad say, whenever it changes. */
 function sendInput() {
   if (!stage) return;
-  const pad = [...(navigator.getGamepads?.() ?? [])].find((it) => it);
+  const pad = gamepad();
+  pressButtons(pad);
   const strength = held.has("Shift") ? HARD : BRAKE;
   let accel = (held.has("ArrowUp") ? GAS : 0) - (held.has("ArrowDown") ? strength : 0);
   let across = (held.has("ArrowLeft") ? ACROSS : 0) - (held.has("ArrowRight") ? ACROSS : 0);
@@ -129,6 +153,11 @@ for (const [id, act] of Object.entries(actions)) {
   byId(id).addEventListener("click", (event) => { act(); event.currentTarget.blur(); });
 }
 byId("speed").addEventListener("change", (event) => ask({ speed: Number(event.target.value) }));
+byId("number").addEventListener("change", (event) => {
+  const number = Number(event.target.value);
+  if (event.target.value !== "" && Number.isInteger(number) && number >= 0) ask({ start: number });
+  event.target.blur();
+});
 // Arrow keys drive, and must not move the slider.
 byId("timeline").addEventListener("change", (event) => event.target.blur());
 byId("signals").parentElement.addEventListener("toggle", () => { drawn = null; });
@@ -162,8 +191,27 @@ function bodiesNow() {
   }));
 }
 
+/** Time between pictures that is too long, and how many of them in a row count. */
+const LATE_MS = 22, LATE = 12;
+let before = 0, late = 0;
+/** Draws fewer pixels where pictures come too late, as by software rendering. */
+function pace(now) {
+  const passed = now - before;
+  before = now;
+  // A page in the background draws nothing for a long time.
+  late = passed > LATE_MS && passed < 500 ? late + 1 : 0;
+  if (late < LATE) return;
+  late = 0;
+  scene.sharpness = Math.max(0.35, 0.8 * scene.sharpness);
+}
+
+/** Writes a text that changed: every write costs a layout of the page. */
+const write = (at, text) => { if (at.textContent !== text) at.textContent = text; };
+
+/** What the last picture showed, beside its sample. */
+let painted = "";
 const labels = byId("labels");
-function show() {
+function show(now) {
   requestAnimationFrame(show);
   sendInput();
   if (!stage || !frames.length) return;
@@ -172,8 +220,13 @@ function show() {
     looked = Math.min(newest(), replay.from + Math.floor(played));
     if (looked === newest()) { replay = null; looked = null; }
   }
-  byId("run").textContent = state.running || replay ? "❚❚ Pause" : "▶ Go";
-  const at = shownAt(), frame = frames[at];
+  write(byId("run"), state.running || replay ? "❚❚ Pause" : "▶ Go");
+  const at = shownAt(), frame = frames[at], isMoving = state.running && looked === null;
+  if (isMoving) pace(now);
+  const canvas = scene.canvas;
+  const view = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio, scene.fromAbove, scene.sharpness, isMoving].join();
+  if (!isMoving && drawn === frame && painted === view) return;
+  painted = view;
   const places = scene.show(bodiesNow(), frame.phases);
   while (labels.children.length > stage.geometry.agents.length) labels.lastChild.remove();
   stage.geometry.agents.forEach((agent, i) => {
@@ -181,8 +234,8 @@ function show() {
     label.className = agent.role.toLowerCase();
     label.hidden = !places[i];
     if (!places[i]) return;
-    label.textContent = `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s`;
-    label.style.left = `${places[i][0]}px`; label.style.top = `${places[i][1]}px`;
+    write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s`);
+    label.style.transform = `translate(${places[i][0]}px, ${places[i][1]}px) translate(-50%, -100%)`;
   });
   // The panels change with the samples only.
   if (drawn === frame) return;
@@ -192,4 +245,4 @@ function show() {
   byId("resume").disabled = looked === null || looked >= newest() || state.wheel !== page;
   byId("keep").disabled = !frames[newest()].outcome?.keeps || state.wheel !== page;
 }
-show();
+requestAnimationFrame(show);

@@ -18,7 +18,13 @@ export const PLAYERS = {
 /** Symmetric logarithm: shows the sign near 0 and the size far from it. */
 const symlog = (value) => Math.sign(value) * Math.log1p(Math.abs(value));
 
+/** Most joint actions whose words are told apart. */
+const MOST_JOINT = 4096;
+
 export class Panel {
+  /** `choose` is called with an action of your ado that is pressed in its list. */
+  constructor(choose) { this.choose = choose; }
+
   setStage(stage) {
     this.stage = stage;
     byId("world").textContent = stage.world;
@@ -32,8 +38,39 @@ export class Panel {
       return { row, value, fill };
     });
     byId("margins").replaceChildren(...this.rows.map((it) => it.row));
-    this.numbers = {};
+    this.fillActions(stage);
     this.fillSetup(stage);
+  }
+
+  /** Lists the actions of every ado. Those of your own can be pressed. */
+  fillActions(stage) {
+    this.actions = stage.actions.map((labels, ado) => labels.map((label, at) => {
+      const own = stage.seat.ado === ado;
+      const row = element(own ? "button" : "div", undefined, "action");
+      row.append(element("span", own && at < 9 ? `${at + 1}: ${label}` : label), element("b"));
+      if (own) row.addEventListener("click", () => { this.choose(at); row.blur(); });
+      return row;
+    }));
+    byId("actions").replaceChildren(...stage.ados.flatMap((name, ado) => {
+      const title = element("h3", stage.seat.ado === ado ? `${name} (you)` : name);
+      return stage.ados.length > 1 ? [title, ...this.actions[ado]] : this.actions[ado];
+    }));
+    const count = stage.actions.reduce((product, own) => product * own.length, 1);
+    // From the words of a joint action to its number.
+    this.joint = new Map(Array.from({ length: count > MOST_JOINT ? 0 : count }, (_, at) => [this.inWords(at), at]));
+  }
+
+  /** The parts of a joint action. The first ado is the lowest digit. */
+  parts(joint) {
+    return this.stage.actions.map((own) => {
+      const part = joint % own.length;
+      joint = Math.floor(joint / own.length);
+      return part;
+    });
+  }
+
+  inWords(joint) {
+    return this.parts(joint).map((part, ado) => this.stage.actions[ado][part]).join(" | ");
   }
 
   fillSetup(stage) {
@@ -94,8 +131,7 @@ export class Panel {
     byId("counts").textContent = isAfter ? "after the verdict, which they do not change" : "above 0 is kept";
     this.curve(frame, frames);
     this.table(frame);
-    byId("action").textContent = frame.action === null ? "has not decided yet" : frame.action;
-    this.values(frame);
+    this.showActions(frame);
     byId("clock").textContent = `${frame.time_s.toFixed(2)} s`;
     this.verdict(frame.outcome);
   }
@@ -123,21 +159,23 @@ export class Panel {
       const row = table.rows[at] ?? table.insertRow();
       const cells = [row.cells[0] ?? row.insertCell(), row.cells[1] ?? row.insertCell()];
       if (cells[0].textContent !== name) cells[0].textContent = name;
-      cells[1].textContent = value;
+      if (cells[1].textContent !== value) cells[1].textContent = value;
     });
   }
 
-  /** The trained ado's value of every action, the best first, at most eight. */
-  values(frame) {
-    const labels = this.stage.actions, label = (action) => labels.map((own) => {
-      const name = own[action % own.length];
-      action = Math.floor(action / own.length);
-      return name;
-    }).join(" | ");
-    const ranked = frame.values.map((value, at) => [value, label(at)]).sort((a, b) => b[0] - a[0]).slice(0, 8);
-    byId("values").replaceChildren(...ranked.map(([value, name]) => {
-      const row = element("div", undefined, name === frame.action ? "value chosen" : "value");
-      row.append(element("span", name), element("b", value.toFixed(3)));
+  /** Marks the actions that are taken, with the trained ado's value of each. */
+  showActions(frame) {
+    const joint = this.joint.get(frame.action), taken = joint === undefined ? [] : this.parts(joint);
+    const isOne = this.actions.length === 1;
+    this.actions.forEach((rows, ado) => rows.forEach((row, at) => {
+      row.classList.toggle("chosen", taken[ado] === at);
+      row.lastChild.textContent = isOne && at in frame.values ? frame.values[at].toFixed(3) : "";
+    }));
+    // Joint actions are too many to list: the best eight.
+    const ranked = isOne ? [] : frame.values.map((value, at) => [value, at]).sort((a, b) => b[0] - a[0]).slice(0, 8);
+    byId("values").replaceChildren(...(ranked.length ? [element("h3", "best together")] : []), ...ranked.map(([value, at]) => {
+      const row = element("div", undefined, at === joint ? "action chosen" : "action");
+      row.append(element("span", this.inWords(at)), element("b", value.toFixed(3)));
       return row;
     }));
   }

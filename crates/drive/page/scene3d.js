@@ -128,11 +128,17 @@ function surface(borders) {
   return { position, normal };
 }
 
+/** True if the processor draws, for which smooth edges cost more than the whole picture. */
+function isSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  return /swiftshader|llvmpipe|software/i.test(info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "");
+}
+
 export class Scene3d {
   constructor(canvas) {
     this.canvas = canvas;
-    // Kept, so that a picture of the page shows the scene.
-    const gl = canvas.getContext("webgl", { antialias: true, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl", { antialias: !isSoftware(), alpha: false });
     this.gl = gl;
     if (!gl) throw new Error("this browser has no WebGL");
     const program = gl.createProgram();
@@ -150,6 +156,8 @@ export class Scene3d {
     this.cube = this.mesh(cube());
     this.fixed = [];
     this.fromAbove = false;
+    /** Pixels per pixel of the screen. The page lowers it where pictures come too late. */
+    this.sharpness = 1;
   }
 
   mesh({ position, normal }) {
@@ -172,18 +180,22 @@ export class Scene3d {
   /** Takes the roads, which an adversary may lay while you drive. */
   setRoads(geometry) {
     for (const { mesh } of this.fixed) for (const part of ["position", "normal"]) this.gl.deleteBuffer(mesh[part]);
-    this.fixed = [];
+    // One mesh per colour, since every mesh is a call.
+    const asphalt = { position: [], normal: [] }, paint = { position: [], normal: [] };
+    const add = (all, { position, normal }) => {
+      for (const value of position) all.position.push(value);
+      for (const value of normal) all.normal.push(value);
+    };
     [geometry.lane_borders_m, ...geometry.side_roads_m].forEach((borders) => {
       if (borders.length < 2) return;
-      this.fixed.push({ mesh: this.mesh(surface(borders)), colour: ASPHALT });
+      add(asphalt, surface(borders));
       borders.forEach((line, at) => {
         const outer = at === 0 || at === borders.length - 1;
-        this.fixed.push({ mesh: this.mesh(ribbon(line, 0.15, 0.02, outer ? 0 : 3)), colour: PAINT });
+        add(paint, ribbon(line, 0.15, 0.02, outer ? 0 : 3));
       });
     });
-    for (const light of geometry.lights) {
-      this.fixed.push({ mesh: this.mesh(ribbon(light.stop_line_m, 0.4, 0.03, 0)), colour: PAINT });
-    }
+    for (const light of geometry.lights) add(paint, ribbon(light.stop_line_m, 0.4, 0.03, 0));
+    this.fixed = [{ mesh: this.mesh(asphalt), colour: ASPHALT }, { mesh: this.mesh(paint), colour: PAINT }];
   }
 
   draw(mesh, model, colour) {
@@ -241,7 +253,7 @@ export class Scene3d {
 
   /** Draws the bodies at their poses, and returns where the top of each is on the canvas. */
   show(bodies, lights) {
-    const gl = this.gl, canvas = this.canvas, ratio = window.devicePixelRatio || 1;
+    const gl = this.gl, canvas = this.canvas, ratio = this.sharpness * (window.devicePixelRatio || 1);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
     const body = bodies[this.ego] ?? bodies[0];
@@ -254,7 +266,8 @@ export class Scene3d {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     this.drawAll(main, bodies, lights, body);
     const [w, h] = [Math.round(width * 0.42), Math.round(height * 0.24)], gap = Math.round(12 * ratio);
-    const inset = [width - w - gap, gap, w, h];
+    // In a small window below would be upon the ego.
+    const inset = [width - w - gap, canvas.clientWidth < 600 ? height - h - gap : gap, w, h];
     gl.viewport(...inset);
     gl.enable(gl.SCISSOR_TEST);
     // A frame, and the smaller picture within it.

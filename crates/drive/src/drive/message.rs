@@ -27,6 +27,8 @@ pub enum DriveRequest {
     Begin(Setup),
     /// Begin the test start after the present one.
     Next,
+    /// Begin the test start of a number.
+    Start(usize),
     /// Keep the counterexample as a file.
     Keep,
 }
@@ -53,6 +55,8 @@ pub enum PageMessage {
         speed: f64,
         /// Page at the wheel.
         wheel: Option<u64>,
+        /// Number of the test start. `None`: it has values of your own.
+        number: Option<usize>,
     },
     /// File of the kept counterexample, as the terminal has it.
     Kept(String),

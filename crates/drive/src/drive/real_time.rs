@@ -18,6 +18,9 @@ const LOOK: Duration = Duration::from_millis(250);
 /// Speeds against real time.
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.05..=8.0;
 
+/// Greatest number of a test start, as on the command line.
+const MOST_STARTS: usize = 999_999;
+
 /// Settings of a drive.
 pub struct DriveSettings {
     /// Directory for kept counterexamples.
@@ -50,6 +53,8 @@ pub(super) struct RealTime<'a> {
     hub: Hub,
     /// Position of the test start, from which the next follows.
     index: usize,
+    /// Position of the episode's test start. `None`: values of your own.
+    number: Option<usize>,
     input: DriveInput,
     running: bool,
     speed: f64,
@@ -71,6 +76,7 @@ impl<'a> RealTime<'a> {
         Ok(RealTime {
             episode: DrivenEpisode::begin(&sandbox, &setup)?,
             index: settings.index,
+            number: Some(settings.index),
             sandbox,
             settings,
             hub,
@@ -136,6 +142,7 @@ impl<'a> RealTime<'a> {
             done: self.episode.is_done(),
             speed: self.speed,
             wheel: self.hub.wheel(),
+            number: self.number,
         };
         self.hub.send(to, &state);
     }
@@ -188,7 +195,8 @@ impl<'a> RealTime<'a> {
             DriveRequest::Speed(_) => {}
             DriveRequest::Back(sample) => self.back(sample),
             DriveRequest::Begin(setup) => self.begin(&setup),
-            DriveRequest::Next => self.next(),
+            DriveRequest::Next => self.start(self.index.saturating_add(1)),
+            DriveRequest::Start(index) => self.start(index),
             DriveRequest::Keep => self.keep(),
         }
     }
@@ -213,6 +221,7 @@ impl<'a> RealTime<'a> {
         match DrivenEpisode::begin(&self.sandbox, setup) {
             Ok(episode) => {
                 self.episode = episode;
+                self.number = self.number_of(setup);
                 self.send_episode(None);
             }
             Err(error) => self.refuse(&error),
@@ -220,18 +229,34 @@ impl<'a> RealTime<'a> {
         self.send_state(None);
     }
 
-    fn next(&mut self) {
+    /// Returns the position of a setup's test start, if it is the present one.
+    fn number_of(&self, setup: &Setup) -> Option<usize> {
+        let drawn = self.sandbox.first_setup(self.settings.seed, self.index);
+        let is_drawn = |drawn: &Setup| drawn.start == setup.start && drawn.noise == setup.noise;
+        drawn.ok().filter(is_drawn).map(|_| self.index)
+    }
+
+    /// Begins a test start, with the players of the present episode.
+    fn start(&mut self, index: usize) {
         let present = self.episode.setup().clone();
-        match self.sandbox.first_setup(self.settings.seed, self.index + 1) {
+        let first = match index {
+            0..=MOST_STARTS => self.sandbox.first_setup(self.settings.seed, index),
+            _ => Err(DriveError::NoStart { index }),
+        };
+        match first {
             Ok(first) => {
-                self.index += 1;
+                self.index = index;
                 self.begin(&Setup {
                     start: first.start,
                     noise: first.noise,
                     ..present
                 });
             }
-            Err(error) => self.refuse(&error),
+            Err(error) => {
+                self.refuse(&error);
+                // The page shows the number of the start that stays.
+                self.send_state(None);
+            }
         }
     }
 
@@ -285,6 +310,7 @@ impl<'a> RealTime<'a> {
         };
         self.episode = DrivenEpisode::begin(&sandbox, &setup).map_err(|it| it.to_string())?;
         self.sandbox = sandbox;
+        self.number = self.number_of(&setup);
         Ok(())
     }
 }
