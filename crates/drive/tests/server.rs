@@ -179,6 +179,38 @@ fn a_page_drives_by_messages_alone() {
 }
 
 #[test]
+fn a_start_has_its_number_until_it_has_values_of_your_own() {
+    served(|page| {
+        let mut events = page.events();
+        let me = events.1;
+        let ask = |ask: Value| assert_eq!(page.post(&json!({"page": me, "ask": ask})).0, 200);
+        let first = events.wait("stage")["setup"].clone();
+        assert_eq!(events.wait("state")["number"], 0);
+        ask(json!({"start": 7}));
+        let setup = events.wait("stage")["setup"].clone();
+        assert_ne!(setup["start"], first["start"]);
+        assert_eq!(events.wait("state")["number"], 7);
+        ask(json!("next"));
+        assert_eq!(events.wait("state")["number"], 8);
+        // The way back to a number gives the same start, and the values of a number are it.
+        ask(json!({"start": 7}));
+        assert_eq!(events.wait("stage")["setup"], setup);
+        ask(json!({"begin": setup}));
+        events.wait("stage");
+        assert_eq!(events.wait("state")["number"], 7);
+        let mut own = setup.clone();
+        own["start"][0] = first["start"][0].clone();
+        ask(json!({"begin": own}));
+        events.wait("stage");
+        assert_eq!(events.wait("state")["number"], Value::Null);
+        ask(json!({"start": 1_000_000}));
+        let note = events.wait("note");
+        assert!(note.as_str().is_some_and(|it| it.contains("no start")));
+        assert_eq!(events.wait("state")["number"], Value::Null);
+    });
+}
+
+#[test]
 fn a_second_page_watches_until_the_first_is_gone() {
     served(|page| {
         let mut first = page.events();
