@@ -21,5 +21,9 @@
 pub mod openx;
 
 use brakecheck_ego::ego;
+use brakecheck_files::ron_file;
 use brakecheck_road::{opendrive, road};
+use brakecheck_scene::{rulebook, scene};
 use brakecheck_sim::sim;
+use brakecheck_story as story;
+use brakecheck_world_file::world_file;

@@ -6,10 +6,14 @@
 use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
+use crate::ron_file::read::parse;
 use crate::sim::Body;
 
 /// Greatest height of the centre of mass of a narrow body, as a multiple of its track.
 const MOST_COM_HEIGHT: f64 = 1.7;
+
+/// Fix of a body that no world has.
+const SIZES: &str = "give it sizes and axles of a road user";
 
 /// Greatest length in metres of a body.
 const MOST_LENGTH_M: f64 = 30.0;
@@ -18,7 +22,7 @@ const MOST_LENGTH_M: f64 = 30.0;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportedBody {
     pub name: String,
-    pub ron: String,
+    pub body: Body,
     pub length_m: f64,
     pub width_m: f64,
     /// Distance from the reference point to the front, in metres.
@@ -26,32 +30,11 @@ pub(super) struct ImportedBody {
     pub on_foot: bool,
     /// Greatest speed, in m/s.
     pub most_mps: f64,
-    pub most: MostRates,
+    /// Greatest acceleration and deceleration.
+    pub most_accel_mps2: f64,
+    pub most_decel_mps2: f64,
     /// Place of the body in the files.
     pub at: At,
-}
-
-/// Greatest acceleration and deceleration of a body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct MostRates {
-    pub up_mps2: f64,
-    pub down_mps2: f64,
-}
-
-impl MostRates {
-    pub(super) const NONE: MostRates = MostRates {
-        up_mps2: f64::INFINITY,
-        down_mps2: f64::INFINITY,
-    };
-
-    /// Returns that of a change of the speed.
-    pub(super) fn towards(&self, from_mps: f64, to_mps: f64) -> f64 {
-        if from_mps <= to_mps {
-            self.up_mps2
-        } else {
-            self.down_mps2
-        }
-    }
 }
 
 impl ImportedBody {
@@ -143,15 +126,12 @@ impl ImportedBody {
             // possible.
             _ => Ok(f64::INFINITY),
         };
-        let rates = MostRates {
-            up_mps2: most("maxAcceleration")?,
-            down_mps2: most("maxDeceleration")?,
-        };
         Ok(ImportedBody {
             most_mps: most("maxSpeed")?,
-            most: rates,
+            most_accel_mps2: most("maxAcceleration")?,
+            most_decel_mps2: most("maxDeceleration")?,
             name: name.to_lowercase(),
-            ron,
+            body: parse(&ron).map_err(|problem| bounds.refused(problem.what, SIZES))?,
             length_m,
             width_m,
             front_m,
@@ -168,7 +148,7 @@ impl ImportedBody {
         let stated = self.name.clone();
         let mut number = 2;
         while let Some(other) = others.clone().find(|it| it.name == self.name) {
-            if other.ron == self.ron {
+            if other.body == self.body {
                 break;
             }
             self.name = format!("{stated} {number}");

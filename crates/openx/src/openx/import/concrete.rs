@@ -27,6 +27,8 @@ pub(super) struct Concrete {
     pub roads: Rc<RoadMap>,
     pub lanes: usize,
     pub lane_width_m: f64,
+    /// True if all lanes of the world are those of the file.
+    pub has_even_lanes: bool,
     /// Friction coefficient μ of the ego's road.
     pub friction: f64,
     pub limit_mps: Option<f64>,
@@ -44,15 +46,21 @@ pub(super) struct Concrete {
     /// Places of the end of the run, and of the ego's Init.
     pub ends_at: At,
     pub ego_at: At,
-    /// Entities that have a problem, and are left out.
-    pub unread: Vec<String>,
 }
 
 impl Concrete {
     /// Names of the entities that stand too far from all ways for a world.
-    pub(super) fn far_off(&self) -> Result<Vec<String>, ImportError> {
+    ///
+    /// `is_named` tells whether the storyboard refers to an entity.
+    pub(super) fn far_off(
+        &self,
+        is_named: impl Fn(&str) -> bool,
+    ) -> Result<Vec<String>, ImportError> {
         let mut far = Vec::new();
-        let others = self.entities.iter().filter(|it| !it.is_ego);
+        let others = self
+            .entities
+            .iter()
+            .filter(|it| !it.is_ego && !is_named(&it.name));
         for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
             let left_m = self.station(&entity.placed, &entity.at)?.y_m;
             let middle_m = self.lane_at(left_m) * self.lane_width_m;
@@ -163,12 +171,6 @@ impl Concrete {
         let lane = ego.and_then(|it| it.placed.lane.as_ref());
         let road = lane.and_then(|at| self.roads.get(&at.road));
         road.map_or_else(|| self.ego_at.clone(), |road| road.node.at())
-    }
-
-    /// Greatest curvature of the ego's lane 0, in 1/m.
-    pub(super) fn bends_most_per_m(&self) -> f64 {
-        let pieces = self.pieces(f64::INFINITY);
-        pieces.iter().map(|it| it.per_m.abs()).fold(0.0, f64::max)
     }
 
     /// Curvature of the ego's lane 0 at the start of its road, in 1/m.

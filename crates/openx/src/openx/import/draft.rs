@@ -1,15 +1,26 @@
-//! Drafts of worlds: texts with holes for numbers that may vary.
+//! Drafts of worlds: values with numbers that may vary between points.
 //!
-//! Points whose texts differ only in the holes share one world. A number that
-//! is equal at all points is written as it is. Other numbers become ranges, and
-//! `points` has a column for each of them.
-
-use std::fmt::Write as _;
+//! Points whose values differ only in those numbers share one world. A number that is equal
+//! at all points is written as it is. Other numbers become ranges, and `points` has a column
+//! for each of them.
 
 use crate::opendrive::error::{At, ImportError};
+use crate::ron_file::{Ordered, ValuePath};
+use crate::scene::drive::{MeetEgo, MotionPlan, Range, SteadyPart};
+use crate::world_file::{
+    AgentFile, CommentedWorld, DriveFile, NumberOrRange, PointsFile, ScenarioFile, StartFile,
+    TextComment, WorldFile,
+};
 
 /// Greatest number of worlds of an import.
 pub(super) const MOST_WORLDS: usize = 1_000;
+
+/// Time between two decisions of an ado in seconds.
+const DECISION_S: f64 = 0.5;
+/// Longest run in seconds with decisions at that rate.
+///
+/// Longer runs decide less often, so that their search is no larger than that of short runs.
+const OFTEN_UNTIL_S: f64 = 60.0;
 
 /// World that an import produced.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,118 +31,201 @@ pub struct ImportedWorld {
     pub text: String,
     /// Indices in the variation file of its points, in the order of its table.
     pub points: Vec<usize>,
-    /// Elements of the files from which its parts come, by the offsets at which they begin.
-    places: Vec<(usize, At)>,
+    /// Elements of the files from which its values come.
+    origins: Vec<(ValuePath, At)>,
 }
 
 impl ImportedWorld {
     /// Returns a problem of the text, from an offset on, as one of the element of the
     /// files that leads to it.
     pub fn refused(&self, offset: usize, what: &str) -> Option<ImportError> {
-        let begun = self.places.iter().rev().find(|(from, _)| *from <= offset);
-        begun.map(|(_, at)| at.error(what))
+        let begun = self.origins.iter().filter_map(|(path, at)| {
+            let from = path.find(&self.text).start;
+            (from <= offset).then_some((from, at))
+        });
+        let nearest = begun.max_by_key(|(from, _)| *from);
+        nearest.map(|(_, at)| at.error(what))
     }
 }
 
-/// Part of a draft.
+/// Value of a number that may vary.
 #[derive(Clone, Debug, PartialEq)]
-enum DraftPart {
-    Text(String),
-    /// Number that may differ between points.
-    ///
-    /// `axis` names its axis, and `more` is the difference between the value on
-    /// the axis and the written value.
-    Hole {
-        axis: String,
-        value: f64,
-        more: f64,
-    },
-    /// Greatest and least value of all points.
-    Most(f64),
-    Least(f64),
-    /// Element of the files from which what follows comes.
-    Mark(At),
+struct DraftNumber {
+    /// Name of its axis.
+    axis: String,
+    value: f64,
+    /// Difference between the value on the axis and the written one.
+    more: f64,
 }
 
-/// Text with holes.
+/// World at one point.
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
-    parts: Vec<DraftPart>,
-    /// Least duration of the run, and earliest time at which an entity leaves its road.
+    /// Its value, with 0 for each number that may vary and for the horizon.
+    blank: ScenarioFile,
+    numbers: Vec<DraftNumber>,
+    origins: Vec<(ValuePath, At)>,
+    /// Duration of the run.
     until_s: f64,
+    /// True if the files say how long the run lasts.
+    has_end: bool,
+    /// Earliest time at which an entity leaves its road.
     leaves_s: f64,
     /// True if the run ends before the stop time of the file.
     pub is_cut: bool,
 }
 
+/// Duration of a run.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RunDuration {
+    pub until_s: f64,
+    /// True if the files say how long the run lasts.
+    pub has_end: bool,
+    /// Earliest time at which an entity leaves its road.
+    pub leaves_s: f64,
+}
+
 impl Draft {
-    /// Returns an empty draft of a run with the given least duration.
-    ///
-    /// No entity leaves its road before `leaves_s`.
-    pub(super) fn of(until_s: f64, leaves_s: f64) -> Draft {
-        Draft {
-            parts: Vec::new(),
+    pub(super) fn of(
+        mut file: ScenarioFile,
+        origins: Vec<(ValuePath, At)>,
+        duration: RunDuration,
+    ) -> Draft {
+        let all = numbers(&mut file).into_iter();
+        let numbers = all.map(|(axis, more, number)| {
+            let value = number.0.lo;
+            *number = NumberOrRange::default();
+            DraftNumber { axis, value, more }
+        });
+        let numbers = numbers.collect();
+        let RunDuration {
             until_s,
+            has_end,
             leaves_s,
+        } = duration;
+        file.clock.horizon_s = 0.0;
+        file.clock.decision_s = 0.0;
+        Draft {
+            blank: file,
+            numbers,
+            origins,
+            until_s,
+            has_end,
+            leaves_s: if has_end {
+                leaves_s.max(until_s)
+            } else {
+                f64::INFINITY
+            },
             is_cut: false,
         }
     }
 
-    pub(super) fn text(&mut self, text: &str) {
-        match self.parts.last_mut() {
-            Some(DraftPart::Text(before)) => before.push_str(text),
-            _ => self.parts.push(DraftPart::Text(text.to_owned())),
+    fn is_like(&self, other: &Draft) -> bool {
+        let is_same = |(one, other): (&DraftNumber, &DraftNumber)| {
+            one.axis == other.axis && one.more == other.more
+        };
+        self.has_end == other.has_end
+            && self.numbers.len() == other.numbers.len()
+            && self.numbers.iter().zip(&other.numbers).all(is_same)
+            && self.blank == other.blank
+    }
+
+    /// Duration that its run needs to have at least.
+    fn least_s(&self) -> f64 {
+        if self.has_end { self.until_s } else { 0.0 }
+    }
+}
+
+/// Returns the numbers of a world that may vary, with their axes.
+///
+/// The second value is the difference between a number on its axis and the written one.
+fn numbers(file: &mut ScenarioFile) -> Vec<(String, f64, &mut NumberOrRange)> {
+    let width_m = file.road.lane_width_m().0.lo;
+    let mut all = Vec::new();
+    for agent in &mut file.agents {
+        let name = agent.name().to_owned();
+        let axis = |what: &str| format!("{name}.{what}");
+        match agent {
+            AgentFile::Vehicle {
+                road,
+                lane,
+                offset_m,
+                start,
+                drive,
+                ..
+            } => {
+                if road.is_none() {
+                    // A lane is far below the greatest whole number.
+                    all.push((axis("lateral"), *lane as f64 * width_m, offset_m));
+                }
+                all.extend(starts(start, &axis));
+                all.extend(meetings(drive, &axis));
+            }
+            AgentFile::Pedestrian {
+                lateral_m,
+                start,
+                drive,
+                ..
+            } => {
+                all.push((axis("lateral"), 0.0, lateral_m));
+                all.extend(starts(start, &axis));
+                all.extend(meetings(drive, &axis));
+            }
+            AgentFile::Obstacle { s_m, lateral_m, .. } => {
+                all.push((axis("x"), 0.0, s_m));
+                all.push((axis("lateral"), 0.0, lateral_m));
+            }
+            AgentFile::Light { .. }
+            | AgentFile::Weather(_)
+            | AgentFile::Road(_)
+            | AgentFile::Turns { .. } => {}
         }
     }
+    let Ordered(parameters) = &mut file.parameters;
+    all.extend(
+        parameters
+            .iter_mut()
+            .map(|(name, it)| (name.clone(), 0.0, it)),
+    );
+    all
+}
 
-    /// States the element of the files from which what follows comes.
-    pub(super) fn mark(&mut self, at: &At) {
-        self.parts.push(DraftPart::Mark(at.clone()));
+fn starts<'a>(
+    start: &'a mut StartFile,
+    axis: &impl Fn(&str) -> String,
+) -> Vec<(String, f64, &'a mut NumberOrRange)> {
+    match start {
+        StartFile::At { x_m, speed_mps } => {
+            vec![(axis("x"), 0.0, x_m), (axis("speed"), 0.0, speed_mps)]
+        }
+        StartFile::Ahead { .. } => Vec::new(),
     }
+}
 
-    pub(super) fn hole(&mut self, axis: &str, value: f64) {
-        self.beside(axis, value, 0.0);
-    }
-
-    /// Adds a number of which the greatest of all points is written.
-    pub(super) fn most(&mut self, value: f64) {
-        self.parts.push(DraftPart::Most(value));
-    }
-
-    /// Adds a number of which the least of all points is written.
-    pub(super) fn least(&mut self, value: f64) {
-        self.parts.push(DraftPart::Least(value));
-    }
-
-    pub(super) fn beside(&mut self, axis: &str, value: f64, more: f64) {
-        // Values that differ only in rounding must be equal, or they would
-        // become an axis.
-        self.parts.push(DraftPart::Hole {
-            axis: axis.to_owned(),
-            value: tidy(value),
-            more,
-        });
-    }
-
-    fn is_like(&self, other: &Draft) -> bool {
-        let is_same = |pair: (&DraftPart, &DraftPart)| match pair {
-            (DraftPart::Text(a), DraftPart::Text(b)) => a == b,
-            (
-                DraftPart::Hole {
-                    axis: a, more: m, ..
-                },
-                DraftPart::Hole {
-                    axis: b, more: n, ..
-                },
-            ) => a == b && m == n,
-            (DraftPart::Most(_), DraftPart::Most(_))
-            | (DraftPart::Least(_), DraftPart::Least(_))
-            | (DraftPart::Mark(_), DraftPart::Mark(_)) => true,
-            _ => false,
-        };
-        let same_length = self.parts.len() == other.parts.len();
-        same_length && self.parts.iter().zip(&other.parts).all(is_same)
-    }
+fn meetings<'a>(
+    drive: &'a mut DriveFile,
+    axis: &impl Fn(&str) -> String,
+) -> Vec<(String, f64, &'a mut NumberOrRange)> {
+    let meet = match drive {
+        DriveFile::Meet(meet) => meet,
+        DriveFile::Ado(ado) => match &mut ado.base {
+            Some(MotionPlan::Meet(meet)) => meet,
+            _ => return Vec::new(),
+        },
+        _ => return Vec::new(),
+    };
+    let MeetEgo {
+        ego_at_m,
+        here_at_m,
+        speed_mps,
+        steady: SteadyPart::Metres(steady) | SteadyPart::Seconds(steady),
+    } = meet;
+    vec![
+        (axis("meet.ego_at"), 0.0, ego_at_m),
+        (axis("meet.here_at"), 0.0, here_at_m),
+        (axis("meet.speed"), 0.0, speed_mps),
+        (axis("meet.steady"), 0.0, steady),
+    ]
 }
 
 /// Rounds to nine decimals, without −0.
@@ -151,10 +245,10 @@ struct DraftGroup {
 }
 
 impl DraftGroup {
-    /// Returns true for a draft of the same text whose run, as the longest of the
+    /// Returns true for a draft of the same value whose run, as the longest of the
     /// others, ends before an entity of any of them leaves its road.
     fn fits(&self, draft: &Draft) -> bool {
-        let until_s = self.until_s.max(draft.until_s);
+        let until_s = self.until_s.max(draft.least_s());
         let ends = until_s <= self.leaves_s.min(draft.leaves_s);
         ends && self.drafts[0].1.is_like(draft)
     }
@@ -163,24 +257,28 @@ impl DraftGroup {
 /// Groups drafts into worlds, each with the points that share it.
 ///
 /// Several worlds are numbered from 1. Returns `None` for more than [`MOST_WORLDS`].
+///
+/// # Errors
+///
+/// A world cannot be written.
 pub(super) fn worlds(
     name: &str,
     source: &str,
     drafts: Vec<(usize, Draft)>,
-) -> Option<Vec<ImportedWorld>> {
+) -> Result<Option<Vec<ImportedWorld>>, ron::Error> {
     let mut groups: Vec<DraftGroup> = Vec::new();
     for (index, draft) in drafts {
         let is_full = groups.len() == MOST_WORLDS;
         let group = groups.iter_mut().find(|group| group.fits(&draft));
         match group {
             Some(group) => {
-                group.until_s = group.until_s.max(draft.until_s);
+                group.until_s = group.until_s.max(draft.least_s());
                 group.leaves_s = group.leaves_s.min(draft.leaves_s);
                 group.drafts.push((index, draft));
             }
-            None if is_full => return None,
+            None if is_full => return Ok(None),
             None => groups.push(DraftGroup {
-                until_s: draft.until_s,
+                until_s: draft.least_s(),
                 leaves_s: draft.leaves_s,
                 drafts: vec![(index, draft)],
             }),
@@ -194,78 +292,55 @@ pub(super) fn worlds(
         } else {
             name.to_owned()
         };
-        let (text, places) = written(&name, source, group);
-        ImportedWorld {
-            text,
-            places,
-            points: group.iter().map(|(index, _)| *index).collect(),
-            name,
-        }
+        world(&name, source, group)
     });
-    Some(worlds.collect())
+    worlds.collect::<Result<_, _>>().map(Some)
 }
 
-/// RON text of the world of a group of points, with the elements of its parts.
-fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> (String, Vec<(usize, At)>) {
-    let mut text = format!(
-        "// Imported by `brakecheck new --from`.\n\
-         // The ego coasts as the protocol assumes: `brakecheck eval` with `--ego` or `-- COMMAND` tests yours.\n\
-         Scenario(\n    name: {name:?},\n    question: \"Which points of the protocol does the \
-         ego pass?\",\n    source: {source:?},\n"
-    );
-    let mut axes: Vec<(String, Vec<f64>)> = Vec::new();
-    let mut places = Vec::new();
-    for (i, part) in group[0].1.parts.iter().enumerate() {
-        // All drafts of a group have the same parts, so the index fits all of
-        // them.
-        let values = group.iter().filter_map(|(_, draft)| match draft.parts[i] {
-            DraftPart::Hole { value, .. } | DraftPart::Most(value) | DraftPart::Least(value) => {
-                Some(value)
+/// Returns the world of a group of points.
+fn world(name: &str, source: &str, group: &[(usize, Draft)]) -> Result<ImportedWorld, ron::Error> {
+    let first = &group[0].1;
+    let mut file = first.blank.clone();
+    file.name = name.to_owned();
+    file.source = source.to_owned();
+    let durations_s = group.iter().map(|(_, draft)| draft.until_s);
+    let longest_s = durations_s.clone().fold(0.0, f64::max);
+    // With an unknown end, the run ends at the earliest departure of all points.
+    file.clock.horizon_s = tidy(if first.has_end {
+        longest_s
+    } else {
+        durations_s.fold(f64::INFINITY, f64::min)
+    });
+    file.clock.decision_s = DECISION_S * (longest_s / OFTEN_UNTIL_S).ceil().max(1.0);
+    let mut axes = Vec::new();
+    let mut rows = vec![Vec::new(); group.len()];
+    for (i, (axis, more, number)) in numbers(&mut file).into_iter().enumerate() {
+        // All drafts of a group have the same numbers, so the index fits all of them.
+        let values = group.iter().map(|(_, draft)| draft.numbers[i].value);
+        let lo = values.clone().fold(f64::INFINITY, f64::min);
+        let hi = values.clone().fold(f64::NEG_INFINITY, f64::max);
+        *number = NumberOrRange(Range { lo, hi });
+        if lo != hi {
+            axes.push(axis);
+            for (row, value) in rows.iter_mut().zip(values) {
+                row.push(value + more);
             }
-            DraftPart::Text(_) | DraftPart::Mark(_) => None,
-        });
-        let (least, most) = values.clone().fold(
-            (f64::INFINITY, f64::NEG_INFINITY),
-            |(least, most), value| (least.min(value), most.max(value)),
-        );
-        // Writing to a string cannot fail.
-        let _ = match part {
-            DraftPart::Text(part) => write!(text, "{part}"),
-            DraftPart::Mark(at) => {
-                places.push((text.len(), at.clone()));
-                Ok(())
-            }
-            DraftPart::Most(_) => write!(text, "{}", decimal(tidy(most))),
-            DraftPart::Least(_) => write!(text, "{}", decimal(tidy(least))),
-            DraftPart::Hole { .. } if least == most => write!(text, "{}", decimal(least)),
-            DraftPart::Hole { axis, more, .. } => {
-                let column = values.map(|value| value + more);
-                axes.push((axis.clone(), column.collect()));
-                write!(text, "({}, {})", decimal(least), decimal(most))
-            }
-        };
-    }
-    if !axes.is_empty() {
-        let names: Vec<String> = axes.iter().map(|(name, _)| format!("{name:?}")).collect();
-        let _ = write!(
-            text,
-            "    points: (\n        axes: [{}],\n        rows: [\n",
-            names.join(", ")
-        );
-        for row in 0..group.len() {
-            let row: Vec<String> = axes
-                .iter()
-                .map(|(_, column)| decimal(column[row]))
-                .collect();
-            let _ = writeln!(text, "            [{}],", row.join(", "));
         }
-        text.push_str("        ],\n    ),\n");
     }
-    text.push_str(")\n");
-    (text, places)
-}
-
-/// Number with a decimal point, as in the RON files of the repository.
-fn decimal(value: f64) -> String {
-    format!("{value:?}")
+    file.points = (!axes.is_empty()).then_some(PointsFile { axes, rows });
+    let heading = TextComment::heading(
+        "Imported by `brakecheck new --from`.\n\
+         The ego coasts as the protocol assumes: `brakecheck eval` with `--ego` or \
+         `-- COMMAND` tests yours.",
+    );
+    let commented = CommentedWorld {
+        world: WorldFile::Scenario(Box::new(file)),
+        comments: vec![heading],
+    };
+    Ok(ImportedWorld {
+        name: name.to_owned(),
+        text: commented.text()?,
+        points: group.iter().map(|(index, _)| *index).collect(),
+        origins: first.origins.clone(),
+    })
 }

@@ -24,19 +24,16 @@ pub struct DroppedElements {
 /// Names of dropped elements with their kinds.
 ///
 /// Elements below a dropped element belong to it and are not counted.
-const KINDS: [(&str, &str); 26] = [
+const KINDS: [(&str, &str); 23] = [
     ("AppearanceAction", "appearance"),
     ("ActivateControllerAction", "controllers"),
     ("ControllerAction", "controllers"),
     ("ObjectController", "controllers"),
-    ("InfrastructureAction", "traffic signals"),
     ("MonitorDeclaration", "monitors"),
-    ("ParameterAction", "parameters"),
     ("TimeOfDay", "time of day"),
     ("Trailer", "trailers"),
     ("TrailerCoupler", "trailers"),
     ("TrailerHitch", "trailers"),
-    ("VariableAction", "variables"),
     ("VisibilityAction", "visibility"),
     ("Weather", "weather"),
     ("bridge", "objects"),

@@ -1,12 +1,11 @@
 //! Content of a scenario's files to which its places and events refer.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use super::catalog::Catalogs;
 use super::ego_events::EgoRequest;
 use super::places::{Placed, PositionContext};
-use super::story_element::StoryElement;
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::number;
@@ -24,8 +23,6 @@ pub(super) struct FileContent<'a> {
     pub changed: Vec<String>,
     /// Entities that a controller may move.
     pub steered: Vec<String>,
-    /// Elements whose kind and name another element has, too.
-    pub ambiguous: Vec<StoryElement>,
     /// True if an `Orientation` without a type is relative.
     pub turns_relative: bool,
 }
@@ -48,7 +45,6 @@ impl FileContent<'_> {
             steered: &self.steered,
             absent: &self.absent,
             turns_relative: self.turns_relative,
-            ambiguous: &self.ambiguous,
             depth: 0,
         }
     }
@@ -96,33 +92,4 @@ pub(super) fn changed_parameters(node: &XmlNode) -> Vec<String> {
         .map(|name| name.trim_start_matches('$').to_owned());
     let inner = node.children.iter().flat_map(changed_parameters);
     here.into_iter().chain(inner).collect()
-}
-
-/// Elements of a storyboard whose kind and name another of its elements has, too.
-pub(super) fn ambiguous(board: &XmlNode) -> Vec<StoryElement> {
-    const KINDS: [(&str, &str); 6] = [
-        ("Story", "story"),
-        ("Act", "act"),
-        ("ManeuverGroup", "maneuverGroup"),
-        ("Maneuver", "maneuver"),
-        ("Event", "event"),
-        ("Action", "action"),
-    ];
-    fn elements(node: &XmlNode, all: &mut Vec<StoryElement>) {
-        let kind = KINDS.iter().find(|(name, _)| *name == node.name);
-        all.extend(kind.and_then(|(_, kind)| StoryElement::of(kind, node)));
-        node.children.iter().for_each(|child| elements(child, all));
-    }
-    let mut all = Vec::new();
-    elements(board, &mut all);
-    let mut known: BTreeSet<StoryElement> = BTreeSet::new();
-    let mut twice = Vec::new();
-    for element in all {
-        if known.contains(&element) {
-            twice.push(element);
-        } else {
-            known.insert(element);
-        }
-    }
-    twice
 }

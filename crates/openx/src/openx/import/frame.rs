@@ -3,8 +3,7 @@
 use core::f64::consts::PI;
 
 use super::entity::ImportedEntity;
-use super::journey::{slowest_mps, speeds_mps};
-use super::places::{Placed, is_along};
+use super::places::{Placed, beside as beside_lane, is_along};
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::lane_drive::{LaneFollower, LaneRoute, LaneStretch};
 use crate::opendrive::roads::OnLane;
@@ -46,6 +45,8 @@ pub(super) struct FrameOfEgo {
     pub zero_m: f64,
     pub lanes: usize,
     pub lane_width_m: f64,
+    /// True if all lanes of the world are those of the file.
+    pub has_even_lanes: bool,
     /// Lanes of the ego's way, and the offset of lane 0 to the left of them.
     pub drive: Option<(Vec<LaneStretch>, f64)>,
 }
@@ -92,6 +93,7 @@ impl FrameOfEgo {
             zero_m: 0.0,
             lanes: 2,
             lane_width_m: USUAL_WIDTH_M,
+            has_even_lanes: false,
             drive: None,
         }
     }
@@ -139,6 +141,8 @@ impl FrameOfEgo {
             (true, 0 | 1) | (false, _) => (at.lane, 2),
             (true, lanes) => (beside[0].0, lanes),
         };
+        // The second lane of the world is then the one across the middle.
+        let left_m = line.lanes.width_m(at.s_m, beside_lane(outer, 1));
         let t_m = line.middle_m(asks, outer)?;
         let begins = OnLane {
             lane: outer,
@@ -169,6 +173,7 @@ impl FrameOfEgo {
             drive: Some((drive, 0.0)),
             // Lanes wider than the limit of a world are proving grounds, not lanes.
             lane_width_m: width_m.min(20.0),
+            has_even_lanes: same && (beside.len() > 1 || left_m == Some(width_m)),
         })
     }
 
@@ -200,7 +205,7 @@ impl FrameOfEgo {
         )?;
         let in_middle = LaneFollower {
             left_m: 0.0,
-            slowest_mps: slowest_mps(ego),
+            slowest_mps: ego.slowest_mps(),
         };
         let on = roads.lane_way(asks, &drive, in_middle)?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
@@ -242,6 +247,7 @@ impl FrameOfEgo {
             lanes: (beside + 1).max(2),
             drive: Some((drive, left_m)),
             lane_width_m: width_m.min(20.0),
+            has_even_lanes: false,
         })
     }
 
@@ -305,7 +311,7 @@ impl FrameOfEgo {
 
 /// Length in metres of the ways that a run needs at most.
 fn reach_m(entities: &[ImportedEntity], stop_s: Option<f64>) -> f64 {
-    let speeds = entities.iter().flat_map(speeds_mps);
+    let speeds = entities.iter().map(ImportedEntity::most_mps);
     let fastest_mps = speeds.fold(0.0, f64::max);
     (fastest_mps * stop_s.unwrap_or(USUAL_S).min(USUAL_S) + BEYOND_M).min(MOST_M)
 }
@@ -383,7 +389,7 @@ fn own_way(
     };
     let follower = LaneFollower {
         left_m,
-        slowest_mps: slowest_mps(entity),
+        slowest_mps: entity.slowest_mps(),
     };
     let on = roads.lane_way(asks, &drive, follower)?;
     if on.way.start().sees(&entity.placed.spot).heading_rad.abs() > SAME_WAY_RAD {

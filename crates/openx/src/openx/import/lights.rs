@@ -9,6 +9,8 @@ use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::RoadMap;
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
+use crate::scene::drive::Schedule;
+use crate::world_file::{AgentFile, LightFile};
 
 /// Step in seconds in which the end of schedules grows, so that points share a world.
 const STEP_S: f64 = 60.0;
@@ -35,7 +37,7 @@ pub(super) struct LightCycle {
 pub(super) struct ImportedLight {
     /// Controller that states its phases.
     pub at: At,
-    signal: String,
+    pub signal: String,
     line_m: f64,
     cycle: LightCycle,
 }
@@ -188,7 +190,7 @@ fn begins_s(
 }
 
 /// Colour of a state: the word, or the bulbs from top to bottom.
-fn shown(state: &str) -> Option<Phase> {
+pub(super) fn shown(state: &str) -> Option<Phase> {
     let bulbs: Vec<String> = state
         .split(';')
         .map(|it| it.trim().to_lowercase())
@@ -199,15 +201,6 @@ fn shown(state: &str) -> Option<Phase> {
         ["yellow" | "amber"] | ["off", "on", "off"] => Some(Phase::Yellow),
         ["green"] | ["off", "on"] | ["off", "off", "on"] => Some(Phase::Green),
         _ => None,
-    }
-}
-
-/// Name of a phase in a world file.
-fn word(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Green => "Green",
-        Phase::Yellow => "Yellow",
-        Phase::Red => "Red",
     }
 }
 
@@ -237,26 +230,30 @@ impl LightCycle {
 }
 
 impl ImportedLight {
-    /// Returns the light in the form of a world file.
-    pub(super) fn text(&self, until_s: f64) -> String {
+    /// Returns the light of a world.
+    pub(super) fn agent(&self, until_s: f64) -> AgentFile {
         // A world refuses longer runs.
         let until_s = (until_s / STEP_S).ceil().min(MOST_STEPS) * STEP_S;
-        let schedule: Vec<String> = self
-            .cycle
-            .schedule(until_s)
-            .into_iter()
-            .map(|(at_s, phase)| format!("({:?}, {})", tidy(at_s), word(phase)))
-            .collect();
-        let letters = self.signal.chars();
-        let name: String = letters
-            .map(|it| if it.is_ascii_alphanumeric() { it } else { '_' })
-            .collect();
-        format!(
-            "        Light(name: \"light_{name}\", line_m: {:?}, drive: Schedule([{}])),\n",
-            tidy(self.line_m),
-            schedule.join(", ")
-        )
+        let phases = self.cycle.schedule(until_s).into_iter();
+        let phases = phases.map(|(at_s, phase)| (tidy(at_s), phase));
+        AgentFile::Light {
+            name: light_name(&self.signal),
+            road: None,
+            signal: None,
+            line_m: Some(tidy(self.line_m)),
+            phase: Phase::default(),
+            drive: LightFile::Schedule(Schedule(phases.collect())),
+        }
     }
+}
+
+/// Returns the name of the light of a signal.
+pub(super) fn light_name(signal: &str) -> String {
+    let letters = signal.chars();
+    let name: String = letters
+        .map(|it| if it.is_ascii_alphanumeric() { it } else { '_' })
+        .collect();
+    format!("light_{name}")
 }
 
 #[cfg(test)]

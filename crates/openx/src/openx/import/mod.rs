@@ -1,7 +1,7 @@
 //! Test protocols from OpenSCENARIO and OpenDRIVE, as brakecheck worlds.
 //!
 //! A scenario is read at each point of its variation file, with every parameter
-//! evaluated. It becomes roads, bodies, places and laws of motion. Points that
+//! evaluated. It becomes roads, bodies, places and a storyboard. Points that
 //! differ only in numbers share one world with a table of starts. Unsupported
 //! content is refused with file, element and point. Content without an effect
 //! on motion (logs, lights, weather) is dropped and listed.
@@ -9,12 +9,11 @@
 //! Architecture Invariant: a function provides the files, and this module
 //! writes none.
 
-mod acts;
+mod agents;
 mod bodies;
 mod bounds;
 mod catalog;
 mod concrete;
-mod conditions;
 mod draft;
 mod driven_lanes;
 mod dropped;
@@ -23,8 +22,7 @@ mod entity;
 mod file_content;
 mod frame;
 mod gaps;
-mod joined;
-mod journey;
+mod later;
 mod laws;
 mod lights;
 mod motion;
@@ -35,9 +33,8 @@ mod request;
 mod run_end;
 mod scenario;
 mod seen;
-mod story_element;
+mod story;
 mod trajectories;
-mod triggers;
 mod world;
 
 pub use crate::opendrive::{Files, ImportError};
@@ -165,7 +162,13 @@ impl Import<'_> {
             });
         }
         let source = self.source(&protocol);
-        let worlds = draft::worlds(self.name, &source, drafts).ok_or_else(|| {
+        let worlds = draft::worlds(self.name, &source, drafts).map_err(|error| {
+            let help = "report this file";
+            At::file(self.scenario)
+                .error(error.to_string())
+                .helped(help)
+        })?;
+        let worlds = worlds.ok_or_else(|| {
             let most = draft::MOST_WORLDS;
             let what = format!("the points differ in more than numbers, in over {most} ways");
             let help = "keep roads and bodies alike, or import fewer points";

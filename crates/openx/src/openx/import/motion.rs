@@ -2,12 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use super::bodies::{ImportedBody, MostRates};
+use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
 use super::dropped::{DropLog, time_s, times};
-use super::entity::{ImportedEntity, ImportedLaw};
-use super::laws::{Speeds, gap_of, relative_speed, speed, unknown_target};
+use super::entity::{FirstRamp, ImportedEntity};
+use super::laws::{gap_of, unknown_target};
 use super::places::{Placed, PositionContext};
+use super::seen::named;
+use super::story::{StatedIn, StoryNumbers, speed};
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
@@ -190,7 +192,7 @@ pub(super) fn begins(
     })?;
     let mut turns = Vec::new();
     for route in routes {
-        turns = ground.turns_of(route, scope, &at)?;
+        turns = ground.turns_to(route, scope, &at)?;
     }
     Ok((at, turns))
 }
@@ -318,51 +320,58 @@ pub(super) fn first_speed_mps(
     scope: &ParameterScope,
     before: &[ImportedEntity],
     body: Option<&ImportedBody>,
-    unplaced: &[String],
-) -> Result<(f64, Option<ImportedLaw>), ImportError> {
+    context: FirstSpeedContext<'_>,
+) -> Result<(f64, Option<FirstRamp>), ImportError> {
     let most_mps = body.map_or(f64::INFINITY, |it| it.most_mps);
+    let own = private.need("entityRef")?;
     let mut speed_mps = 0.0;
     let mut ramp = None;
+    let of = |name: &str| before.iter().find(|it| it.name == name);
+    let absent = |node: &XmlNode, name: &str| {
+        let what = format!("`{name}` is not placed before");
+        let help = "write an `AbsoluteTargetSpeed`, or place it before";
+        let follows = context.unplaced.iter().any(|it| it == name);
+        node.refused(what, help).following(follows)
+    };
     for action in longitudinal(private, "SpeedAction") {
         let dynamics = action.inner("SpeedActionDynamics")?;
+        let target = action.inner("SpeedActionTarget")?.only()?;
+        let value = scope.number(target, "value")?;
+        let target_mps = match target.name.as_str() {
+            "AbsoluteTargetSpeed" => value,
+            "RelativeTargetSpeed" => {
+                let name = scope.text(target, "entityRef")?;
+                let other = of(&name).ok_or_else(|| absent(target, &name))?;
+                match target.raw("speedTargetValueType") {
+                    Some("factor") => value * other.speed_mps,
+                    _ => value + other.speed_mps,
+                }
+            }
+            _ => return Err(unknown_target(target)),
+        };
         // A change in no time equals a step.
         let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
-        if dynamics.raw("dynamicsShape") != Some("step") && lasts {
-            let mut speeds = Speeds {
-                name: private.need("entityRef")?.to_owned(),
-                now_mps: Some(speed_mps),
-                most_mps,
-                most: body.map_or(MostRates::NONE, |it| it.most),
+        let keeps_on = target.raw("continuous") == Some("true");
+        if (dynamics.raw("dynamicsShape") != Some("step") && lasts) || keeps_on {
+            let at = StatedIn {
+                node: action,
+                scope,
+                owner: own,
             };
-            let law = speed(action, scope, &mut speeds, |_| None)?;
-            if ramp.replace(law).is_some() {
+            let names = |node: &XmlNode, name: &str| match of(name) {
+                Some(_) => Ok(named(name)),
+                None => Err(absent(node, name)),
+            };
+            let effect = speed(at, context.numbers, Some(&named(own)), &names)?;
+            let to_mps = target_mps.max(0.0);
+            if ramp.replace(FirstRamp { effect, to_mps }).is_some() {
                 let what = "a second speed that is only reached after the start";
                 return Err(dynamics.refused(what, "keep one of them in Init"));
             }
             continue;
         }
-        let target = action.inner("SpeedActionTarget")?.only()?;
-        let of = |name: &str| before.iter().find(|it| it.name == name);
-        speed_mps = match target.name.as_str() {
-            "AbsoluteTargetSpeed" => scope.number(target, "value")?,
-            "RelativeTargetSpeed" => {
-                let of_mps = |name: &str| of(name).map(|it| it.speed_mps);
-                match relative_speed(target, scope, of_mps)? {
-                    (value_mps, None) => value_mps,
-                    (value_mps, Some(name)) => {
-                        let what = format!("`{name}` is not placed before");
-                        let help = "write an `AbsoluteTargetSpeed`, or place it before";
-                        let of_mps = of_mps(&name);
-                        let refused = || target.refused(what, help);
-                        let error = || refused().following(unplaced.contains(&name));
-                        of_mps.ok_or_else(error)? + value_mps
-                    }
-                }
-            }
-            _ => return Err(unknown_target(target)),
-        };
         // A body is never faster than its greatest speed.
-        speed_mps = speed_mps.min(most_mps);
+        speed_mps = target_mps.min(most_mps);
     }
     if speed_mps >= 0.0 {
         Ok((speed_mps, ramp))
@@ -371,6 +380,14 @@ pub(super) fn first_speed_mps(
         let help = "reversing is not read: a speed is at least 0";
         Err(private.refused(what, help))
     }
+}
+
+/// Context of the first speed of an entity.
+#[derive(Clone, Copy)]
+pub(super) struct FirstSpeedContext<'a> {
+    pub numbers: &'a StoryNumbers,
+    /// Entities whose place another message refuses.
+    pub unplaced: &'a [String],
 }
 
 /// Initial bumper-to-bumper gap in metres of an entity ahead of the ego, if stated.

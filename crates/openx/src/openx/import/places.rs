@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use super::catalog::Catalogs;
 use super::ego_events::EgoRequest;
-use super::story_element::StoryElement;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::files::Files;
 use crate::opendrive::lane_drive::LaneRoute;
@@ -78,8 +77,6 @@ pub(super) struct PositionContext<'a> {
     pub absent: &'a [String],
     /// True if an `Orientation` without a type is relative, as from OpenSCENARIO 1.3 on.
     pub turns_relative: bool,
-    /// Elements whose kind and name another element of the storyboard has, too.
-    pub ambiguous: &'a [StoryElement],
     /// Number of places that refer to each other so far.
     pub depth: usize,
 }
@@ -531,13 +528,16 @@ impl PositionContext<'_> {
     /// # Errors
     ///
     /// Returns an error for a route of places that are on no road.
-    pub(super) fn turns_of(
+    pub(super) fn turns_to(
         &self,
         assigned: &XmlNode,
         scope: &ParameterScope,
         at: &Placed,
     ) -> Result<Vec<String>, ImportError> {
-        let (_, stops) = self.route(assigned.only()?, scope)?;
+        let stops = match assigned.name.as_str() {
+            "AcquirePositionAction" => vec![self.place(assigned.inner("Position")?, scope)?],
+            _ => self.route(assigned.only()?, scope)?.1,
+        };
         let from = at.way.as_ref().map_or(at.spot, |on| on.way.start());
         let road = |it: &Placed| it.lane.as_ref().map(|lane| lane.road.clone());
         let same_road = road(at).is_some() && stops.iter().all(|stop| road(stop) == road(at));
@@ -575,7 +575,7 @@ fn within(it: &XmlNode, s_m: f64, length_m: f64, what: &str) -> Result<(), Impor
 /// Lane that lies `by` lanes to the left.
 ///
 /// The number 0 is skipped, because no driving lane has it.
-fn beside(lane: i32, by: i32) -> i32 {
+pub(super) fn beside(lane: i32, by: i32) -> i32 {
     let there = lane + by;
     match (lane < 0 && there >= 0, lane > 0 && there <= 0) {
         (true, _) => there + 1,

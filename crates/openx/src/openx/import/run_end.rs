@@ -3,7 +3,6 @@
 use core::f64::consts::{FRAC_PI_3, PI};
 
 use super::concrete::Concrete;
-use super::journey::leaves_s;
 use super::places::Placed;
 use super::seen::{EntityInFrame, EntityPath, ego_lever_m};
 use crate::opendrive::error::ImportError;
@@ -46,7 +45,7 @@ pub(super) fn ends_s(
                 // Steps change the speeds, so the time of the encounter is not
                 // known.
                 match way_m / (start.speed_mps - away_mps) {
-                    encounter_s if it.entity.steps.is_empty() => encounter_s,
+                    encounter_s if !it.entity.is_driven() => encounter_s,
                     _ => continue,
                 }
             }
@@ -83,7 +82,7 @@ pub(super) fn first_leaves_s<'a>(
                 }
                 encounter_s + ahead_m(&approach.here) / approach.speed_mps
             }
-            None => leaves_s(it.entity, ahead_m(&it.entity.placed), start.speed_mps),
+            None => it.entity.leaves_s(ahead_m(&it.entity.placed)),
         };
         // A standing entity never leaves, even from the end of a road.
         if own_s.is_finite() && own_s < first.0 {

@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use super::acts::acts;
 use super::bodies::ImportedBody;
 use super::bounds::few;
 use super::catalog::Catalogs;
@@ -13,18 +12,21 @@ use super::concrete::Concrete;
 use super::draft::Draft;
 use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
-use super::entity::{ImportedEntity, ImportedStep};
-use super::file_content::{
-    FileContent, absent, ambiguous, changed_parameters, steered, turns_relative,
-};
+use super::entity::ImportedEntity;
+use super::file_content::{FileContent, absent, changed_parameters, steered, turns_relative};
 use super::frame::{DELETED, FrameOfEgo};
+use super::later::LaterMotion;
 use super::lights::lights;
 use super::motion;
-use super::motion::ordered;
+use super::motion::{FirstSpeedContext, ordered};
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
 use super::request::Import;
-use super::world::draft;
+use super::story::{
+    StoryFrame, StoryNumbers, StoryParts, StorySource, StorySurvey, catalog_maneuvers, survey,
+    written,
+};
+use super::world::{draft, seen_scenario};
 use crate::opendrive::error::{Blockers, ImportError, UnreadPart};
 use crate::opendrive::files::Files;
 use crate::opendrive::roads::RoadMap;
@@ -47,6 +49,8 @@ pub(super) struct Protocol {
     ego: EgoRequest,
     /// Road files by the name of a map.
     maps: Vec<(String, PathBuf)>,
+    /// True if it is read at several points.
+    varies: bool,
 }
 
 /// Content of a scenario, in the frame of its files.
@@ -60,8 +64,6 @@ struct BegunScenario<'a> {
     /// Factor on the friction of all roads.
     scale: f64,
     stop_s: Option<f64>,
-    /// Entities that have a problem.
-    unread: Vec<String>,
 }
 
 /// Entities of an Init, as far as they have been read.
@@ -106,6 +108,7 @@ impl Protocol {
             about: about.to_owned(),
             ego: EgoRequest::new(import.ego.unwrap_or("Ego"), import.leaves_ego),
             maps: import.maps.to_vec(),
+            varies: import.points.is_some(),
             root,
         })
     }
@@ -168,7 +171,7 @@ impl Protocol {
         }))
     }
 
-    /// Returns the world of the scenario with the given parameters, as a text with holes.
+    /// Returns the world of the scenario with the given parameters.
     ///
     /// # Errors
     ///
@@ -180,22 +183,19 @@ impl Protocol {
         ado: Option<&str>,
     ) -> Result<Draft, ImportError> {
         let mut blockers = Blockers::default();
-        let concrete = self.at(scope, files, &mut blockers);
-        // With problems it is a part of the scenario, which may have more of them.
-        let drafted = concrete.and_then(|it| blockers.keep(draft(&it, ado)));
+        let drafted = self.drafted(scope, files, ado, &mut blockers);
         blockers.none()?;
         drafted.ok_or_else(|| self.root.refused("it is not read", "report this file"))
     }
 
-    /// Returns the scenario, or the part of it that has no problem so far.
-    ///
-    /// It is `None` without roads or without an ego, since all else refers to them.
-    fn at(
+    /// Returns the world, or `None` with problems.
+    fn drafted(
         &self,
         scope: &ParameterScope,
         files: Files<'_>,
+        ado: Option<&str>,
         blockers: &mut Blockers,
-    ) -> Option<Concrete> {
+    ) -> Option<Draft> {
         let (board, init, objects) = blockers.keep(self.parts())?;
         let unread = |error: ImportError| error.before(UnreadPart::OnTheRoads);
         let roads = blockers
@@ -210,16 +210,16 @@ impl Protocol {
             absent: absent(init),
             changed: changed_parameters(&self.root),
             steered: steered(&self.root, &objects),
-            ambiguous: ambiguous(board),
             turns_relative: turns_relative(&self.root),
         };
+        let numbers = StoryNumbers::new(self.varies);
         let present = motion::present(init, &objects, &content.absent, &self.catalogs, blockers);
         let privates: Vec<&XmlNode> = present.iter().collect();
         let mut begun = BegunEntities::default();
         for private in ordered(&privates) {
             // An entity cannot refer to a later one.
             let ground = content.ground(&begun.placed, &begun.unread);
-            let read = self.entity(private, scope, ground, &objects, &begun.entities);
+            let read = self.entity(private, scope, ground, &objects, &begun.entities, &numbers);
             match blockers.keep(read) {
                 Some(entity) => begun.add(entity),
                 None => begun
@@ -230,44 +230,61 @@ impl Protocol {
         let BegunEntities {
             mut entities,
             placed,
-            mut unread,
+            unread,
         } = begun;
         let ground = content.ground(&placed, &unread);
         let scale = blockers
             .keep(motion::friction_scale(init, scope, ground))
             .unwrap_or(1.0);
-        let (acts_stop_s, broken) = acts(board, scope, ground, scale, &mut entities, blockers);
-        // The road of the ego decides: one world has one friction and one speed
-        // limit.
+        let catalogs = catalog_maneuvers(board, scope, ground, blockers);
+        let parts = StoryParts::of(board, scope, &catalogs, blockers);
+        let survey = survey(&parts, ground, &mut entities, blockers);
+        entities.retain(|it| !survey.gone.contains(&it.name));
         let stop_s = blockers
             .keep(motion::stop_s(board, scope, &self.dropped))
-            .flatten()
-            .into_iter()
-            .chain(acts_stop_s)
-            .reduce(f64::min);
-        unread.extend(broken);
+            .flatten();
+        let source = StorySource {
+            root: &self.root,
+            parts: &parts,
+            survey: &survey,
+            ground,
+            numbers: &numbers,
+            friction_scale: scale,
+        };
         let asks = privates
             .iter()
             .find(|it| it.raw("entityRef") == Some(&self.ego.name));
-        let Some(asks) = asks else {
-            blockers.add(self.no_ego(&objects));
-            return None;
+        let concrete = match asks {
+            None => {
+                blockers.add(self.no_ego(&objects));
+                None
+            }
+            // All else refers to the roads and to the ego.
+            Some(_) if content.roads.is_unread() || unread.contains(&self.ego.name) => None,
+            Some(asks) => {
+                let begun = BegunScenario {
+                    asks,
+                    init,
+                    privates: &privates,
+                    roads: Rc::clone(&content.roads),
+                    entities,
+                    scale,
+                    stop_s,
+                };
+                blockers.keep(self.concrete(begun, scope, &survey))
+            }
         };
-        if content.roads.is_unread() || unread.contains(&self.ego.name) {
-            return None;
-        }
-        let begun = BegunScenario {
-            asks,
-            init,
-            privates: &privates,
-            roads: content.roads,
-            entities,
-            scale,
-            stop_s,
-            unread,
-        };
-        let concrete = self.concrete(begun, scope);
-        blockers.keep(concrete)
+        let seen = concrete.as_ref().map(seen_scenario);
+        let seen = seen.and_then(|seen| blockers.keep(seen));
+        let frame = concrete.as_ref().zip(seen.as_ref());
+        let frame = frame.map(|(concrete, seen)| StoryFrame {
+            concrete,
+            all: &seen.all,
+        });
+        let story = written(source, frame, blockers);
+        let (concrete, seen) = (concrete.as_ref()?, seen.as_ref()?);
+        // With problems it is a part of the scenario, which may have more of them.
+        blockers.keep(draft(concrete, seen, story, numbers.parameters(), ado))
     }
 
     /// Returns the storyboard, its Init and the entities.
@@ -304,6 +321,7 @@ impl Protocol {
         &self,
         begun: BegunScenario<'_>,
         scope: &ParameterScope,
+        survey: &StorySurvey,
     ) -> Result<Concrete, ImportError> {
         let BegunScenario {
             asks,
@@ -313,13 +331,13 @@ impl Protocol {
             mut entities,
             scale,
             stop_s,
-            unread,
         } = begun;
         let FrameOfEgo {
             frame,
             zero_m,
             lanes,
             lane_width_m,
+            has_even_lanes,
             drive,
         } = FrameOfEgo::of(asks, &roads, &mut entities, stop_s)?;
         let ego = entities
@@ -367,15 +385,15 @@ impl Protocol {
             straight_zero_m: zero_m,
             lanes,
             lane_width_m,
+            has_even_lanes,
             stop_s,
             ends_at: self.ends().at(),
             ego_at: asks.at(),
-            unread,
             entities,
             road_ends_m: f64::INFINITY,
             roads,
         };
-        for name in concrete.far_off()? {
+        for name in concrete.far_off(|name| survey.names.contains(name))? {
             let private = privates
                 .iter()
                 .find(|it| it.raw("entityRef") == Some(&name));
@@ -397,6 +415,7 @@ impl Protocol {
         ground: PositionContext<'_>,
         objects: &[&XmlNode],
         before: &[ImportedEntity],
+        numbers: &StoryNumbers,
     ) -> Result<ImportedEntity, ImportError> {
         let name = begun.need("entityRef")?;
         let object = objects
@@ -416,7 +435,11 @@ impl Protocol {
         let body = blockers.keep(self.body(object, scope, ground.files));
         let body = body.map(|body| body.beside(before.iter().map(|it| &it.body)));
         let begins = blockers.keep(motion::begins(begun, scope, ground));
-        let first = motion::first_speed_mps(begun, scope, before, body.as_ref(), ground.unplaced);
+        let context = FirstSpeedContext {
+            numbers,
+            unplaced: ground.unplaced,
+        };
+        let first = motion::first_speed_mps(begun, scope, before, body.as_ref(), context);
         let (speed_mps, ramp) = blockers.keep(first).unwrap_or_default();
         let is_ego = name == self.ego.name;
         // The trajectory of an ego that is left states the speed with which it begins.
@@ -430,10 +453,6 @@ impl Protocol {
         if is_ego && ramp.is_some() {
             self.ego.leave(begun);
         }
-        let first = ramp.filter(|_| !is_ego).map(|law| ImportedStep {
-            laws: vec![law],
-            ..ImportedStep::default()
-        });
         let first_gap_m = motion::first_gap_m(begun, scope, &self.ego.name, speed_mps);
         let gap_m = blockers.keep(first_gap_m);
         blockers.none()?;
@@ -447,7 +466,8 @@ impl Protocol {
             gap_m: gap_m.flatten(),
             placed,
             speed_mps,
-            steps: first.into_iter().collect(),
+            ramp: ramp.filter(|_| !is_ego),
+            later: LaterMotion::default(),
             approach: None,
             route,
             at: begun.at(),

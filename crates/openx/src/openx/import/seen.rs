@@ -65,20 +65,7 @@ impl EntityInFrame<'_> {
     }
 
     pub(super) fn stands(&self) -> bool {
-        let entity = self.entity;
-        entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.approach.is_none()
-    }
-
-    /// Length in metres of the body behind its front, along the ego's road.
-    pub(super) fn rear_m(&self) -> f64 {
-        let body = &self.entity.body;
-        match self.path {
-            EntityPath::With => body.length_m,
-            // A crossing pedestrian covers its width along the road, half on
-            // each side of its front.
-            EntityPath::Left | EntityPath::Right => 0.5 * body.width_m,
-            _ => 0.0,
-        }
+        !self.entity.moves()
     }
 }
 

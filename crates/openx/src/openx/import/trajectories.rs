@@ -264,15 +264,17 @@ fn at(timed: &[TimedPlace], x: f64, of: impl Fn(TimedPlace) -> (f64, f64)) -> f6
     }
 }
 
+/// Returns whether a vertex states the heading of its place.
+pub(super) fn states_heading(vertex: &XmlNode) -> bool {
+    let is_world = vertex.name == "WorldPosition" && vertex.raw("h").is_some();
+    let is_turned = vertex.name == "Orientation" && vertex.raw("h").is_some();
+    is_world || is_turned || vertex.children.iter().any(states_heading)
+}
+
 /// Refuses places at which an entity faces elsewhere than along the lines between them.
 ///
 /// Between two places the heading of a file turns evenly, so short lines may differ.
 fn faces_ahead(shape: &XmlNode, vertices: &[Pose]) -> Result<(), ImportError> {
-    fn states_heading(vertex: &XmlNode) -> bool {
-        let is_world = vertex.name == "WorldPosition" && vertex.raw("h").is_some();
-        let is_turned = vertex.name == "Orientation" && vertex.raw("h").is_some();
-        is_world || is_turned || vertex.children.iter().any(states_heading)
-    }
     let stated: Vec<bool> = shape.all("Vertex").map(states_heading).collect();
     for (i, pair) in vertices.windows(2).enumerate() {
         let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);

@@ -1,0 +1,241 @@
+//! Actions of events, as those of a world's storyboard.
+
+use super::numbers::StatedIn;
+use super::speeds::speed;
+use super::survey::{TakenAction, content};
+use super::triggers::signal_state;
+use super::{StoryWriter, relevant};
+use crate::opendrive::error::ImportError;
+use crate::opendrive::tree::XmlNode;
+use crate::openx::import::lights::{light_name, shown};
+use crate::openx::import::motion::{friction_of, is_still};
+use crate::openx::import::seen::EntityInFrame;
+use crate::story::values::{Action, Effect};
+
+/// Effect of an action without an effect on motion.
+const NONE: Effect = Effect::ActivateController {
+    longitudinal: None,
+    lateral: None,
+};
+
+impl StoryWriter<'_> {
+    /// Returns whether an action moves anybody, or may be found not to be read.
+    pub(super) fn moves(&self, number: usize) -> bool {
+        let part = &self.parts.0[number];
+        let begin = self.survey.begins[number];
+        let is_start = matches!(
+            self.survey.taken.get(&number),
+            Some(TakenAction::Start | TakenAction::Meeting)
+        );
+        if is_start || begin.at_s == f64::INFINITY {
+            return false;
+        }
+        let (kind, node) = match content(part.node) {
+            Ok(Some(content)) => content,
+            Ok(None) => return false,
+            Err(_) => return true,
+        };
+        match kind.name.as_str() {
+            "PrivateAction" => {
+                let is_free = !part.actors.iter().any(|it| self.ground.is_steered(it));
+                let is_still = is_still(node, &part.scope, is_free).unwrap_or(false);
+                let is_absent = |it: &String| self.ground.absent.contains(it);
+                let of_nobody = !self.is_triggering(number) && part.actors.iter().all(is_absent);
+                !is_still && !of_nobody
+            }
+            "GlobalAction" => match node.name.as_str() {
+                "EnvironmentAction" => {
+                    let scale = friction_of(node, &part.scope, self.ground);
+                    // The same factor as in the Init changes nothing.
+                    scale.map_or(true, |it| it.is_some_and(|it| it != self.friction_scale))
+                }
+                "InfrastructureAction" => self.signal(number, node).is_some(),
+                _ => relevant::changed(part.node).is_none(),
+            },
+            _ => true,
+        }
+    }
+
+    /// Returns the written actions of an event.
+    pub(super) fn actions(&mut self, event: usize) -> Vec<(usize, Action)> {
+        let parts = self.parts;
+        let mut written = Vec::new();
+        for number in parts.0[event].parts.clone() {
+            let does = self.effect(number);
+            let does = self.blockers.keep(does).unwrap_or(NONE);
+            let name = parts.0[number].name.clone();
+            written.push((number, Action { name, does }));
+        }
+        if written.is_empty() {
+            let name = "nothing".to_owned();
+            written.push((event, Action { name, does: NONE }));
+        }
+        written
+    }
+
+    fn effect(&mut self, number: usize) -> Result<Effect, ImportError> {
+        let part = &self.parts.0[number];
+        let Some((kind, node)) = content(part.node)? else {
+            return Ok(NONE);
+        };
+        let at = StatedIn {
+            node,
+            scope: &part.scope,
+            owner: &part.name,
+        };
+        match kind.name.as_str() {
+            "PrivateAction" => self.private(number, at),
+            "GlobalAction" => self.global(number, at),
+            _ => {
+                let help = "leave it out: what moves anybody is a `PrivateAction`";
+                Err(kind.refused("an action of this kind is not read", help))
+            }
+        }
+    }
+
+    fn private(&mut self, number: usize, at: StatedIn<'_>) -> Result<Effect, ImportError> {
+        let part = &self.parts.0[number];
+        let is_free = !part.actors.iter().any(|it| self.ground.is_steered(it));
+        if is_still(at.node, at.scope, is_free)? {
+            return Ok(NONE);
+        }
+        let actors = self.present_actors(number);
+        let acts = !actors.is_empty() || self.is_triggering(number);
+        match self.survey.taken.get(&number) {
+            Some(TakenAction::Start | TakenAction::Meeting) => return Ok(NONE),
+            Some(TakenAction::Timed { legs, stops }) => return Ok(self.legs(at, legs, *stops)),
+            None => {}
+        }
+        let effect = self.private_effect(at, &actors)?;
+        Ok(if acts || self.frame.is_none() {
+            effect
+        } else {
+            NONE
+        })
+    }
+
+    fn private_effect(
+        &mut self,
+        at: StatedIn<'_>,
+        actors: &[&EntityInFrame<'_>],
+    ) -> Result<Effect, ImportError> {
+        let it = at.node;
+        let single = match actors {
+            [one] => Some(*one),
+            _ => None,
+        };
+        match it.name.as_str() {
+            "SpeedAction" => speed(
+                at,
+                self.numbers,
+                single.map(|it| it.name.as_str()),
+                &|node, name| self.entity(node, name),
+            ),
+            "SpeedProfileAction" => self.profile(at),
+            "LongitudinalDistanceAction" => self.distance_along(at),
+            "SynchronizeAction" => self.meeting(at),
+            "LaneChangeAction" => self.lane_change(at, actors),
+            "LaneOffsetAction" => self.lane_offset(at, actors),
+            "LateralDistanceAction" => self.distance_across(at),
+            "FollowTrajectoryAction" => self.trajectory(at),
+            "TeleportAction" => Ok(Effect::Teleport {
+                position: self.turned_position(at.at(it.inner("Position")?), true)?,
+            }),
+            "AssignRouteAction" | "AcquirePositionAction" => {
+                let help = "give the entity one route, alone in its `ManeuverGroup`";
+                Err(it.refused("a second route of an entity is not read", help))
+            }
+            _ => {
+                let help = "a speed, a lane, an offset, a distance, a meeting, a trajectory, a \
+                            route or a place";
+                Err(it.refused("an action of this kind is not read here", help))
+            }
+        }
+    }
+
+    fn global(&mut self, number: usize, at: StatedIn<'_>) -> Result<Effect, ImportError> {
+        let it = at.node;
+        match it.name.as_str() {
+            "EntityAction" => {
+                if self.survey.taken.contains_key(&number) {
+                    return Ok(NONE);
+                }
+                let name = at.scope.text(it, "entityRef")?;
+                let entity = self.entity(it, &name)?;
+                match it.child("AddEntityAction") {
+                    Some(added) => Ok(Effect::Add {
+                        entity,
+                        position: self.turned_position(at.at(added.inner("Position")?), true)?,
+                    }),
+                    None => Ok(Effect::Delete { entity }),
+                }
+            }
+            "EnvironmentAction" => {
+                let scale = friction_of(it, at.scope, self.ground)?;
+                let scale = scale.filter(|scale| *scale != self.friction_scale);
+                let base = self
+                    .frame
+                    .as_ref()
+                    .map_or(1.0, |frame| frame.concrete.friction / self.friction_scale);
+                Ok(scale.map_or(NONE, |scale| Effect::Friction {
+                    value: self.numbers.stated(at, &[], base * scale),
+                }))
+            }
+            "InfrastructureAction" => Ok(self.signal(number, it).unwrap_or(NONE)),
+            _ => match relevant::changed(self.parts.0[number].node) {
+                Some(name) => self.changed_variable(at, name),
+                None => {
+                    let help = "leave it out, or let an entity act instead";
+                    Err(it.refused("an action of this kind is not read", help))
+                }
+            },
+        }
+    }
+
+    /// Returns the change of a light of the ego's way.
+    fn signal(&self, number: usize, node: &XmlNode) -> Option<Effect> {
+        let scope = &self.parts.0[number].scope;
+        let action = node.child("TrafficSignalAction").unwrap_or(node);
+        let state = action.child("TrafficSignalStateAction")?;
+        let signal = scope.text(state, "name").ok()?;
+        let phase = shown(&scope.text(state, "state").ok()?)?;
+        let frame = self.frame.as_ref()?;
+        let mut lights = frame.concrete.lights.iter();
+        lights
+            .any(|light| light.signal == signal)
+            .then(|| Effect::TrafficSignal {
+                name: light_name(&signal),
+                state: signal_state(phase),
+            })
+    }
+
+    fn changed_variable(&mut self, at: StatedIn<'_>, name: &str) -> Result<Effect, ImportError> {
+        let it = at.node;
+        let variable = self.variable(at, name)?;
+        let change = it.only()?;
+        // Both kinds of actions have had names of their own.
+        if change.name.ends_with("SetAction") {
+            let value = self.variable_value(at.at(change))?;
+            return Ok(Effect::VariableSet {
+                name: variable,
+                value,
+            });
+        }
+        let rule = change.child("Rule").unwrap_or(change).only()?;
+        let value = self.numbers.of(at.at(rule), "value", |value| value)?;
+        match rule.name.as_str() {
+            "AddValue" => Ok(Effect::VariableAdd {
+                name: variable,
+                value,
+            }),
+            "MultiplyByValue" => Ok(Effect::VariableMultiply {
+                name: variable,
+                value,
+            }),
+            _ => {
+                let help = "set it, add to it or multiply it";
+                Err(rule.refused("a change of this kind is not read", help))
+            }
+        }
+    }
+}

@@ -1,0 +1,474 @@
+//! Storyboard of a file as that of a world.
+//!
+//! Elements, triggers and actions keep their names and their order. What moves nobody is
+//! left out, with what only refers to it.
+
+mod actions;
+mod begins;
+mod lanes;
+mod numbers;
+mod parts;
+mod places;
+mod quantities;
+mod relevant;
+mod speeds;
+mod survey;
+mod triggers;
+
+pub(super) use numbers::{StatedIn, StoryNumbers};
+pub(super) use parts::{StoryParts, catalog_maneuvers};
+pub(super) use speeds::speed;
+pub(super) use survey::{StorySurvey, survey};
+
+use std::collections::BTreeMap;
+
+use parts::{PartKind, StoryPart};
+use speeds::UNLIMITED;
+use survey::{TakenAction, content};
+
+use super::concrete::Concrete;
+use super::draft::tidy;
+use super::motion::is_still;
+use super::places::PositionContext;
+use super::seen::{EntityInFrame, named};
+use crate::opendrive::error::{At, Blockers, ImportError};
+use crate::opendrive::scope::number;
+use crate::opendrive::tree::XmlNode;
+use crate::ron_file::ValuePath;
+use crate::story::values::{
+    Act, Action, DynamicLimits, EntityPerformance, EventPriority, ManeuverGroup, Story, StoryEvent,
+    StoryManeuver, StoryNumber, Storyboard, Variable,
+};
+
+/// Greatest number of executions that a world counts.
+const MOST_EXECUTIONS: f64 = 10_000.0;
+
+/// World in which a storyboard plays.
+#[derive(Clone, Copy)]
+pub(super) struct StoryFrame<'a> {
+    pub concrete: &'a Concrete,
+    pub all: &'a [EntityInFrame<'a>],
+}
+
+/// Content of a storyboard, and what of it is a part of the start.
+#[derive(Clone, Copy)]
+pub(super) struct StorySource<'a> {
+    /// File with the declarations of variables.
+    pub root: &'a XmlNode,
+    pub parts: &'a StoryParts<'a>,
+    pub survey: &'a StorySurvey,
+    pub ground: PositionContext<'a>,
+    pub numbers: &'a StoryNumbers,
+    /// Factor by which the Init scales the friction of all roads.
+    pub friction_scale: f64,
+}
+
+/// Storyboard of a world, with the elements of the file that its values come from.
+pub(super) struct WrittenStory {
+    pub board: Storyboard,
+    pub origins: Vec<(ValuePath, At)>,
+}
+
+/// Returns the storyboard of a world, or `None` without one.
+///
+/// Without a frame it is read for its problems only.
+pub(super) fn written(
+    source: StorySource<'_>,
+    frame: Option<StoryFrame<'_>>,
+    blockers: &mut Blockers,
+) -> Option<WrittenStory> {
+    let StorySource {
+        root,
+        parts,
+        survey,
+        ground,
+        numbers,
+        friction_scale,
+    } = source;
+    let mut writer = StoryWriter {
+        root,
+        parts,
+        survey,
+        ground,
+        frame,
+        numbers,
+        friction_scale,
+        repeats: false,
+        is_relevant: Vec::new(),
+        variables: BTreeMap::new(),
+        blockers: Blockers::default(),
+        origins: Vec::new(),
+    };
+    writer.is_relevant = relevant::relevant(parts, |action| writer.moves(action));
+    writer.leave_ego();
+    writer.note_dropped();
+    let board = writer.board();
+    let StoryWriter {
+        blockers: found,
+        origins,
+        ..
+    } = writer;
+    blockers.keep(found.none());
+    (!board.stories.is_empty()).then_some(WrittenStory { board, origins })
+}
+
+struct StoryWriter<'a> {
+    root: &'a XmlNode,
+    parts: &'a StoryParts<'a>,
+    survey: &'a StorySurvey,
+    ground: PositionContext<'a>,
+    frame: Option<StoryFrame<'a>>,
+    numbers: &'a StoryNumbers,
+    friction_scale: f64,
+    /// True while an event or a group that may repeat is written.
+    repeats: bool,
+    is_relevant: Vec<bool>,
+    /// Variables that the storyboard uses, with their first values.
+    variables: BTreeMap<String, StoryNumber>,
+    blockers: Blockers,
+    origins: Vec<(ValuePath, At)>,
+}
+
+impl<'a> StoryWriter<'a> {
+    fn board(&mut self) -> Storyboard {
+        let stories = ValuePath::top().to("storyboard").to("stories");
+        let mut written = Vec::new();
+        written.extend(self.ramps(&stories));
+        for number in self.relevant(PartKind::Story, None) {
+            let path = stories.at(written.len());
+            let part = &self.parts.0[number];
+            self.origins.push((path.clone(), part.node.at()));
+            let acts = self.relevant(PartKind::Act, Some(number)).into_iter();
+            let acts = acts.enumerate();
+            let acts = acts
+                .map(|(i, act)| self.act(act, &path.to("acts").at(i)))
+                .collect();
+            written.push(Story {
+                name: part.name.clone(),
+                acts,
+            });
+        }
+        let variables = self.variables.iter().map(|(name, value)| Variable {
+            name: name.clone(),
+            value: value.clone(),
+        });
+        Storyboard {
+            variables: variables.collect(),
+            performance: self.performance(),
+            stories: written,
+            stop_trigger: Vec::new(),
+        }
+    }
+
+    /// Limits of the entities that act.
+    fn performance(&self) -> Vec<EntityPerformance> {
+        let all = self.frame.map_or(&[][..], |frame| frame.all).iter();
+        let acting = all.filter(|it| {
+            let entity = it.entity;
+            !entity.is_ego && entity.approach.is_none() && entity.is_driven()
+        });
+        let limited = acting.map(|it| {
+            let body = &it.entity.body;
+            let limit = |value: f64| (value < UNLIMITED).then(|| StoryNumber::Number(tidy(value)));
+            EntityPerformance {
+                entity: it.name.clone(),
+                limits: DynamicLimits {
+                    max_speed_mps: limit(body.most_mps),
+                    max_accel_mps2: limit(body.most_accel_mps2),
+                    max_decel_mps2: limit(body.most_decel_mps2),
+                },
+            }
+        });
+        limited.filter(|it| !it.limits.is_unlimited()).collect()
+    }
+
+    /// Changes of speed with which entities begin, as a story.
+    fn ramps(&mut self, stories: &ValuePath) -> Option<Story> {
+        let all = self.frame.as_ref()?.all;
+        let begins: Vec<_> = all.iter().filter(|it| !it.entity.is_ego).collect();
+        let mut groups = Vec::new();
+        for it in begins {
+            let Some(ramp) = &it.entity.ramp else {
+                continue;
+            };
+            let path = stories.at(0).to("acts").at(0).to("maneuver_groups");
+            self.origins
+                .push((path.at(groups.len()), it.entity.at.clone()));
+            let action = Action {
+                name: "speed".to_owned(),
+                does: ramp.effect.clone(),
+            };
+            groups.push(group_of(&it.name, vec![it.name.clone()], action));
+        }
+        // Its name must be free.
+        let taken = |name: &str| self.parts.0.iter().any(|part| part.name == name);
+        let mut names = ["Init", "init", "begin of the run"].into_iter();
+        let name = names.find(|name| !taken(name)).unwrap_or("Init");
+        let act = Act {
+            name: name.to_owned(),
+            start_trigger: Vec::new(),
+            stop_trigger: Vec::new(),
+            maneuver_groups: groups,
+        };
+        (!act.maneuver_groups.is_empty()).then(|| Story {
+            name: name.to_owned(),
+            acts: vec![act],
+        })
+    }
+
+    fn act(&mut self, number: usize, path: &ValuePath) -> Act {
+        let part = &self.parts.0[number];
+        self.origins.push((path.clone(), part.node.at()));
+        let (start_trigger, stop_trigger) = (
+            self.trigger(number, "StartTrigger"),
+            self.trigger(number, "StopTrigger"),
+        );
+        let groups = self.relevant(PartKind::ManeuverGroup, Some(number));
+        let groups = groups.into_iter().enumerate();
+        Act {
+            name: part.name.clone(),
+            start_trigger,
+            stop_trigger,
+            maneuver_groups: groups
+                .map(|(i, group)| self.group(group, &path.to("maneuver_groups").at(i)))
+                .collect(),
+        }
+    }
+
+    fn group(&mut self, number: usize, path: &ValuePath) -> ManeuverGroup {
+        let part = &self.parts.0[number];
+        self.origins.push((path.clone(), part.node.at()));
+        let executions = self.executions(part);
+        let actors = self.present_actors(number);
+        let actors = actors.iter().map(|it| it.name.clone()).collect();
+        let maneuvers = self.relevant(PartKind::Maneuver, Some(number));
+        let mut written = Vec::new();
+        for maneuver in maneuvers {
+            let path = path.to("maneuvers").at(written.len());
+            let part = &self.parts.0[maneuver];
+            self.origins.push((path.clone(), part.node.at()));
+            let events = self.relevant(PartKind::Event, Some(maneuver)).into_iter();
+            let events = events.enumerate();
+            written.push(StoryManeuver {
+                name: part.name.clone(),
+                events: events
+                    .map(|(i, event)| self.event(event, executions, &path.to("events").at(i)))
+                    .collect(),
+            });
+        }
+        ManeuverGroup {
+            name: part.name.clone(),
+            actors,
+            actors_are_triggering: self.is_triggering(number),
+            maximum_execution_count: executions,
+            maneuvers: written,
+        }
+    }
+
+    fn event(&mut self, number: usize, of_group: u32, path: &ValuePath) -> StoryEvent {
+        let part = &self.parts.0[number];
+        self.origins.push((path.clone(), part.node.at()));
+        let start_trigger = self.trigger(number, "StartTrigger");
+        let executions = match self.executions(part) {
+            // Without a trigger it begins with its maneuver, once.
+            _ if start_trigger.is_empty() => 1,
+            executions => executions,
+        };
+        self.repeats = executions.max(of_group) > 1;
+        let actions = self.actions(number);
+        let places = actions.iter().enumerate().map(|(i, (action, _))| {
+            let at = self.parts.0[*action].node.at();
+            (path.to("actions").at(i), at)
+        });
+        let places: Vec<_> = places.collect();
+        self.origins.extend(places);
+        StoryEvent {
+            name: part.name.clone(),
+            priority: match part.node.raw("priority") {
+                Some("override" | "overwrite") => EventPriority::Override,
+                Some("skip") => EventPriority::Skip,
+                _ => EventPriority::Parallel,
+            },
+            maximum_execution_count: executions,
+            start_trigger,
+            actions: actions.into_iter().map(|(_, action)| action).collect(),
+        }
+    }
+
+    /// Returns the elements of a kind that matter, of one that holds them.
+    fn relevant(&self, kind: PartKind, parent: Option<usize>) -> Vec<usize> {
+        let all = self.parts.all(kind);
+        let matter = all.filter(|it| self.is_relevant[*it] && self.parts.0[*it].parent == parent);
+        matter.collect()
+    }
+
+    fn executions(&mut self, part: &StoryPart<'_>) -> u32 {
+        let name = "maximumExecutionCount";
+        if part.node.raw(name).is_none() {
+            return 1;
+        }
+        let count = part.scope.number(part.node, name).and_then(|often| {
+            if often >= 1.0 && often.fract() == 0.0 {
+                return Ok(often);
+            }
+            let what = format!("it is carried out {often} times");
+            Err(part.node.refused(what, "write a whole number from 1 on"))
+        });
+        let count = self.blockers.keep(count).unwrap_or(1.0);
+        // A whole number of this size has the same value as an integer.
+        count.min(MOST_EXECUTIONS) as u32
+    }
+
+    /// Actors of the group around an element that exist, without the ego.
+    fn present_actors(&self, number: usize) -> Vec<&'a EntityInFrame<'a>> {
+        let Some(frame) = self.frame else {
+            return Vec::new();
+        };
+        let actors = &self.parts.0[number].actors;
+        let all = frame.all.iter();
+        let is_actor = |it: &&EntityInFrame<'_>| actors.contains(&it.entity.name);
+        all.filter(is_actor)
+            .filter(|it| !it.entity.is_ego && it.entity.approach.is_none())
+            .collect()
+    }
+
+    /// Returns whether the actors of an element are those that trigger an event.
+    fn is_triggering(&self, number: usize) -> bool {
+        let mut around = self.parts.around(number);
+        let group = around.find(|it| self.parts.0[*it].kind == PartKind::ManeuverGroup);
+        let actors = group.and_then(|group| self.parts.0[group].node.child("Actors"));
+        actors.and_then(|it| it.raw("selectTriggeringEntities")) == Some("true")
+    }
+
+    /// Returns the name of an entity in the world.
+    fn entity(&self, at: &XmlNode, name: &str) -> Result<String, ImportError> {
+        let is_known = match &self.frame {
+            Some(frame) => frame.all.iter().any(|it| it.entity.name == name),
+            None => self.ground.placed.contains_key(name),
+        };
+        match is_known {
+            true => Ok(named(name)),
+            false => Err(self.no_entity(at, name)),
+        }
+    }
+
+    fn no_entity(&self, at: &XmlNode, name: &str) -> ImportError {
+        let help = "name an entity that the Init places";
+        let error = at.refused(format!("no agent is called `{name}`"), help);
+        error.following(self.ground.unplaced.iter().any(|it| it == name))
+    }
+
+    /// Returns the name of a variable, which the storyboard then declares.
+    fn variable(&mut self, at: StatedIn<'_>, name: &str) -> Result<String, ImportError> {
+        let declared = |list: &str, element: &str| {
+            let list = self.root.child(list).into_iter();
+            let mut all = list.flat_map(|it| it.children.iter());
+            all.find(|it| it.name == element && it.raw("name") == Some(name))
+        };
+        let variable = declared("VariableDeclarations", "VariableDeclaration");
+        let value = match variable {
+            Some(variable) => Some(at.scope.text(variable, "value")?),
+            None => at.scope.get(name).map(str::to_owned),
+        };
+        let value = value.ok_or_else(|| {
+            let help = "declare it in the `VariableDeclarations`";
+            at.node
+                .refused(format!("there is no variable `{name}`"), help)
+        })?;
+        let first = match value.as_str() {
+            "true" => Some(1.0),
+            "false" => Some(0.0),
+            text => number(text),
+        };
+        let first = first.ok_or_else(|| {
+            let what = format!("`{name}` is `{value}`, which is no number");
+            at.node
+                .refused(what, "wait for a number, or for an element")
+        })?;
+        self.variables
+            .insert(name.to_owned(), StoryNumber::Number(first));
+        Ok(name.to_owned())
+    }
+
+    /// Returns whether only the user's ego, or a meeting, decides when an element ends.
+    fn is_left(&self, element: usize) -> bool {
+        let parts = &self.parts.0;
+        let mut inside = self
+            .parts
+            .all(PartKind::Action)
+            .filter(|action| self.parts.around(*action).any(|it| it == element));
+        let is_meeting = |it: &usize| self.survey.taken.get(it) == Some(&TakenAction::Meeting);
+        inside.any(|action| is_meeting(&action) || self.moves_ego(&parts[action]))
+    }
+
+    fn moves_ego(&self, part: &StoryPart<'_>) -> bool {
+        let ego = &self.ground.ego.name;
+        let is_its = part.actors.iter().any(|it| it == ego);
+        let moves = |(kind, node): (&XmlNode, &XmlNode)| {
+            let is_still = is_still(node, &part.scope, true).unwrap_or(false);
+            kind.name == "PrivateAction" && !is_still
+        };
+        is_its && content(part.node).ok().flatten().is_some_and(moves)
+    }
+
+    /// Leaves the motion of the ego to the user, or refuses it.
+    fn leave_ego(&mut self) {
+        for number in self.parts.all(PartKind::Event).collect::<Vec<_>>() {
+            let actions = self.parts.0[number].parts.iter();
+            let moving = actions
+                .copied()
+                .find(|it| self.moves_ego(&self.parts.0[*it]));
+            let begins = self.survey.begins[number].at_s < f64::INFINITY;
+            let Some(action) = moving.filter(|_| begins) else {
+                continue;
+            };
+            if self.ground.ego.is_left {
+                self.ground.ego.leave(self.parts.0[number].node);
+                continue;
+            }
+            let help = "--leave-ego leaves its events to your controller and lists them";
+            let node = content(self.parts.0[action].node).ok().flatten();
+            let error = node.map(|(_, node)| node.refused("the ego has a motion of its own", help));
+            error.into_iter().for_each(|it| self.blockers.add(it));
+        }
+    }
+
+    /// Lists actions that change lights and variables and move nobody.
+    fn note_dropped(&self) {
+        const KINDS: [(&str, &str); 3] = [
+            ("InfrastructureAction", "traffic signals"),
+            ("ParameterAction", "parameters"),
+            ("VariableAction", "variables"),
+        ];
+        for number in self.parts.all(PartKind::Action) {
+            let content = content(self.parts.0[number].node).ok().flatten();
+            let kind = content.and_then(|(_, node)| {
+                let found = KINDS.iter().find(|(name, _)| *name == node.name)?;
+                Some((found.1, node))
+            });
+            if let Some((kind, node)) = kind.filter(|_| !self.is_relevant[number]) {
+                self.ground.catalogs.note(kind, node);
+            }
+        }
+    }
+}
+
+/// Group of one event that begins at once.
+fn group_of(name: &str, actors: Vec<String>, action: Action) -> ManeuverGroup {
+    ManeuverGroup {
+        name: name.to_owned(),
+        actors,
+        actors_are_triggering: false,
+        maximum_execution_count: 1,
+        maneuvers: vec![StoryManeuver {
+            name: name.to_owned(),
+            events: vec![StoryEvent {
+                name: name.to_owned(),
+                priority: EventPriority::Override,
+                maximum_execution_count: 1,
+                start_trigger: Vec::new(),
+                actions: vec![action],
+            }],
+        }],
+    }
+}

@@ -1,0 +1,211 @@
+//! Conditions of entities: speeds, distances, times and places.
+
+use super::StoryWriter;
+use super::numbers::StatedIn;
+use super::triggers::rule;
+use crate::opendrive::error::ImportError;
+use crate::opendrive::tree::XmlNode;
+use crate::story::values::{
+    ComparisonRule, CoordinateSystem, DistanceType, EntityCondition, StoryNumber,
+};
+
+impl StoryWriter<'_> {
+    /// Returns the condition of an entity, or `None` for one that a run ends before.
+    pub(super) fn quantity(
+        &mut self,
+        at: StatedIn<'_>,
+    ) -> Result<Option<EntityCondition>, ImportError> {
+        let it = at.node;
+        let value = |name: &str| self.numbers.of(at, name, |value| value);
+        let is_along = it.raw("direction").is_none_or(|it| it == "longitudinal");
+        Ok(Some(match it.name.as_str() {
+            "SpeedCondition" if is_along => EntityCondition::Speed {
+                rule: rule(it)?,
+                value_mps: value("value")?,
+            },
+            "RelativeSpeedCondition" if is_along => EntityCondition::RelativeSpeed {
+                entity: self.other(at)?,
+                rule: rule(it)?,
+                value_mps: value("value")?,
+            },
+            "AccelerationCondition" if is_along => EntityCondition::Acceleration {
+                rule: rule(it)?,
+                value_mps2: value("value")?,
+            },
+            "StandStillCondition" => EntityCondition::StandStill {
+                duration_s: value("duration")?,
+            },
+            "OffroadCondition" => EntityCondition::Offroad {
+                duration_s: value("duration")?,
+            },
+            "EndOfRoadCondition" => EntityCondition::EndOfRoad {
+                duration_s: value("duration")?,
+            },
+            "TraveledDistanceCondition" => EntityCondition::TraveledDistance {
+                value_m: value("value")?,
+            },
+            "CollisionCondition" => {
+                let other = it.child("EntityRef");
+                let Some(other) = other else {
+                    self.ground.catalogs.note("what follows a contact", it);
+                    return Ok(None);
+                };
+                let name = at.scope.text(other, "entityRef")?;
+                EntityCondition::Collision {
+                    entity: self.entity(other, &name)?,
+                }
+            }
+            "RelativeDistanceCondition" => EntityCondition::RelativeDistance {
+                entity: self.other(at)?,
+                distance_type: distance_type(it, DistanceType::Longitudinal)?,
+                coordinate_system: coordinate_system(it)?,
+                freespace: is_clear(it),
+                rule: rule(it)?,
+                value_m: value("value")?,
+            },
+            "TimeHeadwayCondition" => {
+                along_only(it)?;
+                EntityCondition::TimeHeadway {
+                    entity: self.other(at)?,
+                    coordinate_system: coordinate_system(it)?,
+                    freespace: is_clear(it),
+                    rule: rule(it)?,
+                    value_s: value("value")?,
+                }
+            }
+            "TimeToCollisionCondition" => {
+                along_only(it)?;
+                let target = it.inner("TimeToCollisionConditionTarget")?.only()?;
+                if target.raw("entityRef").is_none() {
+                    let help = "name an entity as the target";
+                    return Err(target.refused("a time to a place is not read", help));
+                }
+                let name = at.scope.text(target, "entityRef")?;
+                EntityCondition::TimeToCollision {
+                    entity: self.entity(target, &name)?,
+                    coordinate_system: coordinate_system(it)?,
+                    freespace: is_clear(it),
+                    rule: rule(it)?,
+                    value_s: value("value")?,
+                }
+            }
+            "ReachPositionCondition" => {
+                let position = it.inner("Position")?;
+                match followed(at)? {
+                    // A place that goes on with an entity is as far as that entity.
+                    Some(name) => EntityCondition::RelativeDistance {
+                        entity: self.entity(it, &name)?,
+                        distance_type: DistanceType::Euclidean,
+                        coordinate_system: CoordinateSystem::Entity,
+                        freespace: false,
+                        rule: ComparisonRule::LessOrEqual,
+                        value_m: value("tolerance")?,
+                    },
+                    None => EntityCondition::ReachPosition {
+                        position: self.position(at.at(position))?,
+                        tolerance_m: value("tolerance")?,
+                    },
+                }
+            }
+            "DistanceCondition" => self.place_distance(at)?,
+            _ => {
+                return Err(it.refused(
+                    "a condition of this kind is not read",
+                    "wait for a distance, a headway, a speed, a travelled distance or a place",
+                ));
+            }
+        }))
+    }
+
+    fn place_distance(&mut self, at: StatedIn<'_>) -> Result<EntityCondition, ImportError> {
+        let it = at.node;
+        let kind = distance_type(it, DistanceType::Euclidean)?;
+        let value_m: StoryNumber = self.numbers.of(at, "value", |value| value)?;
+        if let Some(name) = followed(at)? {
+            return Ok(EntityCondition::RelativeDistance {
+                entity: self.entity(it, &name)?,
+                distance_type: kind,
+                coordinate_system: coordinate_system(it)?,
+                freespace: is_clear(it),
+                rule: rule(it)?,
+                value_m,
+            });
+        }
+        if is_clear(it) {
+            let help = "write freespace=\"false\", or wait for a distance to an entity";
+            return Err(it.refused("a clear distance to a place is not read", help));
+        }
+        Ok(EntityCondition::Distance {
+            position: self.position(at.at(it.inner("Position")?))?,
+            distance_type: kind,
+            coordinate_system: coordinate_system(it)?,
+            rule: rule(it)?,
+            value_m,
+        })
+    }
+
+    fn other(&self, at: StatedIn<'_>) -> Result<String, ImportError> {
+        let name = at.scope.text(at.node, "entityRef")?;
+        self.entity(at.node, &name)
+    }
+}
+
+fn is_clear(it: &XmlNode) -> bool {
+    it.raw("freespace") == Some("true")
+}
+
+/// Returns the system of a distance. Without one it is that of the entity.
+pub(super) fn coordinate_system(it: &XmlNode) -> Result<CoordinateSystem, ImportError> {
+    match it.raw("coordinateSystem") {
+        Some("entity") => Ok(CoordinateSystem::Entity),
+        Some("lane" | "road") => Ok(CoordinateSystem::Road),
+        // The older attribute means the same.
+        None if it.raw("alongRoute") == Some("true") => Ok(CoordinateSystem::Road),
+        None => Ok(CoordinateSystem::Entity),
+        Some(system) => {
+            let what = format!("a distance in the coordinate system `{system}` is not read");
+            let help = "measure it in the coordinate system of the entity, the lane or the road";
+            Err(it.refused(what, help))
+        }
+    }
+}
+
+fn distance_type(it: &XmlNode, missing: DistanceType) -> Result<DistanceType, ImportError> {
+    match it.raw("relativeDistanceType") {
+        None => Ok(missing),
+        Some("longitudinal") => Ok(DistanceType::Longitudinal),
+        Some("lateral") => Ok(DistanceType::Lateral),
+        Some("cartesianDistance" | "euclidianDistance") => Ok(DistanceType::Euclidean),
+        Some(other) => {
+            let help = "measure it longitudinally, laterally or as euclidianDistance";
+            let what = format!("a distance of the type `{other}` is not read");
+            Err(it.refused(what, help))
+        }
+    }
+}
+
+/// Refuses a headway or a time to collision that is not along the way.
+fn along_only(it: &XmlNode) -> Result<(), ImportError> {
+    match distance_type(it, DistanceType::Longitudinal)? {
+        DistanceType::Longitudinal => Ok(()),
+        _ => {
+            let help = "write relativeDistanceType=\"longitudinal\"";
+            Err(it.refused("a time across the way is not read", help))
+        }
+    }
+}
+
+/// Entity at the place of a condition, which goes on with the entity.
+fn followed(at: StatedIn<'_>) -> Result<Option<String>, ImportError> {
+    let position = at.node.child("Position");
+    let place = position.and_then(|it| it.children.first());
+    let Some(place) = place.filter(|it| it.raw("entityRef").is_some()) else {
+        return Ok(None);
+    };
+    for name in ["dx", "dy", "ds", "dsLane", "dt", "dLane", "offset"] {
+        if at.scope.number_or_zero(place, name)? != 0.0 {
+            return Ok(None);
+        }
+    }
+    at.scope.text(place, "entityRef").map(Some)
+}
