@@ -336,6 +336,7 @@ fn all_panels_have_one_instant_of_the_verdict() {
     );
     let marks = texts(&bytes, "/marks/verdict", "SeriesLines:names").concat();
     assert!(marks.contains(&in_words), "{marks}");
+    assert_eq!(document.matches("decided at").count(), 1, "{document}");
     // The sample of a contact has its instant, not that of the grid.
     let late = format!("{:.2} s", decided.sample as f64 * episode.trace.dt_s());
     assert!(late == in_words || !document.contains(&late), "{document}");

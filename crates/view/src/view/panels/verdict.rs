@@ -154,8 +154,26 @@ fn sentence(story: &ViewedEpisode<'_>) -> String {
     }
 }
 
+/// Explanation in words, with the instants that all panels have.
+///
+/// Its own instant is that of the deciding value, which can be later than that of the
+/// verdict, so it is left to the last line.
+fn why(story: &ViewedEpisode<'_>) -> String {
+    let mut explanation = explanation(story);
+    for step in &mut explanation.path {
+        step.time_s = (1e3 * story.time_s(step.sample)).round() / 1e3;
+    }
+    let text = explanation.to_string();
+    let Some((head, path)) = text.split_once('\n') else {
+        return text;
+    };
+    let robustness = head.split_once(", decided at").map_or(head, |(first, _)| first);
+    let reason = head.split_once(')').map_or("", |(_, reason)| reason);
+    format!("{robustness}{reason}\n{path}")
+}
+
 /// Explanation of the deciding value: the broken rule, or the specification.
-fn why(story: &ViewedEpisode<'_>) -> Explanation {
+fn explanation(story: &ViewedEpisode<'_>) -> Explanation {
     let rulebook = story.scenario.rulebook();
     let monitor = match story.episode.verdict {
         // A rule violation is explained by its rule, because ψ_ego was not decided.
