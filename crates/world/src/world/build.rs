@@ -100,6 +100,7 @@ fn assemble(
     let top = ValuePath::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::after_contact(&mut problems, &top.to("after_contact_s"), &file);
+    check::origin(&mut problems, &top.to("origin"), file.origin.as_ref());
     let (road, sensors) = environment::read(&mut problems, &file);
     slope_and_wind::check(&mut problems, &file);
     let roads = roads::placed(&mut problems, &top.to("roads"), &road, &file.roads);
@@ -267,6 +268,7 @@ fn assemble(
         question: file.question,
         source: file.source,
         requirement: file.requirement,
+        origin: file.origin,
         // The text replaces run directories by their content, so it is
         // self-contained.
         text: trained::with_values(text, &written_out),
