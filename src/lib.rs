@@ -54,6 +54,8 @@ pub use brakecheck_campaign::campaign;
 pub use brakecheck_experiment::adversary;
 pub mod cli;
 #[doc(inline)]
+pub use brakecheck_recorded_world::commonroad;
+#[doc(inline)]
 pub use brakecheck_conformance::conformance;
 #[doc(inline)]
 pub use brakecheck_crashes::crashes;
@@ -94,9 +96,9 @@ use brakecheck_files::run_files;
 #[doc(inline)]
 pub use brakecheck_raster::raster;
 #[doc(inline)]
-pub use brakecheck_report::report;
-#[doc(inline)]
 pub use brakecheck_recorded_world::recorded_world;
+#[doc(inline)]
+pub use brakecheck_report::report;
 #[doc(inline)]
 pub use brakecheck_risk::risk;
 #[doc(inline)]

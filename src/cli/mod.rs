@@ -24,6 +24,7 @@ mod log;
 mod log_reading;
 mod lsp;
 mod new;
+mod new_commonroad;
 mod new_from_log;
 mod new_world;
 mod notices;

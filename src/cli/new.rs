@@ -2,15 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use brakecheck_traffic::is_commonroad;
 use clap::Args;
 use serde_json::json;
 
 use super::common::print_json;
 use super::failure::Note;
 use super::failure::{Exit, Failure};
+use super::new_commonroad;
 use super::new_from_log::{self, FromLogArgs};
 use super::new_world;
 use super::terminal::{self, Common};
+use crate::commonroad::CommonRoadImport;
 use crate::openx::import::{
     DroppedElements, EgoEvent, Import, ImportError, Imported, ImportedWorld,
 };
@@ -27,8 +30,8 @@ pub(super) struct NewArgs {
     /// directory, and points with other roads or bodies go to NAME_2.ron, as do
     /// situations of --from-log with other bodies.
     name: String,
-    /// OpenSCENARIO file to import as a world.
-    #[arg(long, value_name = "FILE.xosc")]
+    /// OpenSCENARIO or CommonRoad file to import as a world.
+    #[arg(long, value_name = "FILE.xosc|FILE.xml")]
     from: Option<PathBuf>,
     /// Its variation file [default: none, a single point].
     #[arg(long, value_name = "FILE.xosc", requires = "from")]
@@ -40,7 +43,8 @@ pub(super) struct NewArgs {
     /// lane that leads off the road, and say how many.
     #[arg(long, requires = "from")]
     skip_broken: bool,
-    /// Agent of the file that is the ego [default: Ego].
+    /// Agent of the file that is the ego [default: Ego], or planning problem of
+    /// CommonRoad [default: the only one].
     #[arg(long, value_name = "NAME", requires = "from")]
     ego: Option<String>,
     /// Leave the motion that the file gives the ego to your controller, and list
@@ -51,7 +55,7 @@ pub(super) struct NewArgs {
     /// --from-log, road file in the frame of the recording, for lanes that are not fitted.
     #[arg(long, value_name = "NAME=FILE.xodr|FILE.xodr|FILE.osm")]
     road: Vec<String>,
-    /// Agent of the file that is an ado and may stray from its plan.
+    /// Agent or obstacle of the file that is an ado and may stray from its plan.
     #[arg(long, value_name = "NAME", requires = "from")]
     ado: Option<String>,
     #[command(flatten)]
@@ -72,7 +76,11 @@ impl NewArgs {
 
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     if let Some(from) = &args.from {
-        return import(args, from);
+        // Editors write both formats with either ending, so the content decides.
+        return match file_text(from) {
+            Ok(text) if is_commonroad(text.as_bytes()) => commonroad(args, from),
+            _ => import(args, from),
+        };
     }
     if args.log.is_requested() {
         let road = road_of_recordings(&args.road)?;
@@ -128,6 +136,37 @@ fn named_road(text: &String) -> Result<(String, PathBuf), Failure> {
         )
     })?;
     Ok((name.to_owned(), PathBuf::from(file)))
+}
+
+/// Writes the world of a CommonRoad scenario.
+fn commonroad(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
+    let without = [
+        ("--points", args.points.is_some()),
+        ("--skip-broken", args.skip_broken),
+        ("--leave-ego", args.leave_ego),
+        ("--road", !args.road.is_empty()),
+    ];
+    let given: Vec<&str> = without.iter().filter(|it| it.1).map(|it| it.0).collect();
+    if !given.is_empty() {
+        return Err(Failure::input(
+            format!(
+                "`{}` is a CommonRoad scenario, without {}",
+                from.display(),
+                given.join(", ")
+            ),
+            "leave them out: the file has its road and one start per planning problem",
+        ));
+    }
+    let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
+    let stem = named.file_name().unwrap_or_default().to_string_lossy();
+    new_world::text_named(&stem)?;
+    let request = CommonRoadImport {
+        scenario: from,
+        name: &stem,
+        ego: args.ego.as_deref(),
+        ado: args.ado.as_deref(),
+    };
+    new_commonroad::run(&request, named, args.json)
 }
 
 /// Writes the worlds of a protocol, or none if a file cannot be written.

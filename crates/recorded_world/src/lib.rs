@@ -18,11 +18,13 @@
     allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
 )]
 
+pub mod commonroad;
 pub mod recorded_world;
 
 use brakecheck_ego::ego;
 use brakecheck_files::ron_file;
-use brakecheck_road::{pose, road};
+use brakecheck_road::{opendrive, pose, road};
 use brakecheck_scene::{rulebook, scene};
 use brakecheck_sim::sim;
+use brakecheck_traffic as traffic;
 use brakecheck_world_file::world_file;

@@ -46,7 +46,7 @@ pub(super) fn world(name: &str, plan: &SituationPlan, roads: &CrossingRoads) -> 
         name,
         QUESTION,
         clock_of(plan),
-        own_road(&roads.ego, 1, EGO_LANE_M),
+        own_road(&roads.ego, 1, EGO_LANE_M, None),
         vec![ego(plan, roads), ado(plan, roads)],
         "always (ego.ado.gap >= 0.01)",
     );
@@ -55,7 +55,7 @@ pub(super) fn world(name: &str, plan: &SituationPlan, roads: &CrossingRoads) -> 
     world.judge = JudgeKind::UntilContact;
     world.counts = other_road_users::CAUSED;
     let origin = roads.ego.course.start();
-    let path = path_of(plan.body, &roads.other, origin);
+    let path = path_of(plan.body.width_m, &roads.other, origin);
     world.roads.0.insert(PATH.to_owned(), path);
     let mut comments = vec![TextComment::heading(heading(plan, roads))];
     comments.extend(other_road_users::add(&plan.others, origin, &mut world));
@@ -159,7 +159,7 @@ fn ado(plan: &SituationPlan, roads: &CrossingRoads) -> AgentFile {
         learner: None,
         lag_s: 0.0,
     });
-    on_path("ado", plan.body, PATH, start, drive)
+    on_path("ado", plan.body.into(), PATH, start, drive)
 }
 
 fn rulebook(plan: &SituationPlan, roads: &CrossingRoads) -> Vec<RuleFile> {

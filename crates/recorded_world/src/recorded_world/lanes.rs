@@ -53,7 +53,7 @@ pub(super) fn world(recorded: &RecordedWorld) -> CommentedWorld {
         name.as_str(),
         question,
         clock_of(first),
-        own_road(road, lanes, LANE_WIDTH_M),
+        own_road(road, lanes, LANE_WIDTH_M, None),
         agents,
         format!("always (ego.{}.gap >= 0.01)", ado.name),
     );

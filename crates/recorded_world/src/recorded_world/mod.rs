@@ -6,7 +6,7 @@
 mod crossing;
 mod lanes;
 mod other_road_users;
-mod planned_motion;
+pub(crate) mod planned_motion;
 mod point_columns;
 
 use brakecheck_traffic::{RecordedWorld, SituationPlan, SituationRoad};

@@ -37,8 +37,8 @@ pub(super) fn add(
         comments.push(TextComment::new(here, plain(&other.id)));
         world
             .agents
-            .push(on_path(&name, other.body, &name, start, drive));
-        let path = path_of(other.body, &other.road, origin);
+            .push(on_path(&name, other.body.into(), &name, start, drive));
+        let path = path_of(other.body.width_m, &other.road, origin);
         world.roads.0.insert(name, path);
         world.counts = CAUSED;
     }

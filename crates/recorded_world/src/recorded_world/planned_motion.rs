@@ -12,10 +12,10 @@ use crate::world_file::{
 };
 
 /// Step of a script in a world file.
-pub(super) type PlanStep = ScriptStep<NumberOrRange, String>;
+pub(crate) type PlanStep = ScriptStep<NumberOrRange, String>;
 
 /// Returns a step that begins at once.
-pub(super) fn step(does: Vec<MotionLaw<NumberOrRange>>) -> PlanStep {
+pub(crate) fn step(does: Vec<MotionLaw<NumberOrRange>>) -> PlanStep {
     ScriptStep {
         when: None,
         after_s: NumberOrRange::default(),
@@ -25,7 +25,7 @@ pub(super) fn step(does: Vec<MotionLaw<NumberOrRange>>) -> PlanStep {
 }
 
 /// Returns a linear change of speed.
-pub(super) fn change_of_speed(
+pub(crate) fn change_of_speed(
     to_mps: NumberOrRange,
     rate_mps2: NumberOrRange,
 ) -> MotionLaw<NumberOrRange> {
@@ -38,7 +38,7 @@ pub(super) fn change_of_speed(
 }
 
 /// Returns a step per piece of a plan, without ranges.
-pub(super) fn steps_of(speed: &SpeedPlan) -> Vec<PlanStep> {
+pub(crate) fn steps_of(speed: &SpeedPlan) -> Vec<PlanStep> {
     let pieces = speed.to_mps.iter().zip(speed.rates_mps2());
     let steps = pieces.map(|(to_mps, rate)| {
         step(vec![change_of_speed(
@@ -62,31 +62,36 @@ fn pieces(road: &FittedRoad) -> impl Iterator<Item = Piece> {
 }
 
 /// Returns a fitted road as the world's own.
-pub(super) fn own_road(road: &FittedRoad, lanes: usize, lane_width_m: f64) -> OwnRoad {
+pub(crate) fn own_road(
+    road: &FittedRoad,
+    lanes: usize,
+    lane_width_m: f64,
+    speed_limit_mps: Option<f64>,
+) -> OwnRoad {
     let (lane_width_m, friction) = (lane_width_m.into(), FRICTION.into());
     if road.is_straight() {
         return OwnRoad::Straight {
             lanes,
             lane_width_m,
             friction,
-            speed_limit_mps: None,
+            speed_limit_mps,
         };
     }
     OwnRoad::Curved {
         lanes,
         lane_width_m,
         friction,
-        speed_limit_mps: None,
+        speed_limit_mps,
         pieces: pieces(road).map(Into::into).collect(),
     }
 }
 
-/// Returns a fitted path as a road of one lane for a body, in a world with an origin.
-pub(super) fn path_of(body: StockBody, road: &FittedRoad, origin: Pose) -> RoadFile {
+/// Returns a fitted path as a road of one lane for a width, in a world with an origin.
+pub(crate) fn path_of(body_width_m: f64, road: &FittedRoad, origin: Pose) -> RoadFile {
     let start = origin.sees(&road.course.start());
     // A margin of 0.2 m on both sides leaves the body inside its lane. A lane is at least
     // 1 m wide.
-    let width_m = (body.width_m + 0.4).max(1.0);
+    let width_m = (body_width_m + 0.4).max(1.0);
     RoadFile {
         at: Some(RoadPlace {
             x_m: rounded(start.x_m),
@@ -105,16 +110,32 @@ pub(super) fn path_of(body: StockBody, road: &FittedRoad, origin: Pose) -> RoadF
     }
 }
 
+/// Body of a road user by its name.
+#[derive(Clone, Copy)]
+pub(crate) struct NamedBody<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) is_on_foot: bool,
+}
+
+impl From<StockBody> for NamedBody<'static> {
+    fn from(body: StockBody) -> NamedBody<'static> {
+        NamedBody {
+            name: body.name,
+            is_on_foot: body.is_on_foot(),
+        }
+    }
+}
+
 /// Returns a road user in the middle of a named road.
-pub(super) fn on_path(
+pub(crate) fn on_path(
     name: &str,
-    body: StockBody,
+    body: NamedBody<'_>,
     road: &str,
     start: StartFile,
     drive: DriveFile,
 ) -> AgentFile {
     let (name, road) = (name.to_owned(), Some(road.to_owned()));
-    if body.is_on_foot() {
+    if body.is_on_foot {
         return AgentFile::Pedestrian {
             name,
             body: body.name.to_owned(),
@@ -139,7 +160,7 @@ pub(super) fn on_path(
 }
 
 /// Returns a rule without a requirement, ranked by its position.
-pub(super) fn rule(name: &str, stl: String) -> RuleFile {
+pub(crate) fn rule(name: &str, stl: String) -> RuleFile {
     RuleFile::Rule(WrittenRule {
         name: name.to_owned(),
         stl,
