@@ -93,7 +93,6 @@ impl Check<'_, '_> {
                 following,
                 limits,
             } => {
-                self.not_played(path, "speed profiles");
                 self.not_empty(&path.to("points"), points.len(), "speed");
                 let of = entity.as_ref();
                 // Relative speeds may be negative.
@@ -113,22 +112,19 @@ impl Check<'_, '_> {
                 coordinate_system,
                 continuous,
                 limits,
-            } => {
-                self.not_played(path, "distances along the path");
-                ActorAction::LongitudinalDistance(ActorDistance {
-                    of: self.agent(&path.to("entity"), entity),
-                    distance: self.distance(&path.to("distance"), distance),
-                    side: match displacement {
-                        LongitudinalDisplacement::Any => DistanceSide::Any,
-                        LongitudinalDisplacement::Trailing => DistanceSide::Less,
-                        LongitudinalDisplacement::Leading => DistanceSide::More,
-                    },
-                    freespace: *freespace,
-                    system: *coordinate_system,
-                    continuous: *continuous,
-                    limits: self.limits(&path.to("limits"), limits),
-                })
-            }
+            } => ActorAction::LongitudinalDistance(ActorDistance {
+                of: self.agent(&path.to("entity"), entity),
+                distance: self.distance(&path.to("distance"), distance),
+                side: match displacement {
+                    LongitudinalDisplacement::Any => DistanceSide::Any,
+                    LongitudinalDisplacement::Trailing => DistanceSide::Less,
+                    LongitudinalDisplacement::Leading => DistanceSide::More,
+                },
+                freespace: *freespace,
+                system: *coordinate_system,
+                continuous: *continuous,
+                limits: self.limits(&path.to("limits"), limits),
+            }),
             Effect::LateralDistance {
                 entity,
                 distance_m,
@@ -162,7 +158,6 @@ impl Check<'_, '_> {
                 master_tolerance_m,
                 target_tolerance_m,
             } => {
-                self.not_played(path, "synchronisation");
                 let (speed_at, steady_at) = (path.to("final_speed"), path.to("steady"));
                 let (final_speed, steady) = (final_speed.as_ref(), steady.as_ref());
                 ActorAction::Synchronize(Synchronization {
@@ -364,7 +359,7 @@ impl Check<'_, '_> {
             } => ActorSpeed::Delta(RelativeTarget {
                 of: self.agent(&path.to("entity"), entity),
                 by: self.number(&path.to("value_mps"), value_mps, -MOST),
-                continuous: self.continuous(path, *continuous),
+                continuous: *continuous,
             }),
             SpeedTarget::Factor {
                 entity,
@@ -373,15 +368,8 @@ impl Check<'_, '_> {
             } => ActorSpeed::Factor(RelativeTarget {
                 of: self.agent(&path.to("entity"), entity),
                 by: self.number(&path.to("value"), value, 0.0),
-                continuous: self.continuous(path, *continuous),
+                continuous: *continuous,
             }),
         }
-    }
-
-    fn continuous(&mut self, path: &ValuePath, continuous: bool) -> bool {
-        if continuous {
-            self.not_played(&path.to("continuous"), "speeds that follow another agent");
-        }
-        continuous
     }
 }

@@ -72,7 +72,10 @@ impl DriveScene {
                 road: layout.spec.road_of(i),
                 network: &layout.network,
                 spec: &layout.spec,
-                motion_of: &|agent: usize| motion_of(&self.state.states[agent]),
+                // Nobody knows the sample to come, so all keep their acceleration.
+                motion_of: &|agent: usize, at_s: f64| {
+                    motion_of(&self.state.states[agent]).ahead(at_s - from_s)
+                },
                 from_s,
                 to_s,
             };

@@ -5,6 +5,7 @@
 
 mod actions;
 mod after_contact;
+mod along_law;
 mod attitude;
 mod bounds;
 mod commands;

@@ -5,6 +5,7 @@
 //! at their own instant. Between those instants speeds are linear and lateral
 //! motion has a closed form, so no error accumulates over time.
 
+mod along;
 mod beside;
 mod steps;
 mod story_laws;
@@ -15,6 +16,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
+use self::along::AlongRun;
+pub(super) use self::along::next_step_s;
 use self::beside::BesideRun;
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionPlan, ScriptStep, Unmet};
@@ -51,6 +54,8 @@ pub(super) struct PlanConstants {
     pub lever_m: f64,
     /// Distance from the point that stories move to the front.
     pub front_m: f64,
+    pub length_m: f64,
+    pub width_m: f64,
     /// Heading at the start, relative to the road's direction.
     pub facing_rad: f64,
     pub on_foot: bool,
@@ -127,6 +132,10 @@ pub(super) struct PlanRun {
     way: Option<Arc<PlanWay>>,
     /// Parts of a trajectory with times.
     legs: Option<TimedLegs>,
+    /// Speeds that follow the present one.
+    profile: VecDeque<SpeedRamp>,
+    /// Speed that depends on another agent.
+    along: Option<AlongRun>,
     /// Lateral place to another agent that it keeps.
     beside: Option<BesideRun>,
     /// End of the last trajectory or lateral place that has ended by itself.
@@ -145,7 +154,8 @@ pub(super) struct SampleSpan<'a> {
     pub road: &'a Road,
     pub network: &'a RoadNetwork,
     pub spec: &'a DriveSpec,
-    pub motion_of: &'a dyn Fn(usize) -> AgentMotion,
+    /// Motion of an agent at an instant of the sample.
+    pub motion_of: &'a dyn Fn(usize, f64) -> AgentMotion,
     pub from_s: f64,
     pub to_s: f64,
 }
@@ -155,7 +165,7 @@ impl SampleSpan<'_> {
     fn speed_of(&self, name: &str) -> f64 {
         let mut agents = self.spec.agents.iter();
         let other = agents.position(|agent| agent.name == name);
-        other.map_or(0.0, |other| (self.motion_of)(other).speed_mps)
+        other.map_or(0.0, |other| (self.motion_of)(other, self.from_s).speed_mps)
     }
 }
 
@@ -209,6 +219,8 @@ impl PlanRun {
             laws: VecDeque::new(),
             way: None,
             legs: None,
+            profile: VecDeque::new(),
+            along: None,
             beside: None,
             way_ended_s: f64::NEG_INFINITY,
             has_jumped: false,
@@ -274,6 +286,7 @@ impl PlanRun {
             // Steps due at the end of the sample are settled too, so the
             // arrival has the motion that follows them.
             self.settle(time_s, stretch);
+            self.pursue(time_s, stretch);
             if to_s - SAME_S <= time_s {
                 break;
             }

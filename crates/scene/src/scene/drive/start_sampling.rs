@@ -120,6 +120,8 @@ impl DriveSpec {
                 agent.body.lever_m()
             },
             front_m: agent.body.front_m(),
+            length_m: agent.body.length_m,
+            width_m: agent.body.width_m,
             facing_rad: agent.facing_rad,
             on_foot: agent.body.is_on_foot(),
             whens,

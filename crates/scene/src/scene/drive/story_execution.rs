@@ -5,12 +5,14 @@
 //! sample. The body follows in the next sample, as for the formulas of scripts.
 
 mod across;
+mod along;
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use super::actions::Maneuver;
 use super::layout::DriveLayout;
-use super::plan_execution::{Arrival, PlanRun, SampleSpan};
+use super::plan_execution::{Arrival, PlanRun, SampleSpan, next_step_s};
 use super::spec::Drive;
 use super::state::SceneState;
 use super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw};
@@ -21,8 +23,8 @@ use crate::story::check::CheckedStoryboard;
 use crate::story::run::{ElementChange, StoryRun};
 use crate::story::values::SignalState;
 use crate::story::view::{
-    ActorAction, ActorLane, ActorSpeed, AgentMotion, AgentSize, MotionDomain, PosedAgent,
-    RoadLimits, SceneChange, StoryStage, StoryView,
+    ActorAction, ActorLane, AgentMotion, AgentSize, MotionDomain, PosedAgent, RoadLimits,
+    SceneChange, StoryStage, StoryView,
 };
 
 /// State of a storyboard, with the sample over which it runs next.
@@ -55,9 +57,22 @@ struct SampleStage<'a> {
     /// Plans at the end of the sample.
     plans: &'a mut [Option<PlanRun>],
     past: &'a mut PastSample,
+    board: &'a CheckedStoryboard,
+    /// Motion of the agents whose plans depend on others, once it is known.
+    traces: RefCell<Vec<AgentTrace>>,
     /// Changes that are not those of agents.
     applied: Vec<SceneChange>,
     to_s: f64,
+}
+
+/// Motion of an agent whose plan depends on others, over a sample.
+#[derive(Clone, Debug)]
+enum AgentTrace {
+    Unknown,
+    /// It is being computed. Agents that wait for each other keep their acceleration.
+    Open,
+    /// Instants and motions.
+    Known(Vec<(f64, AgentMotion)>),
 }
 
 impl StoryExecution {
@@ -94,9 +109,12 @@ impl StoryExecution {
             state,
             plans: &mut *plans,
             past: &mut self.past,
+            board: &self.board,
+            traces: RefCell::default(),
             applied: Vec::new(),
             to_s,
         };
+        stage.drive_dependent_again();
         let changes = &mut self.changes;
         self.run.step(&self.board, &mut stage, to_s, changes);
         let applied = stage.applied;
@@ -150,6 +168,21 @@ pub(super) fn deviation_of(drive: &Drive, chosen: Maneuver) -> Command {
     }
 }
 
+/// Returns a motion between known ones.
+fn traced(motions: &[(f64, AgentMotion)], at_s: f64) -> AgentMotion {
+    let after = motions.partition_point(|it| it.0 <= at_s);
+    match (
+        after.checked_sub(1).map(|it| &motions[it]),
+        motions.get(after),
+    ) {
+        (Some((from_s, from)), Some((to_s, to))) => {
+            from.towards(to, to_s - from_s, (at_s - from_s) / (to_s - from_s))
+        }
+        (Some((_, only)), None) | (None, Some((_, only))) => *only,
+        (None, None) => AgentMotion::default(),
+    }
+}
+
 impl SampleStage<'_> {
     fn body(&self, agent: usize) -> &Body {
         &self.layout.spec.agents[agent].body
@@ -163,7 +196,7 @@ impl SampleStage<'_> {
             road: self.layout.spec.road_of(agent),
             network: &self.state.network,
             spec: &self.layout.spec,
-            motion_of: &|other: usize| self.past.motions[other],
+            motion_of: &|other: usize, at_s: f64| self.seen(other, at_s),
             from_s: self.past.from_s,
             to_s: at_s,
         };
@@ -177,9 +210,62 @@ impl SampleStage<'_> {
         if let Some(Some(before)) = self.past.plans.get_mut(agent) {
             before.add_law(law);
         }
+        self.drive_again(agent);
+        // Whoever keeps a distance to it does so to its new motion.
+        self.drive_dependent_again();
+    }
+
+    fn drive_again(&mut self, agent: usize) {
         if let Some((run, _)) = self.planned(agent, self.to_s) {
             self.plans[agent] = Some(run);
         }
+    }
+
+    fn depends(&self, agent: usize) -> bool {
+        let plan = self.past.plans.get(agent).and_then(Option::as_ref);
+        plan.is_some_and(PlanRun::depends)
+    }
+
+    /// Drives all plans again that depend on the motion of others in the sample.
+    fn drive_dependent_again(&mut self) {
+        let agents = self.past.plans.len();
+        self.traces = RefCell::new(vec![AgentTrace::Unknown; agents]);
+        for agent in 0..agents {
+            if self.depends(agent) {
+                self.drive_again(agent);
+            }
+        }
+    }
+
+    /// Returns the motion of an agent as plans see it that depend on it.
+    fn seen(&self, agent: usize, at_s: f64) -> AgentMotion {
+        if !self.depends(agent) {
+            return self.motion(agent, at_s);
+        }
+        match &self.traces.borrow()[agent] {
+            AgentTrace::Known(motions) => return traced(motions, at_s),
+            AgentTrace::Open => return self.past.motions[agent].ahead(at_s - self.past.from_s),
+            AgentTrace::Unknown => {}
+        }
+        self.traces.borrow_mut()[agent] = AgentTrace::Open;
+        let motions = self.trace(agent);
+        let motion = traced(&motions, at_s);
+        self.traces.borrow_mut()[agent] = AgentTrace::Known(motions);
+        motion
+    }
+
+    /// Returns the motion of an agent at instants that no sample time changes.
+    fn trace(&self, agent: usize) -> Vec<(f64, AgentMotion)> {
+        let mut instants_s = vec![self.past.from_s];
+        let mut at_s = self.past.from_s;
+        while at_s < self.to_s {
+            at_s = next_step_s(at_s).min(self.to_s);
+            instants_s.push(at_s);
+        }
+        let motions = instants_s.into_iter();
+        motions
+            .map(|at_s| (at_s, self.motion(agent, at_s)))
+            .collect()
     }
 
     /// Returns the road on which an agent is: that of its route, or its own.
@@ -200,17 +286,6 @@ impl SampleStage<'_> {
     /// Returns the law of an action, or `None` for one that moves nothing.
     fn law_of(&self, agent: usize, action: &ActorAction, at_s: f64) -> Option<StoryLaw> {
         let law = match *action {
-            ActorAction::Speed { target, dynamics } => StoryLaw::Speed {
-                to_mps: match target {
-                    ActorSpeed::Absolute(to_mps) => to_mps,
-                    ActorSpeed::Delta(target) => self.motion(target.of, at_s).speed_mps + target.by,
-                    ActorSpeed::Factor(target) => {
-                        self.motion(target.of, at_s).speed_mps * target.by
-                    }
-                },
-                shape: dynamics.shape.curve(),
-                size: dynamics.dimension,
-            },
             ActorAction::LaneChange {
                 target,
                 offset_m,
@@ -232,7 +307,10 @@ impl SampleStage<'_> {
                     timing: LateralTiming::Size(dynamics.dimension),
                 }
             }
-            _ => return self.law_across(agent, action, at_s),
+            _ => {
+                let along = self.law_along(agent, action, at_s);
+                return along.or_else(|| self.law_across(agent, action, at_s));
+            }
         };
         Some(law)
     }

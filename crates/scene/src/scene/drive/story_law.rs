@@ -2,10 +2,11 @@
 
 use core::f64::consts::PI;
 
+use super::along_law::{AlongLaw, SpeedLimits};
 use super::plan_way::TrajectoryLaw;
 use crate::road::ChangeShape;
 use crate::sim::Pose;
-use crate::story::values::Dimension;
+use crate::story::values::{Dimension, SpeedPoint};
 
 /// Law that begins at an instant.
 #[derive(Clone, Debug)]
@@ -22,7 +23,16 @@ pub(super) enum StoryLaw {
         to_mps: f64,
         shape: Option<ChangeShape>,
         size: Dimension<f64>,
+        limits: SpeedLimits,
     },
+    /// The speed follows a list, added to a speed.
+    Profile {
+        base_mps: f64,
+        points: Vec<SpeedPoint<f64>>,
+        limits: SpeedLimits,
+    },
+    /// The speed depends on another agent.
+    Along(AlongLaw),
     /// The lateral place changes. Without a shape it does so at once.
     Lateral {
         from: LateralBase,

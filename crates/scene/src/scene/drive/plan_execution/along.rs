@@ -29,6 +29,7 @@ pub(super) struct AlongRun {
     offset: SpeedRamp,
     accel_mps2: f64,
     next_s: f64,
+    is_begun: bool,
 }
 
 /// Time and way that are left to a meeting.
@@ -45,6 +46,7 @@ impl AlongRun {
             offset: SpeedRamp::steady(0.0),
             accel_mps2: 0.0,
             next_s: at_s,
+            is_begun: false,
         }
     }
 
@@ -57,6 +59,13 @@ impl AlongRun {
     pub(super) fn next_s(&self) -> f64 {
         self.next_s
     }
+}
+
+/// Returns the next instant at which motion is planned that depends on other agents.
+///
+/// They count from the episode's start, so that they are the same for all sample times.
+pub(in super::super) fn next_step_s(time_s: f64) -> f64 {
+    ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S
 }
 
 fn size_of(agent: usize, span: SampleSpan<'_>) -> AgentSize {
@@ -105,15 +114,19 @@ impl PlanRun {
         let Some(along) = self.along else {
             return;
         };
-        let grid_s = ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S;
-        let next_s = grid_s.min(span.to_s);
+        let next_s = next_step_s(time_s).min(span.to_s);
         let [from_mps, to_mps] = match along.law.aim {
             AlongAim::Speed { factor, by_mps, .. } => {
                 let aim_mps = |at_s: f64| {
                     let other_mps = (span.motion_of)(along.law.of, at_s).speed_mps;
                     factor * other_mps + by_mps + along.offset.speed_mps(at_s)
                 };
-                self.limited(&along.law, [aim_mps(time_s), aim_mps(next_s)], time_s, next_s)
+                self.limited(
+                    &along.law,
+                    [aim_mps(time_s), aim_mps(next_s)],
+                    time_s,
+                    next_s,
+                )
             }
             AlongAim::Distance { .. } => {
                 let Some(speeds_mps) = self.keep_distance(along.law, time_s, next_s, span) else {
@@ -130,6 +143,10 @@ impl PlanRun {
         };
         // The end of a sample belongs to the next one.
         if span.to_s - SAME_S <= time_s {
+            self.ramp = SpeedRamp {
+                begins_s: time_s,
+                ..SpeedRamp::steady(from_mps)
+            };
             return;
         }
         let rate_mps2 = (to_mps - from_mps).abs() / (next_s - time_s);
@@ -143,6 +160,7 @@ impl PlanRun {
         self.along = Some(AlongRun {
             accel_mps2: (to_mps - from_mps) / (next_s - time_s),
             next_s,
+            is_begun: true,
             ..along
         });
     }
@@ -194,7 +212,7 @@ impl PlanRun {
         };
         let own_size = AgentSize {
             length_m: self.carried.length_m,
-            width_m: 0.0,
+            width_m: self.carried.width_m,
             front_m: self.carried.front_m,
         };
         let mine = AxisSpan::of(own_size, &own, freespace, on_axis);
@@ -246,14 +264,14 @@ impl PlanRun {
         let [now, next] = [time_s, next_s].map(|at_s| (span.motion_of)(law.of, at_s));
         let paces_mps = [&now, &next].map(|other| self.pace_mps(&law, other, span).max(0.0));
         let now_mps = self.ramp.speed_mps(time_s);
-        let is_new = self.along.is_some_and(|it| it.next_s == time_s && it.accel_mps2 == 0.0);
+        let is_begun = self.along.is_some_and(|it| it.is_begun);
         if law.limits.are_none() {
             let headway_s = match distance {
                 DistanceOrTime::Seconds(headway_s) => headway_s,
                 DistanceOrTime::Metres(_) => 0.0,
             };
             // The pace is the other's, and a headway in time lets it follow gradually.
-            let from_mps = if is_new || headway_s <= 0.0 {
+            let from_mps = if !is_begun || headway_s <= 0.0 {
                 paces_mps[0]
             } else {
                 now_mps
@@ -346,7 +364,11 @@ impl PlanRun {
             Some(DistanceOrTime::Seconds(steady_s)) => steady_s * end_mps,
             None => 0.0,
         };
-        let steady_s = if end_mps > 0.0 { steady_m / end_mps } else { 0.0 };
+        let steady_s = if end_mps > 0.0 {
+            steady_m / end_mps
+        } else {
+            0.0
+        };
         let (way_m, for_s) = (own_m - steady_m, left_s - steady_s);
         let step_s = next_s - time_s;
         if for_s <= step_s || way_m <= 0.0 {
@@ -360,10 +382,7 @@ impl PlanRun {
     }
 
     fn meeting_ahead(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> MeetingAhead {
-        let AlongAim::Meeting {
-            to_s_m, its_s_m, ..
-        } = law.aim
-        else {
+        let AlongAim::Meeting { to, its, .. } = law.aim else {
             return MeetingAhead {
                 own_m: 0.0,
                 its_m: 0.0,
@@ -373,14 +392,14 @@ impl PlanRun {
         let course = self.course(span.course);
         let reference = self.planned_front(course).ahead(-self.carried.front_m);
         let towards = self.carried.direction().0.signum();
-        let own_m = towards * (to_s_m - course.locate(&reference).s_m);
+        let own_m = towards * (course.locate(&to).s_m - course.locate(&reference).s_m);
         let other = (span.motion_of)(law.of, time_s);
         let point = other.pose.ahead(-size_of(law.of, span).front_m);
         let on = span.network.locate(law.of, &point);
         let facing = libm::cos(on.heading_rad).signum();
         MeetingAhead {
             own_m,
-            its_m: facing * (its_s_m - on.s_m),
+            its_m: facing * (span.network.locate(law.of, &its).s_m - on.s_m),
             its_mps: other.speed_mps,
         }
     }

@@ -88,7 +88,7 @@ impl BesideRun {
 
 impl PlanRun {
     fn target_of(&self, law: &BesideLaw, span: SampleSpan<'_>) -> BesideTarget {
-        let other = (span.motion_of)(law.of);
+        let other = (span.motion_of)(law.of, span.from_s);
         let point = other.pose.ahead(-law.front_m);
         let course = self.course(span.course);
         let on = course.locate(&point);

@@ -28,6 +28,7 @@ impl PlanRun {
     pub(super) fn settle(&mut self, time_s: f64, span: SampleSpan<'_>) {
         self.begin_laws(time_s, span);
         self.settle_way(time_s, span);
+        self.begin_profile(time_s);
         loop {
             match self.phase {
                 PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
@@ -74,7 +75,10 @@ impl PlanRun {
         let swing = self.swing.filter(|_| !lags).map(|it| it.ends_s());
         let law = self.laws.front().map(|law| law.at_s);
         let leg = self.legs.as_ref().map(TimedLegs::next_s);
-        let changes = [Some(step_s), Some(self.ramp.ends_s()), swing, law, leg];
+        let along = self.along.map(|it| it.next_s());
+        let profile = self.profile.front().map(|it| it.begins_s);
+        let ramp = Some(self.ramp.ends_s());
+        let changes = [Some(step_s), ramp, profile, along, swing, law, leg];
         let later = changes
             .into_iter()
             .flatten()

@@ -1,5 +1,8 @@
 //! Laws that a story begins and stops, at instants within a sample.
 
+use std::collections::VecDeque;
+
+use super::super::along_law::SpeedLimits;
 use super::super::motion_profile::{SAME_S, SpeedRamp, Swing};
 use super::super::plan_way::PlanWay;
 use super::super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw, greatest_rate};
@@ -7,6 +10,7 @@ use super::beside::BesideRun;
 use super::{Arrival, PlanRun, SampleSpan};
 use crate::ego::Command;
 use crate::road::{ChangeShape, Course, Road};
+use crate::story::values::SpeedPoint;
 
 impl PlanRun {
     /// Adds a law of a story. It begins when the plan passes its instant.
@@ -32,19 +36,34 @@ impl PlanRun {
                 to_mps,
                 shape,
                 size,
+                limits,
             } => {
                 // Plans never reverse.
-                let target_mps = to_mps.max(0.0);
-                self.legs = None;
+                let target_mps = to_mps.clamp(0.0, limits.most_mps);
+                self.leave_speed(at_s, now_mps);
+                let wanted_mps2 = shape.map_or(f64::INFINITY, |shape| {
+                    greatest_rate(shape, size, [now_mps, target_mps])
+                });
                 self.ramp = SpeedRamp {
                     begins_s: at_s,
                     from_mps: now_mps,
                     to_mps: target_mps,
-                    rate_mps2: shape.map_or(f64::INFINITY, |shape| {
-                        greatest_rate(shape, size, [now_mps, target_mps])
-                    }),
+                    rate_mps2: wanted_mps2.min(limits.most_rate_mps2(now_mps, target_mps)),
                     shape: shape.unwrap_or(ChangeShape::Linear),
                 };
+            }
+            StoryLaw::Profile {
+                base_mps,
+                points,
+                limits,
+            } => {
+                self.leave_speed(at_s, now_mps);
+                self.profile = profile_of(at_s, now_mps, base_mps, &points, limits);
+                self.begin_profile(at_s);
+            }
+            StoryLaw::Along(law) => {
+                self.leave_speed(at_s, now_mps);
+                self.begin_along(law, at_s, span);
             }
             StoryLaw::Lateral {
                 from,
@@ -65,13 +84,7 @@ impl PlanRun {
                     is_slanted: matches!(timing, LateralTiming::Size(_)),
                 });
             }
-            StoryLaw::KeepSpeed => {
-                self.legs = None;
-                self.ramp = SpeedRamp {
-                    begins_s: at_s,
-                    ..SpeedRamp::steady(now_mps)
-                };
-            }
+            StoryLaw::KeepSpeed => self.leave_speed(at_s, now_mps),
             StoryLaw::KeepPlace => {
                 (self.swing, self.beside) = (None, None);
                 self.leave_curve(span);
@@ -85,6 +98,26 @@ impl PlanRun {
             StoryLaw::Route(number) => self.take_road(number, span),
             StoryLaw::Place { at, road } => self.jump_to(&at, road, span),
             StoryLaw::Vanish { to } => self.vanish(&to, at_s, span.course),
+        }
+    }
+
+    /// Gives up all that moves it along the path. The body keeps its speed.
+    fn leave_speed(&mut self, at_s: f64, now_mps: f64) {
+        (self.legs, self.along) = (None, None);
+        self.profile.clear();
+        self.ramp = SpeedRamp {
+            begins_s: at_s,
+            ..SpeedRamp::steady(now_mps)
+        };
+    }
+
+    /// Begins the next speed of a profile when the present one is reached.
+    pub(super) fn begin_profile(&mut self, time_s: f64) {
+        while let Some(next) = self
+            .profile
+            .pop_front_if(|it| it.begins_s <= time_s + SAME_S)
+        {
+            self.ramp = next;
         }
     }
 
@@ -137,14 +170,29 @@ impl PlanRun {
 
     /// Returns the planned acceleration from an instant on.
     pub(in super::super) fn accel_mps2(&self, time_s: f64) -> f64 {
-        self.ramp.accel_mps2(time_s)
+        match &self.along {
+            Some(along) => along.accel_mps2(),
+            None => self.ramp.accel_mps2(time_s),
+        }
     }
 
-    /// Returns the end of the change of speed.
+    /// Returns whether it depends on the motion of another agent, now or soon.
+    pub(in super::super) fn depends(&self) -> bool {
+        let mut laws = self.laws.iter();
+        self.along.is_some()
+            || self.beside.is_some()
+            || laws.any(|due| matches!(due.law, StoryLaw::Along(_) | StoryLaw::Beside(_)))
+    }
+
+    /// Returns the end of the change of speed, infinite if it is not known yet.
     pub(in super::super) fn ramp_ends_s(&self) -> f64 {
-        self.legs
-            .as_ref()
-            .map_or_else(|| self.ramp.ends_s(), |legs| legs.ends_s)
+        match (&self.along, &self.legs, self.profile.back()) {
+            // Its end is known once it is there.
+            (Some(_), ..) => f64::INFINITY,
+            (None, Some(legs), _) => legs.ends_s,
+            (None, None, Some(last)) => last.ends_s(),
+            (None, None, None) => self.ramp.ends_s(),
+        }
     }
 
     /// Returns the end of the lateral motion, infinite if it is not known yet.
@@ -158,4 +206,40 @@ impl PlanRun {
             (None, None, None) => self.way_ended_s,
         }
     }
+}
+
+/// Returns the changes of speed of a profile, one after the other, and its end.
+fn profile_of(
+    at_s: f64,
+    now_mps: f64,
+    base_mps: f64,
+    points: &[SpeedPoint<f64>],
+    limits: SpeedLimits,
+) -> VecDeque<SpeedRamp> {
+    let mut last = SpeedRamp {
+        begins_s: at_s,
+        ..SpeedRamp::steady(now_mps)
+    };
+    let mut ramps = VecDeque::new();
+    for point in points {
+        let from_mps = last.to_mps;
+        let to_mps = (base_mps + point.speed_mps).clamp(0.0, limits.most_mps);
+        let change_mps = (to_mps - from_mps).abs();
+        let most_mps2 = limits.most_rate_mps2(from_mps, to_mps);
+        let wanted_s = point.time_s.unwrap_or(0.0);
+        ramps.push_back(SpeedRamp {
+            begins_s: last.begins_s,
+            from_mps,
+            to_mps,
+            rate_mps2: (change_mps / wanted_s).min(most_mps2),
+            shape: ChangeShape::Linear,
+        });
+        // Limits make a change last longer, and a speed that stays has a duration, too.
+        last = SpeedRamp {
+            begins_s: last.begins_s + wanted_s.max(change_mps / most_mps2),
+            ..SpeedRamp::steady(to_mps)
+        };
+    }
+    ramps.push_back(last);
+    ramps
 }

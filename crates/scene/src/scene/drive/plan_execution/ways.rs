@@ -126,7 +126,7 @@ impl PlanRun {
         };
     }
 
-    fn jumped(&mut self, own: &Course) {
+    pub(super) fn jumped(&mut self, own: &Course) {
         self.has_jumped = true;
         // A jump is no turn.
         self.last.pose = self.pose(own);

@@ -5,8 +5,7 @@ use crate::scene::drive::along_law::{AlongAim, AlongLaw, SpeedLimits};
 use crate::scene::drive::story_law::StoryLaw;
 use crate::story::values::{CoordinateSystem, TransitionDynamics};
 use crate::story::view::{
-    ActorAction, ActorDistance, ActorSpeed, DistanceSide, MeasuredAhead, StoryView,
-    Synchronization,
+    ActorAction, ActorDistance, ActorSpeed, DistanceSide, StoryView, Synchronization,
 };
 
 impl SampleStage<'_> {
@@ -81,9 +80,7 @@ impl SampleStage<'_> {
         }
         let to_mps = match (target, relative) {
             (ActorSpeed::Absolute(to_mps), _) => to_mps,
-            (_, Some((to, factor, by_mps))) => {
-                factor * self.motion(to.of, at_s).speed_mps + by_mps
-            }
+            (_, Some((to, factor, by_mps))) => factor * self.motion(to.of, at_s).speed_mps + by_mps,
             // Invariant: all other targets are relative.
             (_, None) => 0.0,
         };
@@ -101,9 +98,12 @@ impl SampleStage<'_> {
             DistanceSide::Less => false,
             DistanceSide::More => true,
             DistanceSide::Any => {
-                let MeasuredAhead { ahead_m, .. } =
-                    self.measured_ahead(agent, distance.of, distance.system, at_s);
-                ahead_m < 0.0
+                let [own, other] = [agent, distance.of].map(|it| self.reference(it, at_s));
+                if distance.system == CoordinateSystem::Entity {
+                    return own.frame().to_local(other.point_m()).x < 0.0;
+                }
+                let [own_on, other_on] = [own, other].map(|pose| self.on_road(agent, &pose));
+                libm::cos(own_on.heading_rad) * (other_on.s_m - own_on.s_m) < 0.0
             }
         }
     }
@@ -115,14 +115,12 @@ impl SampleStage<'_> {
         limits: SpeedLimits,
         at_s: f64,
     ) -> AlongLaw {
-        let target = self.pose_of(agent, &meeting.target_place, at_s);
-        let its = self.pose_of(meeting.master, &meeting.master_place, at_s);
         AlongLaw {
             of: meeting.master,
             aim: AlongAim::Meeting {
-                to_s_m: self.on_road(agent, &target).s_m,
+                to: self.pose_of(agent, &meeting.target_place, at_s),
                 tolerance_m: meeting.target_tolerance_m,
-                its_s_m: self.on_road(meeting.master, &its).s_m,
+                its: self.pose_of(meeting.master, &meeting.master_place, at_s),
                 its_tolerance_m: meeting.master_tolerance_m,
                 final_speed: meeting.final_speed,
                 steady: meeting.steady,

@@ -1,0 +1,95 @@
+//! Laws of motion along the path that depend on another agent, and limits of speed.
+
+use crate::road::ChangeShape;
+use crate::sim::Pose;
+use crate::story::values::{Dimension, DistanceOrTime, DynamicLimits, FinalSpeed};
+
+/// Limits of the speed and of its change. Infinity is no limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SpeedLimits {
+    pub most_mps: f64,
+    pub most_accel_mps2: f64,
+    pub most_decel_mps2: f64,
+}
+
+impl SpeedLimits {
+    /// No limit.
+    pub(super) const NONE: SpeedLimits = SpeedLimits {
+        most_mps: f64::INFINITY,
+        most_accel_mps2: f64::INFINITY,
+        most_decel_mps2: f64::INFINITY,
+    };
+
+    /// Returns limits of which both apply.
+    pub(super) fn with(self, other: &DynamicLimits<f64>) -> SpeedLimits {
+        let least = |most: f64, other: Option<f64>| other.map_or(most, |it| most.min(it));
+        SpeedLimits {
+            most_mps: least(self.most_mps, other.max_speed_mps),
+            most_accel_mps2: least(self.most_accel_mps2, other.max_accel_mps2),
+            most_decel_mps2: least(self.most_decel_mps2, other.max_decel_mps2),
+        }
+    }
+
+    pub(super) fn are_none(&self) -> bool {
+        *self == SpeedLimits::NONE
+    }
+
+    /// Returns the greatest rate of a change of speed.
+    pub(super) fn most_rate_mps2(&self, from_mps: f64, to_mps: f64) -> f64 {
+        if to_mps < from_mps {
+            self.most_decel_mps2
+        } else {
+            self.most_accel_mps2
+        }
+    }
+
+    /// Returns the speed that is nearest to a wanted one after a time.
+    pub(super) fn nearest_mps(&self, from_mps: f64, wanted_mps: f64, for_s: f64) -> f64 {
+        // At no time only a change without a limit is possible.
+        let most = |rate: f64| if rate.is_finite() { rate * for_s } else { rate };
+        let change_mps = (wanted_mps.clamp(0.0, self.most_mps) - from_mps)
+            .clamp(-most(self.most_decel_mps2), most(self.most_accel_mps2));
+        from_mps + change_mps
+    }
+}
+
+/// Motion along the path that depends on another agent.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AlongLaw {
+    /// Other agent.
+    pub of: usize,
+    pub aim: AlongAim,
+    pub limits: SpeedLimits,
+}
+
+/// Aim of a motion that depends on another agent.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum AlongAim {
+    /// Speed of the other, times a factor, plus a difference.
+    Speed {
+        factor: f64,
+        by_mps: f64,
+        /// Course on which the difference to it vanishes. `None` for at once.
+        shape: Option<ChangeShape>,
+        size: Dimension<f64>,
+    },
+    /// Distance to the other.
+    Distance {
+        distance: DistanceOrTime<f64>,
+        /// Whether the actor keeps it ahead of the other.
+        leads: bool,
+        freespace: bool,
+        /// Along the road, and not along the own heading.
+        on_road: bool,
+        continuous: bool,
+    },
+    /// Arrival at a place along the road when the other arrives at its own.
+    Meeting {
+        to: Pose,
+        tolerance_m: f64,
+        its: Pose,
+        its_tolerance_m: f64,
+        final_speed: Option<FinalSpeed<f64>>,
+        steady: Option<DistanceOrTime<f64>>,
+    },
+}
