@@ -39,7 +39,7 @@ pub(super) const DRIVE: &str = "Examples:\n  brakecheck drive acc --open\n  brak
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
 pub(super) const SERVE: &str =
-    "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/reference/ado-protocol.md";
+    "Examples:\n  brakecheck serve runs/acc\n  brakecheck serve acc --ado search\n\nDocuments: docs/reference/ado-protocol.md";
 pub(super) const LSP: &str =
     "Example:\n  brakecheck lsp --stdio\n\nDocuments: docs/guide/editors.md";
 

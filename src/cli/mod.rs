@@ -120,7 +120,7 @@ enum Verb {
     /// Write kept counterexamples as OpenSCENARIO and OpenDRIVE files.
     #[command(after_help = examples::EXPORT)]
     Export(export::ExportArgs),
-    /// Serve a trained ado to another simulator, in JSON lines.
+    /// Serve ados to another simulator, in JSON lines.
     #[command(after_help = examples::SERVE)]
     Serve(serve::ServeArgs),
     /// Answer an editor of world files: diagnostics, hover and completion.

@@ -12,10 +12,10 @@ use serde_json::{Value, json};
 use super::{brakecheck, code, path, scratch, small_run, stderr};
 
 /// A running `brakecheck serve`.
-struct Served(Child, BufReader<std::process::ChildStdout>);
+pub(super) struct Served(Child, BufReader<std::process::ChildStdout>);
 
 impl Served {
-    fn start(args: &[&str]) -> Served {
+    pub(super) fn start(args: &[&str]) -> Served {
         let mut child = Command::new(env!("CARGO_BIN_EXE_brakecheck"))
             .arg("serve")
             .args(args)
@@ -28,7 +28,7 @@ impl Served {
         Served(child, BufReader::new(stdout))
     }
 
-    fn ask(&mut self, message: &Value) -> Value {
+    pub(super) fn ask(&mut self, message: &Value) -> Value {
         let stdin = self.0.stdin.as_mut().expect("a pipe");
         writeln!(stdin, "{message}").expect("written");
         let mut line = String::new();
@@ -62,7 +62,12 @@ fn at_home(run: &str, index: u64) -> (Scenario, Episode) {
 }
 
 /// Sends the ego of an episode, sample by sample, and returns all answers.
-fn sent_back(served: &mut Served, world: &Scenario, episode: &Episode, index: u64) -> Vec<Value> {
+pub(super) fn sent_back(
+    served: &mut Served,
+    world: &Scenario,
+    episode: &Episode,
+    index: u64,
+) -> Vec<Value> {
     let motion = motion_of(&mut world.bench(), episode).expect("a motion");
     let agents = &world.drive().expect("a road").spec().agents;
     let ego = agents

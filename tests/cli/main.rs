@@ -1,6 +1,7 @@
 //! The program as a user runs it: exit codes, rows, files, and what it says.
 
 mod campaign;
+mod cosim;
 mod export;
 mod family;
 mod faults;
@@ -26,6 +27,7 @@ mod reuse;
 mod risk;
 mod rivals;
 mod serve;
+mod served;
 mod several_ados;
 mod stl;
 

@@ -157,7 +157,7 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
     let dir = scratch();
     let (run, _) = small_run(&dir, "run", &[]);
     let long = vec![b' '; 70_000];
-    let cases: [(&[u8], &str); 4] = [
+    let cases: [(&[u8], &str); 5] = [
         (
             b"{\"reset\": {}}\nnonsense\n{\"reset\": {}}\n",
             "line 2 is no message",
@@ -165,6 +165,10 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
         (b"[1]\n", "line 1 is no message"),
         (b"{\"reset\": \"\xff\"}\n", "not UTF-8"),
         (&long, "longer than 65536 bytes"),
+        (
+            b"{\"reset\": {\"index\": 0, \"step_s\": NaN}}\n",
+            "JSON has no NaN",
+        ),
     ];
     for (said, why) in cases {
         let (output, answers) = say(&[&run], said);

@@ -97,6 +97,32 @@ fn roads_lead_along_lanes_and_through_a_junction() {
     // Road 3 begins 120 m from there, and the other lane is 3.5 m to the left.
     let (x, y, heading) = at("coming", 10.0);
     near((x, y, heading.abs()), (170.0, 3.5, core::f64::consts::PI));
+    // The lane is on the right of the reference line, which begins at the file's origin.
+    let origin = world.origin.clone().expect("an origin");
+    let place = (origin.x_m, origin.y_m, origin.heading_rad);
+    near(place, (20.0, -1.75, 0.0));
+    assert_eq!((origin.file.as_str(), origin.z_m), ("network.xodr", 0.0));
+    let again = Scenario::parse("small.ron", text).expect("a world");
+    assert_eq!(again.origin, Some(origin));
+}
+
+#[test]
+fn an_origin_is_given_once_and_in_radians() {
+    let origin = "origin: (file: \"town.xodr\", x_m: 3.0, y_m: 4.0, heading_rad: 1.5), agents: [";
+    let twice = WORLD.replace("agents: [", origin);
+    let error = load(&twice, &[("network.xodr", NETWORK)]).expect_err("refused");
+    assert!(error.contains("`origin` is that of the lanes"), "{error}");
+    let straight = include_str!("../../worlds/acc.ron").replace("agents: [", origin);
+    let world = load(&straight, &[]).expect("a world");
+    assert_eq!(world.origin.expect("an origin").y_m, 4.0);
+    for (from, to, what) in [
+        ("heading_rad: 1.5", "heading_rad: 90.0", "90 is outside of"),
+        ("x_m: 3.0", "x_m: inf", "inf is outside of"),
+        ("x_m: 3.0", "x_m: 1e9", "1000000000 is outside of"),
+    ] {
+        let error = load(&straight.replace(from, to), &[]).expect_err(what);
+        assert!(error.contains(what), "{error}");
+    }
 }
 
 #[test]
