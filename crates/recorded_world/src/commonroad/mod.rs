@@ -15,13 +15,12 @@ mod laws;
 mod map;
 mod obstacles;
 mod problem;
+mod request;
 mod route;
 #[cfg(test)]
 mod tests;
 mod traffic_agents;
 mod world;
-
-use std::path::Path;
 
 use crate::opendrive::error::{At, Blockers, UnreadPart};
 use crate::opendrive::tree::XmlNode;
@@ -31,6 +30,7 @@ pub use drops::DroppedContent;
 use drops::Drops;
 use map::RoadMap;
 use obstacles::{ObstacleMotion, Obstacles};
+pub use request::CommonRoadImport;
 use world::ScenarioParts;
 
 /// Versions that are read.
@@ -40,19 +40,6 @@ const NO_EFFECT: [(&str, &str); 2] = [
     ("intersection", "intersections"),
     ("signalSeries", "signals of obstacles"),
 ];
-
-/// Request to import a CommonRoad scenario.
-#[derive(Clone, Copy, Debug)]
-pub struct CommonRoadImport<'a> {
-    /// Scenario file.
-    pub scenario: &'a Path,
-    /// Name of the world.
-    pub name: &'a str,
-    /// Id of the planning problem. Default: the only one.
-    pub ego: Option<&'a str>,
-    /// Id of an obstacle, or the name of its agent, that may stray from its recording.
-    pub ado: Option<&'a str>,
-}
 
 /// World that an import of a scenario produced.
 #[derive(Clone, Debug, PartialEq)]

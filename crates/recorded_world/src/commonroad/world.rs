@@ -1,12 +1,12 @@
 //! World of a scenario as a value, and its text.
 
-use super::CommonRoadImport;
 use super::drops::Drops;
 use super::lane_way::EgoRoad;
 use super::laws::{EgoOnWay, NamedFormula, goal_m, no_contact};
 use super::map::RoadMap;
 use super::obstacles::Obstacles;
 use super::problem::PlanningProblem;
+use super::request::CommonRoadImport;
 use super::route::EgoRoute;
 use super::traffic_agents::{ScenarioTime, TrafficAgent, agents};
 use crate::ego::{Actuated, ControllerSpec, Idm};
