@@ -281,12 +281,12 @@ impl PlanRun {
         let SampleSpan { from_s, to_s, .. } = stretch;
         let mut time_s = from_s;
         let mut driven = Driven::default();
-        self.aim(time_s, stretch);
         loop {
             // Steps due at the end of the sample are settled too, so the
             // arrival has the motion that follows them.
             self.settle(time_s, stretch);
             self.pursue(time_s, stretch);
+            self.aim(time_s, stretch);
             if to_s - SAME_S <= time_s {
                 break;
             }

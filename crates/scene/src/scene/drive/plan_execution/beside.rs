@@ -1,12 +1,11 @@
-//! Lateral places that a plan keeps to another agent.
+//! Lateral places that a plan keeps to another agent, in steps that no sample time changes.
 
 use super::super::motion_profile::{SAME_S, Swing};
 use super::super::story_law::BesideLaw;
+use super::along::next_step_s;
 use super::{PlanRun, SampleSpan};
 use crate::road::ChangeShape;
 
-/// Step in which a limited lateral motion is computed, whatever the sample time.
-const STEP_S: f64 = 0.01;
 /// Distance at which a place counts as reached.
 const REACHED_M: f64 = 0.01;
 
@@ -15,22 +14,14 @@ const REACHED_M: f64 = 0.01;
 pub(super) struct BesideRun {
     law: BesideLaw,
     lateral_mps: f64,
-    /// Instant up to which the motion is planned.
-    planned_s: f64,
-    is_reached: bool,
+    /// End of its present step.
+    next_s: f64,
 }
 
-/// Place of the other agent, which is taken to keep its velocity within a sample.
+/// Lateral place that is aimed at, and its speed.
 struct BesideTarget {
-    since_s: f64,
     lateral_m: f64,
     lateral_mps: f64,
-}
-
-impl BesideTarget {
-    fn at(&self, time_s: f64) -> f64 {
-        self.lateral_m + self.lateral_mps * (time_s - self.since_s)
-    }
 }
 
 impl BesideRun {
@@ -38,61 +29,46 @@ impl BesideRun {
         BesideRun {
             law,
             lateral_mps: 0.0,
-            planned_s: at_s,
-            is_reached: false,
+            next_s: at_s,
         }
     }
 
-    /// Returns the end of the motion, as far as it is known now.
-    pub(super) fn ends_s(&self) -> f64 {
-        if self.is_reached {
-            self.planned_s
+    /// Returns the end of its present step.
+    pub(super) fn next_s(&self) -> f64 {
+        self.next_s
+    }
+
+    /// Returns the lateral way of a step towards a place at its end.
+    fn step_m(&mut self, from_m: f64, target: &BesideTarget, speed_mps: f64, for_s: f64) -> f64 {
+        let left_m = target.lateral_m - from_m;
+        if self.law.is_unlimited() {
+            return left_m;
+        }
+        // As fast as it can still stop beside the target.
+        let stopping_mps = (2.0 * self.law.most_decel_mps2 * left_m.abs()).sqrt();
+        let closing_mps = stopping_mps.min(left_m.abs() / for_s);
+        let sideways_mps = target.lateral_mps + closing_mps.copysign(left_m);
+        let most_mps = self.law.most_mps.min(speed_mps);
+        let wanted_mps = sideways_mps.clamp(-most_mps, most_mps);
+        let rate_mps2 = if wanted_mps.abs() < self.lateral_mps.abs() {
+            self.law.most_decel_mps2
         } else {
-            f64::INFINITY
-        }
-    }
-
-    /// Moves from a lateral place up to an instant, and returns the place then.
-    fn move_to(&mut self, from_m: f64, to_s: f64, target: &BesideTarget, speed_mps: f64) -> f64 {
-        let BesideLaw {
-            most_mps,
-            most_accel_mps2,
-            most_decel_mps2,
-            ..
-        } = self.law;
-        let mut at_m = from_m;
-        while self.planned_s < to_s - SAME_S {
-            let next_s = (((self.planned_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S).min(to_s);
-            let for_s = next_s - self.planned_s;
-            let left_m = target.at(next_s) - at_m;
-            // As fast as it can still stop beside the target.
-            let stopping_mps = (2.0 * most_decel_mps2 * left_m.abs()).sqrt();
-            let closing_mps = stopping_mps.min(left_m.abs() / for_s);
-            let sideways_mps = target.lateral_mps + closing_mps.copysign(left_m);
-            let limit_mps = most_mps.min(speed_mps);
-            let wanted_mps = sideways_mps.clamp(-limit_mps, limit_mps);
-            let slows = wanted_mps.abs() < self.lateral_mps.abs();
-            let rate = if slows {
-                most_decel_mps2
-            } else {
-                most_accel_mps2
-            };
-            let change_mps = wanted_mps - self.lateral_mps;
-            self.lateral_mps += change_mps.clamp(-rate * for_s, rate * for_s);
-            at_m += self.lateral_mps * for_s;
-            self.planned_s = next_s;
-        }
-        at_m
+            self.law.most_accel_mps2
+        };
+        let most_change_mps = rate_mps2 * for_s;
+        let change_mps = wanted_mps - self.lateral_mps;
+        self.lateral_mps += change_mps.clamp(-most_change_mps, most_change_mps);
+        self.lateral_mps * for_s
     }
 }
 
 impl PlanRun {
-    fn target_of(&self, law: &BesideLaw, span: SampleSpan<'_>) -> BesideTarget {
-        let other = (span.motion_of)(law.of, span.from_s);
+    fn target_of(&self, law: &BesideLaw, at_s: f64, span: SampleSpan<'_>) -> BesideTarget {
+        let other = (span.motion_of)(law.of, at_s);
         let point = other.pose.ahead(-law.front_m);
         let course = self.course(span.course);
         let on = course.locate(&point);
-        let away_m = if law.in_its_axes {
+        let lateral_m = if law.in_its_axes {
             // To the line beside the other, straight across the road.
             let own = course.pose(self.s_m, self.lateral_m);
             let left_m = point.frame().to_local(own.point_m())[1];
@@ -101,41 +77,38 @@ impl PlanRun {
             on.lateral_m + law.by_m
         };
         BesideTarget {
-            since_s: span.from_s,
-            lateral_m: away_m,
+            lateral_m,
             lateral_mps: on.velocity_mps(other.speed_mps, 0.0).y,
         }
     }
 
-    /// Plans the lateral motion to another agent, up to the end of a sample.
-    pub(super) fn aim(&mut self, now_s: f64, span: SampleSpan<'_>) {
+    /// Plans the lateral motion to another agent, up to the next step.
+    pub(super) fn aim(&mut self, time_s: f64, span: SampleSpan<'_>) {
         let Some(mut beside) = self.beside else {
             return;
         };
-        if beside.is_reached {
-            (self.beside, self.swing) = (None, None);
-            self.way_ended_s = beside.planned_s;
+        // The end of a sample belongs to the next one.
+        if time_s < beside.next_s - SAME_S || span.to_s - SAME_S <= time_s {
             return;
         }
         let law = beside.law;
-        let target = self.target_of(&law, span);
-        let (to_s, speed_mps) = (span.to_s, self.ramp.speed_mps(now_s));
-        let for_s = to_s - now_s;
-        beside.planned_s = now_s;
-        let (to_m, jumps) = if law.is_unlimited() {
-            let to_m = target.at(to_s);
-            beside.planned_s = to_s;
-            (to_m, (to_m - self.lateral_m).abs() > speed_mps * for_s)
-        } else {
-            let to_m = beside.move_to(self.lateral_m, to_s, &target, speed_mps);
-            (to_m, false)
-        };
-        beside.is_reached = !law.continuous && (target.at(to_s) - to_m).abs() <= REACHED_M;
-        let by_m = to_m - self.lateral_m;
-        // The sample has the first half of an even motion, so that it goes on at its end.
+        let now = self.target_of(&law, time_s, span);
+        if !law.continuous && (now.lateral_m - self.lateral_m).abs() <= REACHED_M {
+            (self.beside, self.swing) = (None, None);
+            self.way_ended_s = time_s;
+            return;
+        }
+        let next_s = next_step_s(time_s).min(span.to_s);
+        let for_s = next_s - time_s;
+        let target = self.target_of(&law, next_s, span);
+        let speed_mps = self.ramp.speed_mps(time_s);
+        let by_m = beside.step_m(self.lateral_m, &target, speed_mps, for_s);
+        beside.next_s = next_s;
+        let jumps = law.is_unlimited() && by_m.abs() > speed_mps * for_s;
+        // The step has the first half of an even motion, which so goes on at its end.
         let halves = if jumps { 1.0 } else { 2.0 };
         self.swing = Some(Swing {
-            begins_s: now_s,
+            begins_s: time_s,
             lasts_s: if jumps { 0.0 } else { halves * for_s },
             by_m: halves * by_m,
             shape: ChangeShape::Linear,

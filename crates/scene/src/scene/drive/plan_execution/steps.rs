@@ -76,9 +76,10 @@ impl PlanRun {
         let law = self.laws.front().map(|law| law.at_s);
         let leg = self.legs.as_ref().map(TimedLegs::next_s);
         let along = self.along.map(|it| it.next_s());
+        let beside = self.beside.map(|it| it.next_s());
         let profile = self.profile.front().map(|it| it.begins_s);
         let ramp = Some(self.ramp.ends_s());
-        let changes = [Some(step_s), ramp, profile, along, swing, law, leg];
+        let changes = [Some(step_s), ramp, profile, along, beside, swing, law, leg];
         let later = changes
             .into_iter()
             .flatten()

@@ -92,7 +92,6 @@ impl PlanRun {
             StoryLaw::Beside(law) => {
                 self.find_lanes(span);
                 self.beside = Some(BesideRun::new(law, at_s));
-                self.aim(at_s, span);
             }
             StoryLaw::Follow(law) => self.follow(&law, at_s, span.course),
             StoryLaw::Route(number) => self.take_road(number, span),
@@ -102,7 +101,7 @@ impl PlanRun {
     }
 
     /// Gives up all that moves it along the path. The body keeps its speed.
-    fn leave_speed(&mut self, at_s: f64, now_mps: f64) {
+    pub(super) fn leave_speed(&mut self, at_s: f64, now_mps: f64) {
         (self.legs, self.along) = (None, None);
         self.profile.clear();
         self.ramp = SpeedRamp {
@@ -199,7 +198,8 @@ impl PlanRun {
     pub(in super::super) fn swing_ends_s(&self) -> f64 {
         let is_on_curve = || self.turned_rad().is_some();
         match (&self.beside, &self.legs, self.swing) {
-            (Some(beside), ..) => beside.ends_s(),
+            // Its end is known once it is there.
+            (Some(_), ..) => f64::INFINITY,
             (None, Some(legs), _) => legs.ends_s,
             (None, None, Some(swing)) => swing.ends_s(),
             (None, None, None) if is_on_curve() => f64::INFINITY,

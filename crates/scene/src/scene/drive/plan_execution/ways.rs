@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use super::super::motion_profile::{SAME_S, SpeedRamp};
+use super::super::motion_profile::SAME_S;
 use super::super::plan_way::{PlanWay, TimedLegs, TrajectoryLaw, is_on};
 use super::{PlanRun, SAME_M, SampleSpan, Stray};
 use crate::road::{Course, Road, wrapped};
@@ -113,17 +113,10 @@ impl PlanRun {
     pub(super) fn vanish(&mut self, to: &Pose, at_s: f64, own: &Course) {
         let way = PlanWay::Straight(Course::straight_from(*to));
         self.take_way(Some(Arc::new(way)), own, to);
-        self.stand(at_s);
+        self.leave_speed(at_s, 0.0);
         self.stray = Stray::default();
         self.is_absent = true;
         self.jumped(own);
-    }
-
-    fn stand(&mut self, at_s: f64) {
-        self.ramp = SpeedRamp {
-            begins_s: at_s,
-            ..SpeedRamp::steady(0.0)
-        };
     }
 
     pub(super) fn jumped(&mut self, own: &Course) {
@@ -144,6 +137,7 @@ impl PlanRun {
         (self.swing, self.beside, self.legs) = (None, None, None);
         (self.s_m, self.lateral_m) = (law.from_m, 0.0);
         if let Some(clock) = law.clock {
+            self.leave_speed(at_s, now_mps);
             let (begun_m, legs) = TimedLegs::of(law, clock, at_s, now_mps);
             self.s_m = begun_m;
             self.legs = Some(legs);
@@ -171,11 +165,7 @@ impl PlanRun {
         match &self.legs {
             Some(legs) if legs.ends_s <= time_s + SAME_S => {
                 self.s_m = legs.end_m;
-                let last_mps = self.ramp.speed_mps(time_s);
-                self.ramp = SpeedRamp {
-                    begins_s: time_s,
-                    ..SpeedRamp::steady(last_mps)
-                };
+                self.leave_speed(time_s, self.ramp.speed_mps(time_s));
             }
             None if curve.length_m - SAME_M <= self.s_m => {}
             _ => return,
