@@ -352,3 +352,45 @@ fn show(stream: &mut EpisodeStream, world: &Scenario, episode: &Episode) {
         })
         .unwrap();
 }
+
+#[test]
+fn a_body_that_the_ego_does_not_see_has_a_frame_until_it_is_seen() {
+    let text = include_str!("../../../worlds/acc.ron");
+    let near = text.replacen(
+        "plant: Rigid,",
+        "plant: Rigid, sensors: (range_m: 15.0),",
+        1,
+    );
+    let world = Scenario::parse("near.ron", &near).unwrap();
+    let episode = uneventful(&world);
+    let bytes = recorded(&world, &episode);
+    let states = texts(&bytes, "/sight/ado", "StateChange:state");
+    assert_eq!(states[0], "hidden from the ego", "it begins 40 m ahead");
+    // A headway is that of the front bumpers, and the range counts to the rear of the ado.
+    let headways_m = episode.trace.signal("headway").unwrap().iter();
+    let gaps_m: Vec<f64> = headways_m.map(|headway_m| headway_m - 4.54).collect();
+    let turns = times(&bytes, "/sight/ado", "step");
+    let samples = turns.iter().zip(&states);
+    for (sample, state) in samples.filter(|(sample, _)| **sample >= 0) {
+        let Some(gap_m) = gaps_m.get(usize::try_from(*sample).unwrap()) else {
+            continue;
+        };
+        let is_hidden = state == "hidden from the ego";
+        assert!(
+            is_hidden == (*gap_m > 15.0) || (gap_m - 15.0).abs() < 1.0,
+            "{state} at {gap_m} m"
+        );
+    }
+    let frames = texts(&bytes, "/world/ado/hidden", "Boxes3D:labels");
+    assert_eq!(
+        frames.len(),
+        states
+            .iter()
+            .filter(|state| state.starts_with("hidden"))
+            .count()
+    );
+    // Perfect sensors miss nothing.
+    let perfect = recorded(&world(), &uneventful(&world()));
+    assert!(of_entity(&perfect, "/sight/ado").next().is_none());
+    assert!(of_entity(&perfect, "/world/ado/hidden").next().is_none());
+}

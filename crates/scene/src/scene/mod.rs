@@ -284,6 +284,9 @@ pub struct Frame {
     pub placements: Vec<Placement>,
     /// One phase per traffic light.
     pub phases: Vec<Phase>,
+    /// Whether the ego sees each member of the cast. `None` if nothing can hide one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seen: Option<Vec<bool>>,
 }
 
 /// A world in motion.

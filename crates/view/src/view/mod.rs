@@ -16,6 +16,7 @@
 //! | scene | roads | `/world/road` | surface, lane markings, a post every 10 m |
 //! | scene | roads | `/world/<agent>` | body, moved by its transform |
 //! | scene | roads | `/world/<agent>/velocity` | an arrow as long as the way in 0.5 s |
+//! | scene | roads | `/world/<agent>/hidden` | a frame around a body that the ego does not see |
 //! | scene | roads | `/world/<light>` | a post with its dark lamps |
 //! | scene | roads | `/world/<light>/lit` | the lamp that is lit and the stop line in its colour |
 //! | scene | roads | `/trails` | everybody's path on the ground |
@@ -24,6 +25,7 @@
 //! | scene | roads | `/verdict/mark` | where the ego was when the verdict became certain |
 //! | actions | all | `/actions/<ado>` | what the ado chose, decision by decision |
 //! | actions | all | `/lights/<light>` | the phases of a light, as coloured lanes |
+//! | actions | all | `/sight/<agent>` | when the ego sees it, as coloured lanes |
 //! | events | all | `/verdict/events` | the log: actions, phases, violations, contact, collisions after it |
 //! | running robustness | all | `/robustness/ego_spec` | running robustness of ψ_ego |
 //! | running robustness | all | `/robustness/rule/<name>` | and of each rule |
@@ -86,6 +88,7 @@ mod palette;
 pub(crate) mod panel;
 pub mod panels;
 mod road;
+mod sight;
 mod space;
 mod stream;
 mod viewed_episode;

@@ -26,6 +26,8 @@ pub(super) const TAIL_LIGHT: Rgb = [200, 24, 24];
 pub(super) const ZERO: Rgb = [235, 235, 235];
 /// Instant at which the verdict became certain.
 pub(super) const DECIDED: Rgb = [255, 210, 60];
+/// Agent that the ego does not see.
+pub(super) const HIDDEN: Rgb = [214, 84, 214];
 /// Contact.
 pub(super) const CONTACT: Rgb = [255, 64, 92];
 

@@ -7,6 +7,7 @@ use rand::RngExt;
 use super::actions::Maneuver;
 use super::layout::DriveLayout;
 use super::light::LightDrive;
+use super::line_of_sight::perceived;
 use super::plan_execution::{Arrival, PlanRun};
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive};
@@ -171,6 +172,7 @@ impl DriveScene {
         Frame {
             placements: placements.map(|&body| plant.placement(body)).collect(),
             phases: state.lights.iter().map(|shown| shown.phase).collect(),
+            seen: perceived(state, self.layout.ego),
         }
     }
 

@@ -338,6 +338,7 @@ impl Scene for GridScene {
         Frame {
             placements: vec![placement(ego), placement(ado)],
             phases: Vec::new(),
+            seen: None,
         }
     }
 

@@ -7,12 +7,12 @@ use crate::scene::drive::{Actions, Maneuver, PhaseAction};
 use crate::view::entity::path;
 use crate::view::error::ViewError;
 use crate::view::layout::{BlueprintBuilder, Views};
-use crate::view::lights;
 use crate::view::lines::{colour, log_states};
 use crate::view::log_writer::LogWriter;
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::viewed_episode::ViewedEpisode;
+use crate::view::{lights, sight};
 use crate::world::ScenarioKind;
 
 pub(super) static PANEL: Panel = Panel {
@@ -25,19 +25,22 @@ pub(super) static PANEL: Panel = Panel {
             "/lights/<light>",
             "the phases of a light, as coloured lanes",
         ),
+        ("/sight/<agent>", "when the ego sees it, as coloured lanes"),
     ],
     log,
     views,
 };
 
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {
-    let title = if story.shown.stage.lights.is_empty() {
-        "actions of the ado"
-    } else {
-        "actions of the ado, and lights"
-    };
-    let contents = ["$origin/**", "+ /lights/**"];
-    let lanes = layout.view("StateTimeline", title, "/actions", &contents)?;
+    let mut title = "actions of the ado".to_owned();
+    if !story.shown.stage.lights.is_empty() {
+        title += ", lights";
+    }
+    if sight::lanes(story) > 0 {
+        title += ", sight of the ego";
+    }
+    let contents = ["$origin/**", "+ /lights/**", "+ /sight/**"];
+    let lanes = layout.view("StateTimeline", &title, "/actions", &contents)?;
     Ok(vec![(lanes, lanes_share(story))])
 }
 
@@ -47,12 +50,13 @@ fn lanes_share(story: &ViewedEpisode<'_>) -> f32 {
         ScenarioKind::Drive(driving) => driving.spec().action_sets().count(),
         ScenarioKind::Grid(_) => 1,
     };
-    let lanes = ados + story.shown.stage.lights.len();
+    let lanes = ados + story.shown.stage.lights.len() + sight::lanes(story);
     0.5 + 0.5 * lanes as f32
 }
 
 fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
     lights::log_phases(story, journal)?;
+    sight::log_lanes(story, journal)?;
     log_actions(story, journal)
 }
 

@@ -17,7 +17,7 @@ use crate::view::log_writer::{LogWriter, clock};
 use crate::view::panel::{Column, Panel, PanelWorlds};
 use crate::view::space::{distance, lifted, quaternion};
 use crate::view::viewed_episode::ViewedEpisode;
-use crate::view::{figure, lights, palette, road};
+use crate::view::{figure, lights, palette, road, sight};
 
 pub(super) static PANEL: Panel = Panel {
     name: "scene",
@@ -29,6 +29,10 @@ pub(super) static PANEL: Panel = Panel {
         (
             "/world/<agent>/velocity",
             "an arrow as long as the way in 0.5 s",
+        ),
+        (
+            "/world/<agent>/hidden",
+            "a frame around a body that the ego does not see",
         ),
         ("/world/<light>", "a post with its dark lamps"),
         (
@@ -78,6 +82,7 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
         log_motion(story, who, journal)?;
         log_velocity(story, who, journal)?;
     }
+    sight::log_frames(story, journal)?;
     log_trails(story, journal)?;
     log_follow(story, journal)?;
     log_contact(story, journal)?;

@@ -167,7 +167,9 @@ fn why(story: &ViewedEpisode<'_>) -> String {
     let Some((head, path)) = text.split_once('\n') else {
         return text;
     };
-    let robustness = head.split_once(", decided at").map_or(head, |(first, _)| first);
+    let robustness = head
+        .split_once(", decided at")
+        .map_or(head, |(first, _)| first);
     let reason = head.split_once(')').map_or("", |(_, reason)| reason);
     format!("{robustness}{reason}\n{path}")
 }
