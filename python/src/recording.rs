@@ -1,5 +1,6 @@
 //! Recordings from arrays that Python owns.
 
+use brakecheck::recorded_world;
 use brakecheck_traffic::{
     Analysis, BoundRules, Class, ReadError, RecordedWorlds, RecordingColumns, SituationKind,
     SituationPlan, SituationRoad, SourceFile, TrafficRecording, TrafficRule, TrafficRuleFile,
@@ -10,7 +11,7 @@ use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use crate::convert::objects;
-use crate::error::wrong;
+use crate::error::{raised, wrong};
 
 /// Numbers of a column.
 type Numbers<'py> = PyReadonlyArray1<'py, f64>;
@@ -169,10 +170,12 @@ impl RawRecording {
         let analyses = std::slice::from_ref(&self.0);
         let found = py.detach(|| RecordedWorlds::with_others(name, kind, analyses, count, others));
         let worlds = found.worlds.iter().map(|world| {
+            let text = recorded_world::world_of(world).text();
+            let text = text.map_err(|error| raised("FaultError", error.to_string()))?;
             let situations: Vec<Value> = world.situations.iter().map(situation).collect();
-            json!({ "name": world.name, "text": world.text, "situations": situations })
+            Ok(json!({ "name": world.name, "text": text, "situations": situations }))
         });
-        objects(py, &worlds.collect::<Vec<_>>())
+        objects(py, &worlds.collect::<PyResult<Vec<_>>>()?)
     }
 
     /// The recording from above as SVG.

@@ -14,6 +14,7 @@ use super::failure::{Exit, Failure};
 use super::new_world;
 use super::terminal;
 use super::{log, log_reading};
+use crate::recorded_world;
 use crate::run_dir::{make_dir, write_file};
 use crate::world::Scenario;
 
@@ -107,8 +108,8 @@ pub(super) fn run(
     if args.output.is_some() {
         make_dir(folder)?;
     }
-    for ((path, _), world) in files.iter().zip(&recorded.worlds) {
-        write_file(path, world.text.as_bytes())?;
+    for file in &files {
+        write_file(&file.path, file.text.as_bytes())?;
     }
     if prints_json {
         return print_worlds(&recorded, &files);
@@ -117,8 +118,20 @@ pub(super) fn run(
     Ok(Exit::Done)
 }
 
-/// Returns a path and its text for each world, all of them free and each world sound.
-fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<(PathBuf, String)>, Failure> {
+/// File of a world that is not written yet.
+struct NewFile {
+    path: PathBuf,
+    text: String,
+}
+
+impl NewFile {
+    fn name(&self) -> String {
+        self.path.display().to_string()
+    }
+}
+
+/// Returns the file of each world, all of them free and each world sound.
+fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<NewFile>, Failure> {
     let mut files = Vec::new();
     let mut refused = Vec::new();
     for world in &recorded.worlds {
@@ -130,13 +143,15 @@ fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<(PathBuf, St
                 "choose another name or directory, or move the file away",
             ));
         }
+        let written = recorded_world::world_of(world).text();
+        let text = written.map_err(|error| Failure::fault(format!("`{file}`: {error}"), None))?;
         // A text that brakecheck would refuse must not reach the disk.
-        if let Err(error) = Scenario::parse(&file, &world.text) {
+        if let Err(error) = Scenario::parse(&file, &text) {
             let situation = place_of(world);
             let place = |_, what: &str| format!("{situation}: {what}");
             refused.extend(new_world::refused(&error, place));
         }
-        files.push((path, file));
+        files.push(NewFile { path, text });
     }
     if refused.is_empty() {
         Ok(files)
@@ -178,10 +193,10 @@ fn nothing(args: &FromLogArgs, kind: SituationKind, recorded: &RecordedWorlds) -
     )
 }
 
-fn show(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<(), Failure> {
+fn show(recorded: &RecordedWorlds, files: &[NewFile]) -> Result<(), Failure> {
     let worlds = recorded.worlds.iter().zip(files);
     let mut lines: Vec<String> = worlds
-        .map(|(world, (_, file))| format!("wrote {file}: {}", in_words(world)))
+        .map(|(world, file)| format!("wrote {}: {}", file.name(), in_words(world)))
         .collect();
     let most =
         |number: fn(&SituationPlan) -> f64| recorded.situations().map(number).fold(0.0, f64::max);
@@ -194,9 +209,10 @@ fn show(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<(), Fa
         most(|it| it.speed.worst_m),
         most(|it| it.speed.hardest_mps2()),
     ));
-    if let Some((_, file)) = files.first() {
+    if let Some(file) = files.first() {
         lines.push(format!(
-            "next: brakecheck search {file}, with `--ego FILE.ron` for your ego"
+            "next: brakecheck search {}, with `--ego FILE.ron` for your ego",
+            file.name()
         ));
     }
     terminal::data(&lines.join("\n"))
@@ -247,8 +263,8 @@ fn pet_s(situation: &SituationPlan) -> Option<f64> {
     }
 }
 
-fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Result<Exit, Failure> {
-    let each = recorded.worlds.iter().zip(files).map(|(world, (_, file))| {
+fn print_worlds(recorded: &RecordedWorlds, files: &[NewFile]) -> Result<Exit, Failure> {
+    let each = recorded.worlds.iter().zip(files).map(|(world, file)| {
         let situations = world.situations.iter().map(|it| {
             json!({
                 "recording": it.source, "time_s": it.time_s,
@@ -259,7 +275,7 @@ fn print_worlds(recorded: &RecordedWorlds, files: &[(PathBuf, String)]) -> Resul
                 "others": it.others.iter().map(|it| &it.id).collect::<Vec<_>>(),
             })
         });
-        json!({ "file": file, "situations": situations.collect::<Vec<_>>() })
+        json!({ "file": file.name(), "situations": situations.collect::<Vec<_>>() })
     });
     let worlds: Vec<_> = each.collect();
     print_json(&json!({

@@ -26,6 +26,7 @@ mod rerun;
 mod reuse;
 mod risk;
 mod rivals;
+mod schema;
 mod serve;
 mod served;
 mod several_ados;

@@ -2,10 +2,12 @@
 
 use core::f64::consts::PI;
 
+use brakecheck::recorded_world;
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
+use brakecheck::world_file;
 use brakecheck_traffic::{
     Analysis, Class, ColumnMap, RecordedWorld, RecordedWorlds, RecordingColumns, SituationKind,
     SituationPlan, SituationRoad, TrafficRecording, read_csv,
@@ -122,9 +124,13 @@ fn cut_ins() -> [Car; 10] {
 }
 
 fn parsed(world: &RecordedWorld) -> Scenario {
-    let scenario = Scenario::parse("recorded.ron", &world.text).unwrap_or_else(|error| {
+    let commented = recorded_world::world_of(world);
+    let text = commented.text().expect("a text");
+    let read = world_file::parse("recorded.ron", &text).expect("a world");
+    assert_eq!(commented.world, read, "{text}");
+    let scenario = Scenario::parse("recorded.ron", &text).unwrap_or_else(|error| {
         let problem = &error.problems[0];
-        panic!("{}; {:?}\n{}", problem.what, problem.help, world.text)
+        panic!("{}; {:?}\n{text}", problem.what, problem.help)
     });
     let warnings: Vec<&str> = scenario.warnings().iter().map(|it| &*it.what).collect();
     assert!(warnings.is_empty(), "{warnings:?}");
@@ -217,6 +223,30 @@ fn a_cut_in_without_an_action_is_the_recorded_one_along_and_across() {
             let centre_m = lateral - behind_m * heading.sin();
             let off_m = centre_m - car.lateral_m(situation.time_s + 0.05 * i as f64);
             assert!(off_m.abs() < 0.1, "{}: {off_m} m off at sample {i}", car.id);
+        }
+    }
+}
+
+#[test]
+fn worlds_have_no_recorded_row_and_say_where_their_points_come_from() {
+    let cases = [
+        (SituationKind::Following, recorded(&following(), 42)),
+        (SituationKind::CutIn, recorded(&cut_ins(), 16)),
+    ];
+    for (kind, recording) in cases {
+        let recorded = RecordedWorlds::of("a", kind, &[recording], 24);
+        for world in &recorded.worlds {
+            let text = recorded_world::world_of(world).text().expect("a text");
+            // A speed per decision of 0.5 s, and not per sample of 0.05 s.
+            let speeds = text.matches("speed_mps").count() + text.matches("to_mps").count();
+            assert!((20..=30).contains(&speeds), "{speeds}");
+            let (_, rows) = text.split_once("rows: [").expect("a table");
+            let (rows, _) = rows.split_once("],\n    )").expect("its end");
+            let numbers = rows.lines().filter(|it| !it.contains("//"));
+            let numbers: usize = numbers.map(|it| it.matches(',').count()).sum();
+            assert!(numbers < 60 * world.situations.len(), "{rows}");
+            let origins = rows.matches("ahead of the ego, which replaces").count();
+            assert_eq!(origins, world.situations.len(), "{rows}");
         }
     }
 }
@@ -412,7 +442,8 @@ fn a_following_in_a_bend_has_a_road_with_the_bend() {
     let [world] = &recorded.worlds[..] else {
         panic!("{recorded:?}");
     };
-    assert!(world.text.contains("road: Curved("), "{}", world.text);
+    let text = recorded_world::world_of(world).text().expect("a text");
+    assert!(text.contains("road: Curved("), "{text}");
     assert!(world.road_m < 0.3, "{}", world.road_m);
     let episode = &played(world, 1)[0];
     let from_s = world.situations[0].time_s;

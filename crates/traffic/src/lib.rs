@@ -5,7 +5,8 @@
 //! Read a CSV file with [`read_csv`] and a [`ColumnMap`], OpenSCENARIO trajectories with
 //! [`read_xosc`], or an OSI trace with [`read_osi`] or [`read_mcap`]. [`write_osi`] writes one. [`Analysis::of`] fits lanes
 //! without a map and finds leads, followings, cut-ins and crossings. A [`TrafficRuleFile`] evaluates
-//! formulas on all vehicles. [`RecordedWorlds::of`] writes situations as world files. [`fit_traffic`] measures how
+//! formulas on all vehicles. [`RecordedWorlds::of`] groups situations that can
+//! share a world. [`fit_traffic`] measures how
 //! often drivers brake and cut in. The model itself, and the limits on actions that it
 //! gives, are those of `brakecheck-driver-model`, whose items this crate re-exports.
 //!
@@ -34,7 +35,6 @@ mod columns;
 mod commonroad;
 mod crossing_plan;
 mod crossing_roads;
-mod crossing_text;
 mod crossings;
 mod csv_rows;
 mod driving_data;
@@ -80,7 +80,6 @@ mod stock_body;
 mod summary;
 mod svg;
 mod world;
-mod world_text;
 mod xml_lines;
 mod xosc;
 mod xosc_entity;

@@ -1,7 +1,5 @@
 //! Roads of lines and arcs, fitted to points.
 
-use std::fmt::Write;
-
 use brakecheck_road::pose::Pose;
 use brakecheck_road::road::{Bend, Course, OnRoad};
 
@@ -96,27 +94,6 @@ impl FittedRoad {
     /// Returns the place of a point along the road.
     pub fn place(&self, point_m: [f64; 2]) -> OnRoad {
         self.course.locate(&place_at(point_m))
-    }
-
-    /// Returns the list of pieces of a world file, a line each.
-    pub(crate) fn to_ron(&self) -> String {
-        let mut text = String::new();
-        for Bend { length_m, per_m } in self.course.bends() {
-            // Invariant: writing into a string does not fail.
-            let _ = if per_m == 0.0 {
-                writeln!(text, "            Line(length_m: {length_m:?}),")
-            } else {
-                let radius_m = rounded(1.0 / per_m);
-                writeln!(
-                    text,
-                    "            Arc(length_m: {length_m:?}, radius_m: {radius_m:?}),"
-                )
-            };
-        }
-        if text.is_empty() {
-            return "[]".to_owned();
-        }
-        format!("[\n{text}        ]")
     }
 }
 

@@ -1,15 +1,15 @@
-//! World files from recorded situations, which are the rows of their tables of starts.
+//! Recorded situations that can share a world, as the rows of its table of starts.
+//!
+//! The worlds themselves are made above this crate, which knows no file.
 
 use std::sync::Arc;
 
 use crate::analysis::Analysis;
-use crate::crossing_text::crossing_text;
 use crate::crossings::PathCrossing;
 use crate::other_plan::OtherPlan;
 use crate::road_fit::{FittedRoad, RoadFit};
 use crate::situation_plan::{LANE_WIDTH_M, SituationPlan, SituationRoad, slowing_mps};
 use crate::situations::{RecordedCutIn, RecordedFollowing, SituationKind};
-use crate::world_text::LaneText;
 
 /// Roads along lanes of carriageways. Within the tolerance a road is straight.
 const LANE_FIT: RoadFit = RoadFit {
@@ -24,14 +24,12 @@ const LANE_FIT: RoadFit = RoadFit {
 const SECTION_M: f64 = 2000.0;
 const BEYOND_M: [f64; 2] = [200.0, 700.0];
 
-/// World file of recorded situations.
+/// Recorded situations of one world.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RecordedWorld {
     /// Name of the world, also of its file without `.ron`.
     pub name: String,
-    /// RON text of the world.
-    pub text: String,
     /// Kind of its situations.
     pub kind: SituationKind,
     /// Middle of its right lane, and the ego's path in a crossing, in the frame of the
@@ -44,7 +42,7 @@ pub struct RecordedWorld {
     pub road_m: f64,
 }
 
-/// World files of one kind of situations, the hardest first.
+/// Worlds of one kind of situations, the hardest first.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RecordedWorlds {
@@ -80,8 +78,7 @@ impl RecordedWorlds {
     ///
     /// A following is harder if the lead loses more speed, a cut-in if the follower must
     /// brake more, and a crossing if its post-encroachment time is shorter. At most `most`
-    /// situations become points of worlds that are named `name`, `name_2` and so on. No
-    /// recorded position is in their texts.
+    /// situations become points of worlds that are named `name`, `name_2` and so on.
     pub fn of(
         name: &str,
         kind: SituationKind,
@@ -184,16 +181,6 @@ impl SituationGroup {
 
     fn world(self, name: String, kind: SituationKind) -> RecordedWorld {
         let situations = self.situations;
-        let text = match &self.road {
-            Some(road) => LaneText {
-                name: &name,
-                kind,
-                situations: &situations,
-                road,
-            }
-            .to_ron(),
-            None => crossing_text(&name, &situations[0]),
-        };
         let bent = self.road.as_deref().filter(|it| !it.is_straight());
         let road_m = bent.map_or(0.0, |it| it.worst_m);
         let road = match (self.road, &situations[0].road) {
@@ -201,7 +188,6 @@ impl SituationGroup {
             (road, _) => road.unwrap_or_default(),
         };
         RecordedWorld {
-            text,
             name,
             kind,
             road,

@@ -47,11 +47,13 @@ impl Cyclist {
 
     /// Returns the greatest steering angle, that of the least radius.
     pub fn max_steer_rad(&self) -> f64 {
+        // Of the bicycle model: tan δ = κ · L.
         libm::atan(LOCK_PER_M * self.wheelbase_m)
     }
 
     /// Returns the speed at which a cyclist can start: never backwards.
     pub(super) fn within_limit(&self, speed_mps: f64) -> f64 {
+        // A bicycle has no reverse.
         speed_mps.clamp(0.0, self.max_speed_mps)
     }
 }
@@ -62,6 +64,7 @@ impl BodyModel for Cyclist {
         let room_m = size.length_m - self.wheelbase_m;
         within("front_overhang_m", self.front_overhang_m, 0.0, room_m)?;
         within("wheel_radius_m", self.wheel_radius_m, 0.05, size.height_m)?;
+        // Wide bounds: they keep the numbers sound, and say nothing about riders.
         within("max_speed_mps", self.max_speed_mps, 0.1, 40.0)?;
         within("accel_mps2", self.accel_mps2, 0.01, 20.0)?;
         within("power_w", self.power_w, 1.0, 1e5)?;

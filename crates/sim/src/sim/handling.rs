@@ -82,6 +82,7 @@ impl Tyres {
     /// A road is wet from a friction of 0.8 down to 0.4. It is dry at 1, and snow or ice
     /// at 0.2 and below. The loss is interpolated between these.
     pub(super) fn wet_share(&self, friction: f64, speed_mps: f64) -> f64 {
+        // Two lines that meet above 1: from 0.8 down to 0.4 the cut below decides.
         let wetness = (5.0 * (1.0 - friction)).min(5.0 * (friction - 0.2));
         let above_mps = (speed_mps.abs() - WET_REFERENCE_MPS).max(0.0);
         let loss = wetness.clamp(0.0, 1.0) * self.wet_loss_s_per_m * above_mps;

@@ -26,6 +26,7 @@ impl Push {
 
     /// Returns whether all numbers are finite.
     pub(super) fn is_finite(&self) -> bool {
+        // Each is checked: one NaN would reach every body at the next contact.
         [self.along_mps2, self.left_mps2, self.load_share]
             .iter()
             .chain(&self.grade_mps2)

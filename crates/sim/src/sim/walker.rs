@@ -56,6 +56,7 @@ pub(super) struct Ramp {
 impl Stride {
     /// Returns the state after a time on a ramp, in closed form.
     pub(super) fn after(&self, ramp: &Ramp, after_s: f64) -> Stride {
+        // Evenly accelerated first, then at constant speed.
         let ramp_s = after_s.min(ramp.until_s);
         let along = |at_m: f64, before_mps: f64, accel_mps2: f64| {
             let after_mps = before_mps + accel_mps2 * ramp_s;

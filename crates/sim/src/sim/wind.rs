@@ -52,12 +52,14 @@ impl Wind {
         let air = rotation_by(-state.pose.heading_rad) * self.velocity_mps(time_s);
         let per_kg = 0.5 * AIR_KG_PER_M3 / body.mass_kg;
         let drag_area_m2 = body.vehicle().map_or(0.0, |vehicle| vehicle.drag_area_m2);
+        // The speed of the body through the air.
         let against_mps = state.speed_mps - air.x;
         let still_mps = state.speed_mps;
         let along = still_mps * still_mps.abs() - against_mps * against_mps.abs();
         let side_area_m2 = SIDE_COEFFICIENT * body.length_m * body.height_m;
         (
             per_kg * drag_area_m2 * along,
+            // Without the body's own lateral speed, which is far below that of a side wind.
             per_kg * side_area_m2 * air.y * air.y.abs(),
         )
     }

@@ -154,28 +154,3 @@ fn a_standing_lead_has_rates_that_world_files_accept() {
     );
     assert!(plan.worst_m < 0.01, "{}", plan.worst_m);
 }
-
-#[test]
-fn worlds_have_no_recorded_row() {
-    let (rows, _) = synthetic::traffic(21, 25, 60.0);
-    let analyses = [Analysis::of(recorded(&rows))];
-    for kind in [SituationKind::Following, SituationKind::CutIn] {
-        let recorded = RecordedWorlds::of("a", kind, &analyses, 24);
-        for world in &recorded.worlds {
-            // A position per decision of 0.5 s, and not per sample of 0.05 s.
-            let numbers =
-                world.text.matches("speed_mps").count() + world.text.matches("to_mps").count();
-            assert!(numbers <= 30, "{numbers}");
-            let rows = world
-                .text
-                .split("rows: [")
-                .nth(1)
-                .unwrap_or_default()
-                .lines()
-                .filter(|line| line.trim_start().starts_with('['));
-            for row in rows {
-                assert!(row.split(',').count() < 60, "{row}");
-            }
-        }
-    }
-}

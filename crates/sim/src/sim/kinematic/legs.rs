@@ -62,6 +62,7 @@ impl Legs {
             at_m: (start.x_m, start.y_m),
             velocity_mps: start.walk_mps,
         };
+        // In the world frame, whatever the heading: a walker may go sideways.
         let Stride {
             at_m: (x_m, y_m),
             velocity_mps: walk_mps,

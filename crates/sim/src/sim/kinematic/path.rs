@@ -31,6 +31,7 @@ impl Anchor {
     #[inline]
     pub(super) fn unwound(mut self) -> Anchor {
         if self.heading_rad.abs() > PI {
+            // Only beyond half a turn: a heading in range keeps its bits.
             self.heading_rad -= TAU * libm::round(self.heading_rad / TAU);
         }
         self
@@ -49,6 +50,7 @@ impl Anchor {
         } = self;
         [x_m, y_m, heading_rad, speed_mps, &walk_mps.0, &walk_mps.1]
             .into_iter()
+            // Without branches, because this runs for every body at every step.
             .fold(true, |all, value| all & (value.abs() <= BOUND_M))
     }
 }

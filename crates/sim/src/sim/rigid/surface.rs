@@ -42,6 +42,7 @@ impl GroundSurface {
         let heights_m = heights.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), z| {
             (low.min(z), high.max(z))
         });
+        // Refused by parry for a mesh without triangles, on which nothing could stand.
         let shape = SharedShape::trimesh(points, mesh.triangles.clone()).ok()?;
         Some(GroundSurface { shape, heights_m })
     }
@@ -49,6 +50,7 @@ impl GroundSurface {
     /// Returns the surface below a point of the plane, `None` beside the mesh.
     pub(super) fn at(&self, x_m: f64, y_m: f64) -> Option<SurfacePoint> {
         let (low_m, high_m) = self.heights_m;
+        // From above the whole surface, so that the ray meets its upper side first.
         let from = Vector::new(x_m as f32, y_m as f32, high_m + ABOVE_M);
         let ray = Ray::new(from, Vector::new(0.0, 0.0, -1.0));
         let most_m = high_m - low_m + 2.0 * ABOVE_M;
@@ -67,6 +69,7 @@ impl SurfacePoint {
     /// Returns the orientation of a body on the surface, which keeps its heading.
     pub(super) fn rotation(&self, rect: &Rect) -> UnitQuaternion<f64> {
         let heading = Vector3::new(rect.cos, rect.sin, 0.0);
+        // The heading without its part through the surface: a body keeps its direction.
         let ahead = (heading - self.normal * heading.dot(&self.normal)).normalize();
         let left = self.normal.cross(&ahead);
         let basis = Rotation3::from_basis_unchecked(&[ahead, left, self.normal]);
@@ -85,6 +88,7 @@ impl SurfacePoint {
     /// Returns the centre and orientation of a body on the surface.
     pub(super) fn placement(&self, rect: &Rect, height_m: f64) -> Placement {
         let rotation = self.rotation(rect);
+        // Half the height along the normal, because the box stands on the slope.
         let up = rotation * Vector3::z() * (0.5 * height_m);
         Placement::from_parts(
             [rect.x_m + up.x, rect.y_m + up.y, self.z_m + up.z],
