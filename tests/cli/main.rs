@@ -1,6 +1,7 @@
 //! The program as a user runs it: exit codes, rows, files, and what it says.
 
 mod campaign;
+mod commonroad;
 mod cosim;
 mod export;
 mod family;
