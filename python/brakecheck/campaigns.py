@@ -279,8 +279,9 @@ def view(
 
     Args:
         what: a replayed counterexample, a kept file, a directory of them, or a run.
-        output: a `.rrd` for the rerun viewer, or a `.svg` for any browser; a
-            recording named after the counterexample without it.
+        output: a `.rrd` for the rerun viewer, a `.svg` for any browser, a `.gif`
+            for a loop, or a `.png` for a still; a recording named after the
+            counterexample without it.
         episode: which one of several.
         ego: whom to put in the ego's place.
         beside: in a picture, the reference driver to draw beside the ego, such

@@ -46,9 +46,11 @@ class Env(gymnasium.Env[Observation, np.int64]):
         ego: who is tested, as `World` takes it.
         seed: of the stream of starts, where `reset` is given none.
         allow_programs: start the programs that the file names as egos.
+        render_mode: `"rgb_array"` lets `render` draw the current sample. A frame per
+            decision at `metadata["render_fps"]` plays in real time.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2.0}
 
     def __init__(
         self,
@@ -58,15 +60,14 @@ class Env(gymnasium.Env[Observation, np.int64]):
         ego: Any = None,
         seed: int = 0,
         allow_programs: bool = False,
-        render_mode: None = None,
+        render_mode: str | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError("keep an episode and `brakecheck.view` it: no mode renders while playing")
+        self.render_mode = checked_render_mode(render_mode)
         changes = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
         self.world = World.of(world, **changes)
         self._bench = RawBench(self.world._raw)
         self._stream = ("train", seed, 0)
-        self.render_mode = None
+        self.metadata = rendered_in_real_time(self.metadata, self.world)
         box, actions = spaces_of(self.world)
         self.observation_space: spaces.Box = box  # type: ignore[assignment]
         self.action_space = actions
@@ -120,12 +121,32 @@ class Env(gymnasium.Env[Observation, np.int64]):
         info = self._bench.info() if terminated or truncated else {}
         return obs, reward, terminated, truncated, info
 
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The current sample from above, `[288, 896, 3]`; None without a `render_mode`.
+
+        The ego drives to the right, at one place of the picture and one scale.
+        """
+        return None if self.render_mode is None else self._bench.render()
+
     def trace(self) -> dict[str, NDArray[np.float64]]:
         """The samples of the episode so far: `time` in seconds, and every signal."""
         return self._bench.trace()
 
     def __repr__(self) -> str:
         return f"<brakecheck.Env {self.world.name!r}: {self.action_space}, {self.observation_space}>"
+
+
+def checked_render_mode(mode: str | None) -> str | None:
+    """A render mode that there is."""
+    known = Env.metadata["render_modes"]
+    if mode is not None and mode not in known:
+        raise ValueError(f"`render_mode={mode!r}` is not known; known: {', '.join(known)}")
+    return mode
+
+
+def rendered_in_real_time(metadata: dict[str, Any], world: World) -> dict[str, Any]:
+    """The metadata with the rate at which a frame per decision plays in real time."""
+    return {**metadata, "render_fps": 1.0 / float(world.about["decision_s"])}
 
 
 def spaces_of(world: World) -> tuple[spaces.Box, spaces.Discrete]:

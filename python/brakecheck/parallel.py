@@ -29,17 +29,18 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
     as `Env` does.
 
     Args:
-        world, plant, ego, seed, allow_programs: as for `brakecheck.Env`.
+        world, plant, ego, seed, allow_programs, render_mode: as for `brakecheck.Env`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "name": "brakecheck_v0"}
+    metadata: dict[str, Any] = {**Env.metadata, "name": "brakecheck_v0"}
 
     def __init__(
-        self, world: World | str | os.PathLike[str], *, render_mode: None = None, **kwargs: Any
+        self, world: World | str | os.PathLike[str], *, render_mode: str | None = None, **kwargs: Any
     ) -> None:
         self._env = Env(world, render_mode=render_mode, **kwargs)
         self.world = self._env.world
-        self.render_mode = None
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, **self._env.metadata}
         ados = self.world.about["ados"]
         self.possible_agents = [ado["name"] for ado in ados]
         self.agents: list[str] = []
@@ -106,8 +107,9 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         """The samples of the episode so far."""
         return self._env.trace()
 
-    def render(self) -> None:
-        """Nothing is shown while playing: keep an episode and view it."""
+    def render(self) -> NDArray[np.uint8] | None:
+        """The current sample, as `Env.render` draws it."""
+        return self._env.render()
 
     def close(self) -> None:
         """There is nothing to close."""

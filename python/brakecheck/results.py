@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import os
 from collections.abc import Iterable, Mapping
@@ -15,10 +16,51 @@ from brakecheck.errors import InputError
 from brakecheck.exporting import export_policy
 from brakecheck.worlds import World
 
-__all__ = ["Ado", "Replayed", "Replays", "Rows", "Run"]
+__all__ = ["Ado", "Replayed", "Replays", "Row", "Rows", "Run"]
 
 
-class Rows(list[dict[str, Any]]):
+def _html_table(head: Iterable[str], body: Iterable[Iterable[str]]) -> str:
+    """A table for notebooks, whose texts are escaped."""
+
+    def line(tag: str, cells: Iterable[str]) -> str:
+        return "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
+
+    rows = "".join(f"<tr>{line('td', cells)}</tr>" for cells in body)
+    return f"<table><tr>{line('th', head)}</tr>{rows}</table>"
+
+
+class Row(dict[str, Any]):
+    """What an ego and an ado came to; the keys are those of `brakecheck eval --json`."""
+
+    #: What a table shows.
+    COLUMNS = ("ego", "ado", "method", "starts", "success", "95 %", "recall", "foul")
+
+    def _cells(self) -> list[str]:
+        interval, partial = self["ci95"], self.get("partial")
+        recall = self.get("recall")
+        success = f"{100 * self['success_rate']:.1f} %"
+        if partial is not None:
+            # Of an interrupted row only the least success is known.
+            success = f"at least {self['successes']}/{partial['of']}"
+        return [
+            self["ego"],
+            self["ado"],
+            self["method"],
+            str(self["starts"]),
+            success,
+            "-" if interval is None else "-".join(f"{100 * it:.1f}" for it in interval),
+            "-" if recall is None else f"{100 * recall:.1f} %",
+            f"{100 * self['foul_rate']:.1f} %",
+        ]
+
+    def _repr_html_(self) -> str:
+        if "success_rate" in self:
+            return _html_table(self.COLUMNS, [self._cells()])
+        # Verbs without starts, such as `risk`, have rows of other keys.
+        return _html_table(["key", "value"], [[key, str(self[key])] for key in self])
+
+
+class Rows(list[Row]):
     """What an evaluation or a search came to: a row per ego and ado.
 
     The keys are those of `brakecheck eval --json`: `success_rate` with `ci95`,
@@ -26,11 +68,11 @@ class Rows(list[dict[str, Any]]):
     """
 
     def __init__(self, rows: Iterable[dict[str, Any]] = (), run: Run | None = None) -> None:
-        super().__init__(rows)
+        super().__init__(Row(row) if isinstance(row, dict) else row for row in rows)
         #: The run whose ado it is, if it is one's.
         self.run = run
 
-    def row(self, ado: str = "trained", ego: str | None = None) -> dict[str, Any]:
+    def row(self, ado: str = "trained", ego: str | None = None) -> Row:
         """The first row of an ado, and of an ego if one is named."""
         for row in self:
             if row["ado"] == ado and ego in (None, row["ego"]):
@@ -54,43 +96,14 @@ class Rows(list[dict[str, Any]]):
         ]
         return polars.DataFrame(flat)
 
-    def _table(self) -> list[list[str]]:
-        table = [["ego", "ado", "method", "starts", "success", "95 %", "recall", "foul"]]
-        for row in self:
-            interval, partial = row["ci95"], row.get("partial")
-            recall = row.get("recall")
-            success = f"{100 * row['success_rate']:.1f} %"
-            if partial is not None:
-                # Of an interrupted row only the least success is known.
-                success = f"at least {row['successes']}/{partial['of']}"
-            table.append(
-                [
-                    row["ego"],
-                    row["ado"],
-                    row["method"],
-                    str(row["starts"]),
-                    success,
-                    "-" if interval is None else "-".join(f"{100 * it:.1f}" for it in interval),
-                    "-" if recall is None else f"{100 * recall:.1f} %",
-                    f"{100 * row['foul_rate']:.1f} %",
-                ]
-            )
-        return table
-
     def __repr__(self) -> str:
-        table = self._table()
+        table = [list(Row.COLUMNS), *(row._cells() for row in self)]
         widths = [max(map(len, column)) for column in zip(*table)]
         lines = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in table)
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        head, *body = self._table()
-
-        def line(tag: str, cells: list[str]) -> str:
-            return "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
-
-        rows = "".join(f"<tr>{line('td', cells)}</tr>" for cells in body)
-        return f"<table><tr>{line('th', head)}</tr>{rows}</table>"
+        return _html_table(Row.COLUMNS, [row._cells() for row in self])
 
 
 class Run:
@@ -230,7 +243,7 @@ class Ado:
 
 
 class Replayed:
-    """A kept counterexample, played again."""
+    """A kept counterexample, played again. A notebook shows its picture, which plays."""
 
     def __init__(self, raw: RawReplayed) -> None:
         self._raw = raw
@@ -265,7 +278,7 @@ class Replayed:
     def view(
         self, output: str | os.PathLike[str] | None = None, *, beside: str | None = None
     ) -> str:
-        """Writes it as a recording (`.rrd`) or a picture (`.svg`); the file.
+        """Writes it as a recording (`.rrd`) or a picture (`.svg`, `.gif`, `.png`); the file.
 
         Args:
             output: the file to write; a recording named after it without one.
@@ -277,15 +290,36 @@ class Replayed:
         self._raw.view(os.fspath(output), beside)
         return os.fspath(output)
 
-    def __repr__(self) -> str:
+    def _repr_html_(self) -> str:
+        said = html.escape(f"{self.path}: {self.about['words']}, {self._state()}")
+        if self.about["fault"] is not None:
+            return f"<p>{said}</p>"
+        # As an image, so that the styles of picture and notebook do not mix.
+        svg = base64.b64encode(self._raw.picture("svg")).decode("ascii")
+        picture = f'<img width="900" alt="{said}" src="data:image/svg+xml;base64,{svg}"/>'
+        return f"<figure>{picture}<figcaption>{said}</figcaption></figure>"
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
+        """Its end, for documents that show no HTML."""
+        if self.about["fault"] is not None:
+            return None
+        return self._raw.picture("png"), {"width": 900}
+
+    def _state(self) -> str:
         words = {"still_fails": "still fails", "no_answer": "no answer"}
         state = words.get(str(self.about["outcome"]), "does not fail")
-        bits = "" if self.identical else ", not as recorded"
-        return f"<Replayed {self.path!r}: {self.about['verdict']}, {state}{bits}>"
+        return state if self.identical else f"{state}, not as recorded"
+
+    def __repr__(self) -> str:
+        return f"<Replayed {self.path!r}: {self.about['verdict']}, {self._state()}>"
 
 
 class Replays(list[Replayed]):
     """Kept counterexamples, played again."""
+
+    def _repr_html_(self) -> str:
+        body = [[str(nth), one.path, one.about["words"], one._state()] for nth, one in enumerate(self)]
+        return _html_table(["", "file", "outcome", "replay"], body)
 
     def to_pandas(self) -> Any:
         """As a pandas data frame, a line per counterexample; nested keys are joined by dots."""

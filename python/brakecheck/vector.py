@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from brakecheck._brakecheck import RawEpisode, RawVector
-from brakecheck.envs import spaces_of
+from brakecheck.envs import checked_render_mode, rendered_in_real_time, spaces_of
 from brakecheck.worlds import World
 
 __all__ = ["VectorEnv"]
@@ -63,9 +63,14 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         jobs: threads; 1 steps them in the thread that calls, 0 takes one per core.
         copy: whether `step` gives arrays of its own; without, it gives the same
             buffers every time, written anew.
+        render_mode: as for `brakecheck.Env`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: dict[str, Any] = {
+        "render_modes": ["rgb_array"],
+        "render_fps": 2.0,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -78,11 +83,14 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         jobs: int = 1,
         copy: bool = True,
         allow_programs: bool = False,
+        render_mode: str | None = None,
     ) -> None:
+        self.render_mode = checked_render_mode(render_mode)
         if num_envs < 1:
             raise ValueError("a vector environment has one environment at least")
         changes = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
         self.world = World.of(world, **changes)
+        self.metadata = rendered_in_real_time(self.metadata, self.world)
         self.num_envs = num_envs
         self._raw = RawVector(self.world._raw, num_envs, jobs)
         self._copy = copy
@@ -159,6 +167,12 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
                 info["episode"][at] = episode
         info.update({f"_{name}": mask for name in names})
         return info
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
+        """The current sample of every environment, as `Env.render` draws it."""
+        if self.render_mode is None:
+            return None
+        return tuple(self._raw.render(at) for at in range(self.num_envs))
 
     def trace(self, at: int) -> dict[str, NDArray[np.float64]]:
         """The samples of the episode in the `at`-th environment."""

@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
+use brakecheck::raster::{PixelImage, RasterError};
+use brakecheck::report::running_picture;
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
@@ -9,12 +11,12 @@ use brakecheck::stl::Scratch;
 use brakecheck::testbench::{Aftermath, Testbench};
 use brakecheck::trace::Trace;
 use brakecheck::world::Scenario;
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::convert::objects;
-use crate::error::wrong;
+use crate::error::{raised, wrong};
 use crate::interrupt::check_interrupted;
 use crate::watch::interruptible;
 use crate::world::RawWorld;
@@ -91,6 +93,17 @@ impl Playing {
         (word, success, rho, bench.decisions())
     }
 
+    /// The current sample from above, as pixels; `None` before the first episode.
+    pub(crate) fn pixels(&self, world: &Scenario) -> Option<Result<PixelImage, RasterError>> {
+        if self.bench.trace().is_empty() {
+            return None;
+        }
+        let actions = self.actions.clone();
+        let episode = self.bench.episode(&self.start, self.noise, actions);
+        let svg = running_picture(world, &self.bench, &episode);
+        Some(PixelImage::of(&svg, 1.0))
+    }
+
     /// What there is to say of the episode so far.
     pub(crate) fn info<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let info = PyDict::new(py);
@@ -122,6 +135,22 @@ impl Playing {
     }
 }
 
+/// Red, green and blue of an image, `[height, width, 3]`.
+pub(crate) fn rgb<'py>(
+    py: Python<'py>,
+    drawn: Option<Result<PixelImage, RasterError>>,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let drawn = drawn.ok_or_else(|| {
+        wrong(
+            "there is no episode to render",
+            "call `reset` before `render`",
+        )
+    })?;
+    let image = drawn.map_err(|error| raised("FaultError", error.to_string()))?;
+    let shape = [image.height_px(), image.width_px(), 3];
+    PyArray1::from_vec(py, image.rgb()).reshape(shape)
+}
+
 /// The samples of every signal, as arrays.
 pub(crate) fn columns<'py>(py: Python<'py>, trace: &Trace) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
@@ -137,6 +166,7 @@ pub(crate) fn columns<'py>(py: Python<'py>, trace: &Trace) -> PyResult<Bound<'py
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawBench {
     playing: Arc<Mutex<Playing>>,
+    world: Scenario,
     /// The ego is a program, which nothing but its deadline interrupts.
     awaits_program: bool,
     observation: usize,
@@ -154,6 +184,7 @@ impl RawBench {
             observation: spaces.observation,
             actions: spaces.actions,
             awaits_program: world.0.program().is_some(),
+            world: world.0.clone(),
             playing: Arc::new(Mutex::new(playing)),
         })
     }
@@ -236,6 +267,13 @@ impl RawBench {
     /// What there is to say of the episode so far.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.lock()?.info(py)
+    }
+
+    /// The current sample from above, `[height, width, 3]`.
+    fn render<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let world = self.world.clone();
+        let drawn = self.play(py, move |playing| playing.pixels(&world))?;
+        rgb(py, drawn)
     }
 
     /// The samples so far, by signal.

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use brakecheck::cli::Failure;
-use brakecheck::crashes::{Regressions, Replayed, ViewKind, export, picture};
+use brakecheck::crashes::{PictureFormat, Regressions, Replayed, ViewKind, export, picture_as};
 use brakecheck::ego::ReferenceDriver;
 use brakecheck::run_dir::write_file;
 use brakecheck::view;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyBytes, PyDict, PyString};
 use serde_json::json;
 
 use crate::bench::columns;
@@ -114,7 +114,7 @@ impl RawReplayed {
                 "fault": episode.fault, "noise": episode.noise, "actions": episode.actions,
                 "start": start.collect::<serde_json::Map<_, _>>(),
                 "first_difference": differs.map(|differs| differs.to_string()),
-                "about": self.replayed.known().to_string(),
+                "about": self.replayed.known().to_string(), "words": self.replayed.in_words(),
             }),
         )
     }
@@ -128,21 +128,18 @@ impl RawReplayed {
     fn view(&self, py: Python<'_>, output: PathBuf, beside: Option<&str>) -> PyResult<()> {
         let kind = ViewKind::of(&output).map_err(failed)?;
         let beside = beside.map(driver_of).transpose()?;
-        if beside.is_some() && kind != ViewKind::Picture {
+        if beside.is_some() && kind == ViewKind::Recording {
             return Err(wrong(
                 "`beside` is for pictures",
                 "name one to write, such as \"crash.svg\"",
             ));
         }
-        if let Some(fault) = self.replayed.fault() {
-            let message = format!("there is nothing to see: {fault}");
-            return Err(failed(Failure::fault(message, None)));
-        }
+        self.admit()?;
         let (replayed, ego) = (self.replayed.clone(), self.ego.clone());
         let write = move |_: &_| -> Result<(), Failure> {
-            if kind == ViewKind::Picture {
-                let svg = picture(&replayed, &ego, beside)?;
-                return Ok(write_file(&output, svg.as_bytes())?);
+            if let ViewKind::Picture(format) = kind {
+                let bytes = picture_as(format, &replayed, &ego, beside)?;
+                return Ok(write_file(&output, &bytes)?);
             }
             let caption = replayed.path.display().to_string();
             let (scenario, episode) = (&replayed.scenario, &replayed.episode);
@@ -155,6 +152,32 @@ impl RawReplayed {
             }
         };
         interruptible(py, write, |_| Ok(()))?.map_err(failed)
+    }
+
+    /// The bytes of a picture of it: "svg" plays, "png" is a still.
+    fn picture<'py>(&self, py: Python<'py>, format: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let format = match format {
+            "png" => PictureFormat::Png,
+            _ => PictureFormat::Svg,
+        };
+        self.admit()?;
+        let (replayed, ego) = (self.replayed.clone(), self.ego.clone());
+        let draw = move |_: &_| -> Result<Vec<u8>, Failure> {
+            Ok(picture_as(format, &replayed, &ego, None)?)
+        };
+        let bytes = interruptible(py, draw, |_| Ok(()))?.map_err(failed)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+}
+
+impl RawReplayed {
+    /// Refuses an episode that did not run.
+    fn admit(&self) -> PyResult<()> {
+        let Some(fault) = self.replayed.fault() else {
+            return Ok(());
+        };
+        let message = format!("there is nothing to see: {fault}");
+        Err(failed(Failure::fault(message, None)))
     }
 }
 

@@ -6,12 +6,12 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use brakecheck::seed::Purpose;
 use brakecheck::vector_env::{EnvLayout, VectorEnv};
 use brakecheck::world::Scenario;
-use numpy::{PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{PyArray3, PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::bench::{Playing, columns, in_use, purpose_of};
+use crate::bench::{columns, in_use, purpose_of, rgb};
 use crate::error::{raised, wrong};
 use crate::interrupt::check_interrupted;
 use crate::python_thread::stopped_by;
@@ -216,13 +216,26 @@ impl RawVector {
         let mut groups = self.lock()?;
         let (group, at) = groups.at(at)?;
         match group {
-            Group::Benches(slots) => columns(py, slots.trace(at)),
+            Group::Benches(slots) => columns(py, slots.playing(at).bench.trace()),
             Group::Lanes(lanes) => {
-                let mut again = Playing::new(&self.world);
-                lanes.play_again(at, &mut again.bench);
+                let again = RawEpisode::of(&self.world, lanes, at).played();
                 columns(py, again.bench.trace())
             }
         }
+    }
+
+    /// The current sample of one of them from above, `[height, width, 3]`.
+    fn render<'py>(&self, py: Python<'py>, at: usize) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let mut groups = self.lock()?;
+        let (group, at) = groups.at(at)?;
+        let drawn = match group {
+            Group::Benches(slots) => slots.playing(at).pixels(&self.world),
+            Group::Lanes(lanes) => {
+                let episode = RawEpisode::of(&self.world, lanes, at);
+                episode.played().pixels(&self.world)
+            }
+        };
+        rgb(py, drawn)
     }
 }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use brakecheck::rl::End;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::Aftermath;
-use brakecheck::trace::Trace;
 use brakecheck::vector_env::VectorEnv;
 use brakecheck::world::Scenario;
 use pyo3::prelude::*;
@@ -182,11 +181,6 @@ impl Lanes {
         };
         (word, success, self.env.robustness(at), decisions)
     }
-
-    /// Plays the episode of one of them again.
-    pub(crate) fn play_again(&self, at: usize, bench: &mut brakecheck::testbench::Testbench) {
-        self.env.play_again(at, bench);
-    }
 }
 
 /// Environments on a test bench each.
@@ -244,8 +238,8 @@ impl Slots {
         self.all[at].playing.info(py)
     }
 
-    pub(crate) fn trace(&self, at: usize) -> &Trace {
-        self.all[at].playing.bench.trace()
+    pub(crate) fn playing(&self, at: usize) -> &Playing {
+        &self.all[at].playing
     }
 }
 
@@ -270,10 +264,9 @@ impl RawEpisode {
     }
 }
 
-#[pymethods]
 impl RawEpisode {
-    /// What there is to say of it.
-    pub(crate) fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// Plays it again, as far as it went.
+    pub(crate) fn played(&self) -> Playing {
         let mut playing = Playing::new(&self.world);
         if let Some(key) = self.key {
             playing.begin(key, Aftermath::Skip);
@@ -281,6 +274,14 @@ impl RawEpisode {
         for action in &self.actions {
             playing.decide(*action as usize);
         }
-        playing.info(py)
+        playing
+    }
+}
+
+#[pymethods]
+impl RawEpisode {
+    /// What there is to say of it.
+    pub(crate) fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.played().info(py)
     }
 }

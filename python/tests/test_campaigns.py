@@ -1,5 +1,6 @@
 """Train, evaluate, keep, replay: the rows and bits of the command line."""
 
+import base64
 import json
 import signal
 import subprocess
@@ -176,6 +177,31 @@ def test_rows_are_shown_and_become_frames(run):
     assert repr(rows).splitlines()[0].split()[:3] == ["ego", "ado", "method"]
     assert rows.to_pandas()["success_rate"].tolist() == [row["success_rate"] for row in rows]
     assert rows._repr_html_().count("<tr>") == len(rows) + 1
+    row = rows.row(rows[0]["ado"])
+    assert row == rows[0] and row._repr_html_().count("<tr>") == 2
+    assert f"<td>{row['ego']}</td>" in row._repr_html_()
+
+
+def test_kept_crashes_show_themselves_in_notebooks(kept):
+    crashes = brakecheck.replay(kept, episode="acc-nominal-0001")
+    page = crashes[0]._repr_html_()
+    assert crashes[0].about["words"].startswith("failed: ρ ")
+    assert crashes[0].about["words"] in page and "still fails" in page
+    svg = base64.b64decode(page.split("base64,")[1].split('"')[0]).decode()
+    assert svg.startswith("<svg") and "@keyframes" in svg
+    png, shown = crashes[0]._repr_png_()
+    assert png.startswith(b"\x89PNG") and shown == {"width": 900}
+    table = crashes._repr_html_()
+    assert table.count("<tr>") == 2 and "acc-nominal-0001.ron" in table
+
+
+def test_a_crash_of_a_broken_ego_shows_its_fault(kept):
+    def broken(percept):
+        raise ValueError("no plan")
+
+    crash = brakecheck.replay(kept, episode="acc-nominal-0001", ego=broken, allow_invalid=1.0)[0]
+    assert "did not run" in crash._repr_html_() and "<img" not in crash._repr_html_()
+    assert crash._repr_png_() is None
 
 
 def test_progress_and_remarks_come_while_it_runs(tmp_path):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from brakecheck import Env, InputError, ParallelEnv, VectorEnv, World, replay
 from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import RecordVideo
 from pettingzoo.test import parallel_api_test
 
 WORLDS = ["acc", "merge", "grid", "pedestrian", "yellow_light"]
@@ -153,6 +154,74 @@ def test_gymnasium_makes_the_vector_environment():
         "brakecheck/acc-v0", num_envs=4, vectorization_mode="vector_entry_point"
     )
     assert isinstance(env.unwrapped, VectorEnv) and env.num_envs == 4
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_rendered_sample_is_an_image(world):
+    assert Env(world).render() is None
+    env = Env(world, render_mode="rgb_array")
+    with pytest.raises(ValueError, match="call `reset` before `render`"):
+        env.render()
+    env.reset(seed=0)
+    first = env.render()
+    assert first.dtype == np.uint8 and first.shape == (288, 896, 3)
+    # Shapes of many colours, and the same bits for the same sample.
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 20
+    assert np.array_equal(env.render(), first)
+    over = False
+    while not over:
+        _, _, terminated, truncated, _ = env.step(0)
+        over = terminated or truncated
+    last = env.render()
+    assert last.shape == first.shape and not np.array_equal(last, first)
+    # The verdict is at the bottom.
+    assert not np.array_equal(last[-10:], first[-10:])
+
+
+def test_a_video_plays_in_real_time(tmp_path):
+    env = gymnasium.make("brakecheck/acc-v0", render_mode="rgb_array")
+    decision_s = env.unwrapped.world.about["decision_s"]
+    assert env.metadata["render_fps"] == pytest.approx(1 / decision_s)
+    assert "rgb_array" in env.metadata["render_modes"]
+    recorder = RecordVideo(env, str(tmp_path), episode_trigger=lambda _: True)
+    recorder.reset(seed=0)
+    for _ in range(5):
+        recorder.step(0)
+    frames = list(recorder.recorded_frames)
+    recorder.close()
+    assert len(frames) == 6 and not np.array_equal(frames[0], frames[5])
+    assert [file.suffix for file in tmp_path.iterdir()] == [".mp4"]
+
+
+@pytest.mark.parametrize("plant", ["rigid", "kinematic"])
+def test_a_vector_environment_renders_as_single_ones(plant):
+    vector = VectorEnv("acc", 2, plant=plant, render_mode="rgb_array")
+    singles = [Env("acc", plant=plant, render_mode="rgb_array") for _ in range(2)]
+    vector.reset(seed=5)
+    for i, env in enumerate(singles):
+        env.reset(seed=5 + i)
+    for _ in range(3):
+        vector.step([1, 2])
+        for action, env in zip([1, 2], singles):
+            env.step(action)
+    frames = vector.render()
+    assert isinstance(frames, tuple) and len(frames) == 2
+    for frame, env in zip(frames, singles):
+        assert np.array_equal(frame, env.render())
+    assert VectorEnv("acc", 2).render() is None
+
+
+def test_several_ados_are_rendered():
+    env = ParallelEnv("sandwich", render_mode="rgb_array")
+    env.reset(seed=0)
+    assert env.render().shape == (288, 896, 3)
+    assert env.metadata["name"] == "brakecheck_v0" and env.metadata["render_fps"] > 0
+
+
+@pytest.mark.parametrize("make", [Env, ParallelEnv, VectorEnv])
+def test_an_unknown_render_mode_is_refused(make):
+    with pytest.raises(ValueError, match="`render_mode='human'` is not known; known: rgb_array"):
+        make("sandwich", render_mode="human")
 
 
 def test_natural_ados_are_limited_in_worlds_that_can_have_them():

@@ -65,6 +65,15 @@ def test_pictures_are_those_of_the_program(kept, tmp_path, beside):
     assert open(again, "rb").read() == (tmp_path / "told.svg").read_bytes()
 
 
+def test_stills_and_loops_are_those_of_the_program(kept, tmp_path):
+    file = str(kept / "acc-nominal-0001.ron")
+    for name, begins in {"crash.png": b"\x89PNG", "crash.gif": b"GIF89a"}.items():
+        told = program("view", file, "-o", str(tmp_path / name))
+        assert told.returncode == 0, told.stderr
+        drawn = open(brakecheck.view(file, tmp_path / f"own-{name}"), "rb").read()
+        assert drawn.startswith(begins) and drawn == (tmp_path / name).read_bytes()
+
+
 def test_the_ego_in_a_picture_has_its_name(kept, tmp_path):
     def sleepy(percept):
         return 0.0
@@ -73,7 +82,7 @@ def test_the_ego_in_a_picture_has_its_name(kept, tmp_path):
     assert "sleepy" in open(file, encoding="utf-8").read()
 
 
-@pytest.mark.parametrize("name", ["crash.png", "crash"])
+@pytest.mark.parametrize("name", ["crash.webp", "crash"])
 def test_other_files_are_refused_as_by_the_program(kept, tmp_path, name):
     file, output = str(kept / "acc-nominal-0001.ron"), str(tmp_path / name)
     told = program("view", file, "-o", output)
