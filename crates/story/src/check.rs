@@ -8,10 +8,10 @@ mod trajectories;
 use std::sync::Arc;
 
 use crate::ron_file::{Problems, ValuePath};
-use crate::tree::{BoardElement, CheckedCondition, CheckedEffect, ElementKind};
+use crate::tree::{Actors, BoardElement, CheckedCondition, CheckedEffect, ElementKind};
 use crate::values::{
-    Act, DynamicLimits, Effect, EventPriority, ManeuverGroup, Story, StoryEvent, StoryManeuver,
-    Storyboard,
+    Act, DynamicLimits, Effect, EventPriority, Expression, ManeuverGroup, Story, StoryEvent,
+    StoryManeuver, Storyboard, Trigger,
 };
 
 /// Greatest number of elements, and of conditions, so that a file allocates little.
@@ -155,12 +155,19 @@ impl CheckedStoryboard {
     /// Returns the agents that perform actions.
     pub fn actors(&self) -> impl Iterator<Item = usize> {
         let effects = self.elements.iter().filter_map(|it| it.effect.as_ref());
-        effects
-            .flat_map(|effect| match effect {
-                CheckedEffect::Of { actors, .. } => actors.as_slice(),
-                CheckedEffect::Variable { .. } | CheckedEffect::Scene(_) => &[],
-            })
-            .copied()
+        let acting = effects.filter_map(|effect| match effect {
+            CheckedEffect::Of { actors, .. } => Some(actors.all()),
+            CheckedEffect::Variable { .. } | CheckedEffect::Scene(_) => None,
+        });
+        acting.flatten()
+    }
+
+    /// Returns whether triggers choose actors.
+    pub(crate) fn asks_triggering(&self) -> bool {
+        self.elements.iter().any(|it| {
+            matches!(&it.effect, Some(CheckedEffect::Of { actors, .. })
+                if actors.triggering_of.is_some())
+        })
     }
 }
 
@@ -182,11 +189,6 @@ struct Check<'a, 'b> {
 impl Check<'_, '_> {
     fn wrong(&mut self, path: &ValuePath, what: String, help: &str) {
         self.problems.add(path, what, "here", Some(help.to_owned()));
-    }
-
-    fn not_played(&mut self, path: &ValuePath, what: &str) {
-        let help = "leave it out, or import the file with another tool";
-        self.wrong(path, format!("not played yet: {what}"), help);
     }
 
     fn index(&mut self, path: &ValuePath, what: &str, name: &str, known: &[String]) -> usize {
@@ -296,7 +298,7 @@ impl Check<'_, '_> {
             let groups = at.to("maneuver_groups");
             self.not_empty(&groups, act.maneuver_groups.len(), "maneuver group");
             for (j, group) in act.maneuver_groups.iter().enumerate() {
-                self.group(&groups.at(j), act_number, group);
+                self.group(&groups.at(j), act_number, group, &act.start_trigger);
             }
         }
     }
@@ -309,18 +311,30 @@ impl Check<'_, '_> {
         }
     }
 
-    fn group(&mut self, path: &ValuePath, parent: usize, group: &ManeuverGroup) {
+    fn group(&mut self, path: &ValuePath, parent: usize, group: &ManeuverGroup, trigger: &Trigger) {
         let number = self.add(path, ElementKind::ManeuverGroup, parent, &group.name);
         self.executions(path, number, group.maximum_execution_count);
         let named = group.actors.iter().enumerate();
-        let actors: Vec<usize> = named
-            .map(|(i, name)| self.actor(&path.to("actors").at(i), name, group))
-            .collect();
+        let mut actors = Actors {
+            named: named
+                .map(|(i, name)| self.actor(&path.to("actors").at(i), name, group))
+                .collect(),
+            ..Actors::default()
+        };
         if group.actors_are_triggering {
-            self.not_played(
-                &path.to("actors_are_triggering"),
-                "triggering agents as actors",
-            );
+            let at = path.to("actors_are_triggering");
+            let conditions = trigger.iter().flatten();
+            let entities = conditions.flat_map(|it| match &it.is {
+                Expression::ByEntity { entities, .. } => entities.as_slice(),
+                _ => &[],
+            });
+            actors.triggering_of = Some(parent);
+            actors.may_trigger = entities.map(|it| self.actor(&at, it, group)).collect();
+            if actors.may_trigger.is_empty() {
+                let what = "no agent triggers the act".to_owned();
+                let help = "write a condition `ByEntity` into the act's `start_trigger`";
+                self.wrong(&at, what, help);
+            }
         }
         let maneuvers = path.to("maneuvers");
         self.not_empty(&maneuvers, group.maneuvers.len(), "maneuver");
@@ -359,7 +373,7 @@ impl Check<'_, '_> {
         path: &ValuePath,
         parent: usize,
         maneuver: &StoryManeuver,
-        actors: &[usize],
+        actors: &Actors,
     ) {
         let number = self.add(path, ElementKind::Maneuver, parent, &maneuver.name);
         let events = path.to("events");

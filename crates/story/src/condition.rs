@@ -67,7 +67,8 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         })
     }
 
-    fn agent(&self, agent: usize, is: &AgentExpression) -> Expressed {
+    /// Evaluates an expression about one agent.
+    pub fn agent(&self, agent: usize, is: &AgentExpression) -> Expressed {
         let holds = match is {
             AgentExpression::Number(quantity, with) => {
                 return compared(self.quantity(agent, quantity), with);

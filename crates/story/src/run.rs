@@ -4,6 +4,7 @@
 //! 10 ms of the episode's time, whatever the sample time, and then bisects. Elements
 //! that are due at the same instant change together, until none is due.
 
+mod actors;
 mod instants;
 
 use crate::check::CheckedStoryboard;
@@ -14,7 +15,7 @@ use crate::tree::{
 };
 use crate::trigger::{ConditionRun, Expressed, SAME_S};
 use crate::values::{ElementState, EventPriority};
-use crate::view::{MotionDomain, StoryStage, StoryView};
+use crate::view::{StoryStage, StoryView};
 
 /// Distance of the instants at which conditions are looked at.
 ///
@@ -60,6 +61,8 @@ pub struct StoryRun {
     variables: Vec<f64>,
     /// Action that controls each agent along and across its path.
     owners: Vec<[Option<usize>; 2]>,
+    /// Agents that fulfilled the trigger of each act. Empty if no group asks for them.
+    triggering: Vec<Vec<usize>>,
     /// Way of each agent so far. Empty if no condition asks for it.
     ways_m: Vec<f64>,
     /// Instant up to which it has run, `None` before the start.
@@ -105,6 +108,11 @@ impl StoryRun {
             conditions: vec![ConditionRun::default(); board.conditions.len()],
             variables: board.variables.clone(),
             owners: vec![[None; 2]; board.limits.len()],
+            triggering: if board.asks_triggering() {
+                vec![Vec::new(); board.elements.len()]
+            } else {
+                Vec::new()
+            },
             ways_m: if board.conditions.iter().any(asks_way) {
                 vec![0.0; board.limits.len()]
             } else {
@@ -303,24 +311,6 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             .is_none_or(|before_s| look(before_s) < look(self.now_s))
     }
 
-    fn is_performed(&self, element: usize, effect: &CheckedEffect) -> bool {
-        let CheckedEffect::Of { actors, action } = effect else {
-            return true;
-        };
-        let mut controlled = actors
-            .iter()
-            .flat_map(|actor| action.domains().iter().map(|domain| (*actor, *domain)));
-        controlled.all(|(actor, domain)| {
-            // Another action may have taken the agent over.
-            self.owner(actor, domain) != Some(element)
-                || (!action.is_endless() && self.stage.ends_s(actor, domain) <= self.now_s + SAME_S)
-        })
-    }
-
-    fn owner(&self, agent: usize, domain: MotionDomain) -> Option<usize> {
-        self.run.owners[agent][domain as usize]
-    }
-
     fn change(&mut self, number: usize, due: Due) {
         let life = self.run.elements[number].life;
         match (due, life) {
@@ -367,6 +357,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             }
         }
         self.run.elements[number].life = Life::Running;
+        self.note_triggering(number);
         self.record(number, ElementState::StartTransition);
         self.begin_parts(number);
     }
@@ -384,14 +375,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             }
         }
         match &board.elements[number].effect {
-            Some(CheckedEffect::Of { actors, action }) => {
-                for actor in actors {
-                    for domain in action.domains() {
-                        self.run.owners[*actor][*domain as usize] = Some(number);
-                    }
-                    self.stage.begin(*actor, action, self.now_s);
-                }
-            }
+            Some(CheckedEffect::Of { actors, action }) => self.begin_agents(number, actors, action),
             Some(CheckedEffect::Variable { number, change }) => {
                 let value = &mut self.run.variables[*number];
                 *value = match change {
@@ -440,37 +424,10 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         }
     }
 
-    /// Gives up the agents of an action, and returns whether another action took one.
-    fn release(&mut self, number: usize) -> bool {
-        let Some(CheckedEffect::Of { actors, action }) = &self.board.elements[number].effect else {
-            return false;
-        };
-        let mut was_taken = false;
-        for actor in actors {
-            for domain in action.domains() {
-                let owner = &mut self.run.owners[*actor][*domain as usize];
-                if *owner == Some(number) {
-                    *owner = None;
-                } else {
-                    was_taken = true;
-                }
-            }
-        }
-        was_taken
-    }
-
     fn stop(&mut self, number: usize) {
         let element = &self.board.elements[number];
-        if let Some(CheckedEffect::Of { actors, action }) = &element.effect {
-            for actor in actors {
-                for domain in action.domains() {
-                    if self.owner(*actor, *domain) == Some(number) {
-                        self.stage.stop(*actor, *domain, self.now_s);
-                    }
-                }
-            }
-            self.release(number);
-        }
+        self.stop_agents(number);
+        self.release(number);
         for child in &element.children {
             if matches!(
                 self.run.elements[*child].life,

@@ -123,10 +123,20 @@ pub(crate) struct MeasuredAxis {
     pub system: CoordinateSystem,
 }
 
+/// Agents of an action.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Actors {
+    pub named: Vec<usize>,
+    /// Act whose trigger chooses further ones when it starts.
+    pub triggering_of: Option<usize>,
+    /// Agents that it may choose.
+    pub may_trigger: Vec<usize>,
+}
+
 #[derive(Clone, Debug)]
 pub(crate) enum CheckedEffect {
     Of {
-        actors: Vec<usize>,
+        actors: Actors,
         action: ActorAction,
     },
     Variable {
@@ -157,5 +167,12 @@ impl ValueComparison {
             ComparisonRule::GreaterOrEqual => number >= self.value,
             ComparisonRule::GreaterThan => number > self.value,
         }
+    }
+}
+
+impl Actors {
+    /// Returns all agents that may act.
+    pub fn all(&self) -> impl Iterator<Item = usize> {
+        self.named.iter().chain(&self.may_trigger).copied()
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Check, MOST};
 use crate::ron_file::ValuePath;
-use crate::tree::{CheckedEffect, ElementKind, VariableChange};
+use crate::tree::{Actors, CheckedEffect, ElementKind, VariableChange};
 use crate::values::{
     Action, DistanceOrTime, DynamicsShape, Effect, LaneTarget, LateralDisplacement,
     LongitudinalDisplacement, OffsetTarget, SpeedTarget, StoryNumber,
@@ -18,11 +18,11 @@ impl Check<'_, '_> {
         path: &ValuePath,
         event: usize,
         action: &Action,
-        actors: &[usize],
+        actors: &Actors,
     ) {
         let number = self.add(path, ElementKind::Action, event, &action.name);
         let effect = self.effect(&path.to("does"), &action.does, actors);
-        if matches!(&effect, CheckedEffect::Of { actors, .. } if actors.is_empty()) {
+        if matches!(&effect, CheckedEffect::Of { actors, .. } if actors.all().next().is_none()) {
             let what = format!("`{}` has no actor", action.name);
             self.wrong(path, what, "write `actors` in its maneuver group");
         }
@@ -61,9 +61,9 @@ impl Check<'_, '_> {
         ) {
             return;
         }
-        for actor in actors.iter().filter(|it| **it < self.names.agents.len()) {
-            let name = &self.names.agents[*actor];
-            let lanes = self.names.lanes[*actor];
+        for actor in actors.all().filter(|it| *it < self.names.agents.len()) {
+            let name = &self.names.agents[actor];
+            let lanes = self.names.lanes[actor];
             if self.names.on_foot.contains(name) {
                 let what = format!("`{name}` walks and has no lane");
                 self.wrong(path, what, "let a vehicle do it");
@@ -81,7 +81,7 @@ impl Check<'_, '_> {
         }
     }
 
-    fn effect(&mut self, path: &ValuePath, effect: &Effect, actors: &[usize]) -> CheckedEffect {
+    fn effect(&mut self, path: &ValuePath, effect: &Effect, actors: &Actors) -> CheckedEffect {
         let action = match effect {
             Effect::Speed { target, dynamics } => ActorAction::Speed {
                 target: self.speed(&path.to("target"), target),
@@ -229,7 +229,7 @@ impl Check<'_, '_> {
                 let Some(curve) = checked else {
                     // Reported, and the storyboard then never runs.
                     return CheckedEffect::Of {
-                        actors: actors.to_vec(),
+                        actors: actors.clone(),
                         action: ActorAction::AssignRoute(0),
                     };
                 };
@@ -281,7 +281,7 @@ impl Check<'_, '_> {
             }
         };
         CheckedEffect::Of {
-            actors: actors.to_vec(),
+            actors: actors.clone(),
             action,
         }
     }

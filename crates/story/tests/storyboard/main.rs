@@ -1,5 +1,6 @@
 //! Storyboards behave as the sentences of OpenSCENARIO 1.3 state.
 
+mod actors;
 mod conditions;
 mod elements;
 mod instants;

@@ -87,6 +87,34 @@ fn every_mistake_is_reported() {
         &of(change).replace("actors: [\"a\"]", "actors: [\"b\"]"),
         "walks",
     );
+    let does = |does: &str| of(&format!("actions: [(name: \"x\", does: {does})]"));
+    wrong(&does("LaneOffset()"), "one target");
+    wrong(&does("SpeedProfile(points: [])"), "no speed");
+    wrong(
+        &does("SpeedProfile(points: [(speed_mps: -1)])"),
+        "out of bounds",
+    );
+    wrong(
+        &does("LongitudinalDistance(entity: \"z\", distance: Metres(1), freespace: true)"),
+        "no agent `z`",
+    );
+    wrong(
+        &does(
+            "LongitudinalDistance(entity: \"b\", distance: Metres(1), freespace: true, limits: (max_accel_mps2: 0))",
+        ),
+        "out of bounds",
+    );
+    wrong(
+        &does(
+            "Synchronize(master: \"b\", master_position: Road(road: \"no\", s_m: 1, t_m: 0), target_position: Road(s_m: 1, t_m: 0))",
+        ),
+        "no road `no`",
+    );
+    let twice = "performance: [(entity: \"a\", limits: ()), (entity: \"a\", limits: ())], stories:";
+    wrong(
+        &of(&at(1.0)).replace("stories:", twice),
+        "second performance",
+    );
     assert!(checked(&of(&at(1.0))).is_ok());
 }
 
