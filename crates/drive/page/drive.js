@@ -227,14 +227,15 @@ function show(now) {
   const view = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio, scene.fromAbove, scene.sharpness, isMoving].join();
   if (!isMoving && drawn === frame && painted === view) return;
   painted = view;
-  const places = scene.show(bodiesNow(), frame.phases);
+  const places = scene.show(bodiesNow(), frame.phases, frame.seen);
   while (labels.children.length > stage.geometry.agents.length) labels.lastChild.remove();
   stage.geometry.agents.forEach((agent, i) => {
     const label = labels.children[i] ?? labels.appendChild(document.createElement("div"));
     label.className = agent.role.toLowerCase();
     label.hidden = !places[i];
     if (!places[i]) return;
-    write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s`);
+    const unseen = frame.seen?.[i] === false ? ", not seen by the ego" : "";
+    write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s${unseen}`);
     label.style.transform = `translate(${places[i][0]}px, ${places[i][1]}px) translate(-50%, -100%)`;
   });
   // The panels change with the samples only.

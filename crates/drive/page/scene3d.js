@@ -226,9 +226,11 @@ export class Scene3d {
       // An adversary in the colour of the ego would be taken for it.
       const like = agent.role === "Ado" && String(agent.colour) === String(this.stage.geometry.agents[this.ego].colour);
       const pose = posed(body), own = like ? ADO : agent.colour.map((c) => c / 255);
+      // A body that the ego does not see is the shadow of itself.
+      const shown = (colour) => (this.seen?.[at] === false ? colour.map((c) => 0.2 * c + 0.24) : colour);
       for (const [centre, size, colour] of FIGURES[this.stage.figures[at]]) {
         const scaled = (v) => v.map((x, k) => x * agent.size_m[k]);
-        this.draw(this.cube, times(pose, boxAt(scaled(centre), scaled(size))), colour ?? own);
+        this.draw(this.cube, times(pose, boxAt(scaled(centre), scaled(size))), shown(colour ?? own));
       }
     });
     this.stage.geometry.lights.forEach((light, at) => {
@@ -251,8 +253,10 @@ export class Scene3d {
     };
   }
 
-  /** Draws the bodies at their poses, and returns where the top of each is on the canvas. */
-  show(bodies, lights) {
+  /** Draws the bodies at their poses, and returns where the top of each is on the canvas.
+   *  `seen` has whether the ego sees each body, or is absent if nothing can hide one. */
+  show(bodies, lights, seen) {
+    this.seen = seen;
     const gl = this.gl, canvas = this.canvas, ratio = this.sharpness * (window.devicePixelRatio || 1);
     const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }

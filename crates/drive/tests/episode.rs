@@ -233,3 +233,38 @@ fn what_cannot_be_driven_is_refused_by_name() {
     };
     assert!(begin(&parameter).contains("no_such"));
 }
+
+#[test]
+fn the_page_gets_which_bodies_the_ego_sees() {
+    let text = include_str!("../../../worlds/acc.ron");
+    let near = text.replacen(
+        "plant: Rigid,",
+        "plant: Rigid, sensors: (range_m: 15.0),",
+        1,
+    );
+    let near = Scenario::parse("near.ron", &near).expect("sound");
+    let near = Sandbox::new(near, "ego").expect("a driving world");
+    let mut counts = [0, 0];
+    for index in 0..20 {
+        let setup = near.first_setup(0, index).expect("a start");
+        let episode = DrivenEpisode::begin(&near, &setup).expect("it begins");
+        let frame = serde_json::to_value(&episode.frames()[0]).expect("JSON");
+        let agents = &episode.stage().agents;
+        let [ego, ado] = ["ego", "ado"].map(|name| {
+            let mut names = agents.iter().map(|it| it.name.as_str());
+            names.position(|it| it == name).expect("in the cast")
+        });
+        let x_m = |who: usize| frame["placements"][who][0].as_f64().expect("a number");
+        let gap_m = x_m(ado) - x_m(ego) - agents[ado].size_m[0];
+        assert_eq!(frame["seen"][ado], gap_m <= 15.0, "{gap_m} m");
+        assert_eq!(frame["seen"][ego], true);
+        counts[usize::from(gap_m <= 15.0)] += 1;
+    }
+    assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
+    // Nothing can hide a body from perfect sensors.
+    let perfect = sandbox("acc", "ego");
+    let setup = perfect.first_setup(0, 0).expect("a start");
+    let episode = DrivenEpisode::begin(&perfect, &setup).expect("it begins");
+    let frame = serde_json::to_value(&episode.frames()[0]).expect("JSON");
+    assert!(frame.get("seen").is_none());
+}

@@ -361,9 +361,9 @@ fn a_body_that_the_ego_does_not_see_has_a_frame_until_it_is_seen() {
         "plant: Rigid, sensors: (range_m: 15.0),",
         1,
     );
-    let world = Scenario::parse("near.ron", &near).unwrap();
-    let episode = uneventful(&world);
-    let bytes = recorded(&world, &episode);
+    let near = Scenario::parse("near.ron", &near).unwrap();
+    let episode = uneventful(&near);
+    let bytes = recorded(&near, &episode);
     let states = texts(&bytes, "/sight/ado", "StateChange:state");
     assert_eq!(states[0], "hidden from the ego", "it begins 40 m ahead");
     // A headway is that of the front bumpers, and the range counts to the rear of the ado.
