@@ -5,4 +5,5 @@ mod conditions;
 mod elements;
 mod instants;
 mod mistakes;
+mod page;
 mod toy;
