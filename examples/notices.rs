@@ -16,9 +16,13 @@ Libraries in the program and the wheel of brakecheck
 brakecheck itself has the MIT licence. Its program contains the following libraries, under
 the licences below. The vehicle controller of rapier3d is ported and modified from Bullet's
 btRaycastVehicle (Bullet Continuous Collision Detection and Physics Library, zlib licence).
+The text of PNG and GIF files has the fonts DejaVu Sans Condensed, from the package dejavu.
 
 This file is the output of `cargo run --release --example notices`.
 ";
+
+/// Licence files of data inside of packages: package and path.
+const OF_DATA: [[&str; 2]; 1] = [["dejavu", "assets/dejavu-fonts-ttf-2.37/LICENSE"]];
 
 fn main() {
     print!("{}", notices());
@@ -109,10 +113,15 @@ fn linked(metadata: &Value) -> BTreeSet<&str> {
 fn package(value: &Value) -> Package {
     let licence = value["license"].as_str().unwrap_or("see its licence file");
     let manifest = Path::new(text_of(&value["manifest_path"]));
+    let directory = manifest.parent().expect("a directory");
+    let name = text_of(&value["name"]);
+    let of_data = OF_DATA.iter().filter(|[package, _]| *package == name);
+    let mut texts = texts(directory, licence);
+    texts.extend(of_data.map(|[_, file]| text(&directory.join(file))));
     Package {
-        title: format!("{} {}", text_of(&value["name"]), text_of(&value["version"])),
+        title: format!("{name} {}", text_of(&value["version"])),
         licence: licence.to_owned(),
-        texts: texts(manifest.parent().expect("a directory"), licence),
+        texts,
     }
 }
 

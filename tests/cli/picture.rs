@@ -234,13 +234,59 @@ fn a_picture_of_another_ego_is_of_its_own_run() {
     );
 }
 
+/// Big-endian number of 32 bits at a place of a file.
+#[cfg(feature = "raster")]
+fn number(bytes: &[u8], at: usize) -> u32 {
+    u32::from_be_bytes(bytes[at..at + 4].try_into().expect("four bytes"))
+}
+
+#[cfg(feature = "raster")]
+#[test]
+fn a_still_and_a_loop_have_the_size_of_the_picture() {
+    let dir = scratch();
+    let file = |name: &str| {
+        let out = path(&dir, name);
+        let output = brakecheck(&["view", CRASH, "-o", &out, "--beside", BESIDE]);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        std::fs::read(out).expect("a file")
+    };
+    let svg = String::from_utf8(file("crash.svg")).expect("text");
+    let size = svg
+        .split("viewBox=\"0 0 ")
+        .nth(1)
+        .and_then(|it| it.split('"').next());
+    let size: Vec<u32> = size
+        .expect("a size")
+        .split(' ')
+        .map(|it| it.parse().expect("a number"))
+        .collect();
+    let png = file("crash.png");
+    assert!(png.starts_with(b"\x89PNG\r\n\x1a\n") && png.ends_with(b"IEND\xaeB`\x82"));
+    assert_eq!(
+        (number(&png, 16), number(&png, 20)),
+        (2 * size[0], 2 * size[1])
+    );
+    let gif = file("crash.GIF");
+    assert!(gif.starts_with(b"GIF89a") && gif.ends_with(b";"));
+    let sides = [6, 8].map(|at| u32::from(u16::from_le_bytes([gif[at], gif[at + 1]])));
+    assert_eq!(sides[..], size[..]);
+    // A loop of frames that begin with a control block each, in a file of bounded size.
+    let has = |words: &[u8]| gif.windows(words.len()).filter(|it| *it == words).count();
+    assert_eq!(has(b"NETSCAPE2.0"), 1);
+    assert!(has(b"\x21\xf9\x04") > 40);
+    assert!(gif.len() <= brakecheck::raster::MOST_GIF_BYTES);
+}
+
 #[test]
 fn a_picture_says_what_it_cannot_show() {
     let dir = scratch();
     let svg = path(&dir, "x.svg");
     let pedestrian = "tests/regressions/pedestrian-nominal-0001.ron";
     let grid = "tests/regressions/grid-hard-nominal-cells-0-0000.ron";
-    let cases: [(&[&str], &str); 4] = [
+    let [webp, bare] = [path(&dir, "x.webp"), path(&dir, "x")];
+    let cases: [(&[&str], &str); 6] = [
+        (&["view", CRASH, "-o", &webp], "a `.gif`, for a loop"),
+        (&["view", CRASH, "-o", &bare], "name a `.rrd`"),
         (
             &["view", pedestrian, "-o", &svg, "--beside", "FSM"],
             "leave `--beside` out",
@@ -254,7 +300,8 @@ fn a_picture_says_what_it_cannot_show() {
     ];
     for (args, says) in cases {
         refused(args, says);
-        assert!(!std::path::Path::new(&svg).exists(), "{args:?}");
+        let written = std::fs::read_dir(dir.path()).expect("a directory").count();
+        assert_eq!(written, 0, "{args:?}");
     }
     for kept in [pedestrian, grid] {
         let output = brakecheck(&["view", kept, "-o", &svg]);

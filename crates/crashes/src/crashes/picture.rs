@@ -290,3 +290,57 @@ fn inapplicable(replayed: &Replayed, driver: ReferenceDriver) -> Inapplicable {
         why,
     }
 }
+
+#[cfg(all(test, feature = "raster"))]
+mod tests {
+    use super::*;
+    use crate::crashes::Regressions;
+    use crate::raster::MOST_GIF_BYTES;
+
+    /// The crash on top of the README, with another driver beside it.
+    fn crash() -> Replayed {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../tests/regressions/acc_iso-nominal-0005.ron"
+        );
+        let found = Regressions::find(file.as_ref(), None).expect("a kept crash");
+        let mut replayed = found.replay_recorded().expect("it runs");
+        replayed.remove(0)
+    }
+
+    /// Mean difference of two images, 0 to 255.
+    fn difference(one: &[u8], other: &[u8]) -> f64 {
+        assert_eq!(one.len(), other.len());
+        let apart = one
+            .iter()
+            .zip(other)
+            .map(|(a, b)| f64::from(a.abs_diff(*b)));
+        apart.sum::<f64>() / one.len() as f64
+    }
+
+    #[test]
+    fn a_film_ends_as_the_still_and_begins_otherwise() {
+        let picture = looping(&crash(), "mine", Some(ReferenceDriver::Cc)).expect("a picture");
+        let drawn = |svg: &str| PixelImage::of(svg, 1.0).expect("an image").rgb();
+        // The still has its places in attributes, the film in values of keyframes.
+        let still = drawn(&picture.svg());
+        let end = drawn(&picture.at(picture.motion_s()));
+        assert!(
+            difference(&still, &end) < 0.2,
+            "{}",
+            difference(&still, &end)
+        );
+        let half = drawn(&picture.at(0.5 * picture.motion_s()));
+        let begin = drawn(&picture.at(0.0));
+        assert!(difference(&still, &begin) > 3.0);
+        assert!(difference(&half, &begin) > 1.0 && difference(&half, &end) > 1.0);
+    }
+
+    #[test]
+    fn a_loop_has_a_bound_and_the_same_bytes_each_time() {
+        let gif = || picture_as(PictureFormat::Gif, &crash(), "mine", None).expect("a file");
+        let file = gif();
+        assert!(file.len() <= MOST_GIF_BYTES, "{} bytes", file.len());
+        assert_eq!(file, gif());
+    }
+}

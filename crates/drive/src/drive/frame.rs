@@ -64,15 +64,10 @@ impl DriveFrame {
         let last = trace.len().saturating_sub(1);
         let mut signals = vec![0.0; trace.schema().len()];
         trace.read_row(last, &mut signals);
-        let bodies = bench.bodies().into_iter();
-        // A contact on the whole run holds its sample to the end, and the clock says so.
-        let time_s = (last as f64 * trace.dt_s() * 1e9).round() / 1e9;
         DriveFrame {
             shown: ShownFrame {
                 sample: last,
-                time_s: bench.contact().map_or(time_s, |contact| contact.time_s),
-                frame: bench.frame(),
-                speeds_mps: bodies.map(|it| Some(it.state.speed_mps)).collect(),
+                ..ShownFrame::now(bench)
             },
             spec: finite(margins.spec),
             rules: margins.rules.into_iter().map(finite).collect(),
