@@ -18,6 +18,8 @@ const REACHED_M: f64 = 0.01;
 const SETTLES_S: f64 = 0.1;
 /// Displacement from which a body jumps, as it cannot drive there.
 const JUMP_M: f64 = 0.01;
+/// Distance below which two places are the same.
+const SAME_M: f64 = 1e-5;
 /// Speed below which an agent never arrives.
 const STANDS_MPS: f64 = 1e-3;
 
@@ -114,7 +116,10 @@ impl PlanRun {
         let Some(along) = self.along else {
             return;
         };
-        let next_s = next_step_s(time_s).min(span.to_s);
+        let next_s = self
+            .meeting_s(&along.law, time_s, span)
+            .min(next_step_s(time_s))
+            .min(span.to_s);
         let [from_mps, to_mps] = match along.law.aim {
             AlongAim::Speed { factor, by_mps, .. } => {
                 let aim_mps = |at_s: f64| {
@@ -235,7 +240,12 @@ impl PlanRun {
             let own = self.planned_front(course);
             let (sin, cos) = libm::sincos(own.heading_rad);
             let [x_mps, y_mps] = other.velocity_mps();
-            return x_mps * cos + y_mps * sin;
+            // The axis turns with the own road.
+            let left_m = own.frame().to_local(other.pose.point_m()).y;
+            let towards = self.carried.direction().0.signum();
+            let bend_per_m = towards * course.curvature_per_m(self.s_m);
+            let turn_per_m = bend_per_m / (1.0 - towards * bend_per_m * self.lateral_m);
+            return (x_mps * cos + y_mps * sin) / (1.0 - turn_per_m * left_m);
         }
         let on = course.locate(&other.pose);
         let along_mps = on.velocity_mps(other.speed_mps, other.lateral_mps).x;
@@ -285,12 +295,16 @@ impl PlanRun {
                 self.end_along(time_s, from_mps);
                 return None;
             }
-            let lag = if headway_s > 0.0 {
-                libm::exp((time_s - next_s) / headway_s)
-            } else {
-                0.0
-            };
-            return Some([from_mps, paces_mps[1] + (from_mps - paces_mps[0]) * lag]);
+            let step_s = next_s - time_s;
+            if headway_s <= 0.0 || step_s <= 0.0 {
+                return Some([from_mps, paces_mps[1]]);
+            }
+            // Exact solution of a distance in proportion to the own speed, for a pace that
+            // changes evenly.
+            let lag_mps = headway_s * (paces_mps[1] - paces_mps[0]) / step_s;
+            let left = libm::exp(-step_s / headway_s);
+            let to_mps = paces_mps[1] - lag_mps + (from_mps - paces_mps[0] + lag_mps) * left;
+            return Some([from_mps, to_mps.max(0.0)]);
         }
         let behind_m = self.behind_m(&law, &now, span);
         if !continuous && behind_m.abs() <= REACHED_M {
@@ -336,13 +350,12 @@ impl PlanRun {
             return None;
         };
         let now_mps = self.ramp.speed_mps(time_s);
-        let ahead = self.meeting_ahead(&law, time_s, span);
         let MeetingAhead {
             own_m,
             its_m,
             its_mps,
-        } = ahead;
-        if its_m <= its_tolerance_m.max(SAME_S) || own_m <= tolerance_m.max(SAME_S) {
+        } = self.meeting_ahead(&law, time_s, span);
+        if its_m <= its_tolerance_m.max(SAME_M) || own_m <= tolerance_m.max(SAME_M) {
             self.end_along(time_s, now_mps);
             return None;
         }
@@ -379,6 +392,22 @@ impl PlanRun {
         let jerk_mps3 = (6.0 * (now_mps + end_mps) - 12.0 * way_m / for_s) / (for_s * for_s);
         let after_mps = now_mps + (rate_mps2 + 0.5 * jerk_mps3 * step_s) * step_s;
         Some([now_mps, after_mps])
+    }
+
+    /// Returns the instant at which the other arrives, as far as it is known now.
+    fn meeting_s(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> f64 {
+        let AlongAim::Meeting {
+            its_tolerance_m, ..
+        } = law.aim
+        else {
+            return f64::INFINITY;
+        };
+        let MeetingAhead { its_m, its_mps, .. } = self.meeting_ahead(law, time_s, span);
+        let left_m = its_m - its_tolerance_m;
+        if its_mps <= STANDS_MPS || left_m <= SAME_M {
+            return f64::INFINITY;
+        }
+        time_s + left_m / its_mps
     }
 
     fn meeting_ahead(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> MeetingAhead {

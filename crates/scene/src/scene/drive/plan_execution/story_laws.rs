@@ -148,6 +148,7 @@ impl PlanRun {
         }
         // A sample of no length has no mean motion, only the laws that begin.
         run.settle(span.to_s, span);
+        run.pursue(span.to_s, span);
         let arrival = Arrival {
             speed_mps: run.speed_at(span.to_s),
             ..run.last_at(span.course)
