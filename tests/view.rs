@@ -81,7 +81,8 @@ fn full_episodes_are_small() {
         let recorded = record(world, &episode, "", &out).unwrap();
         assert_eq!(recorded.samples, 301);
         assert_eq!(recorded.bytes, std::fs::metadata(&out).unwrap().len());
-        assert!(recorded.bytes <= 300_000, "{} bytes", recorded.bytes);
+        // Almost half of them is the index.
+        assert!(recorded.bytes <= 400_000, "{} bytes", recorded.bytes);
     }
 }
 
@@ -247,7 +248,7 @@ fn lights_are_shown_as_they_turn() {
     assert!(has("/world/light", "Boxes3D:half_sizes"));
     assert!(has("/world/light", "Transform3D:translation"));
     assert!(has("/world/light/lit", "Points3D:labels"));
-    assert!(bytes.len() <= 300_000, "{} bytes", bytes.len());
+    assert!(bytes.len() <= 400_000, "{} bytes", bytes.len());
 }
 
 #[test]

@@ -183,11 +183,11 @@ fn plots_end_at_the_verdict_and_show_where_the_margin_crosses_zero() {
         }
         let margins = scalars(&bytes, "/robustness/ego_spec");
         let [least, greatest] = ranges(&bytes)[0];
-        // All values are in the recording, and the axis shows the last second of them.
+        // All values are in the recording, and the axis shows the last two seconds of them.
         assert!(margins[0] > 1.5 * greatest, "{} of {greatest}", margins[0]);
         assert!(least < margins[decided.sample] && margins[decided.sample] < 0.0);
-        let second = (1.0 / episode.trace.dt_s()) as usize;
-        let before = margins[decided.sample - second];
+        let near = (2.0 / episode.trace.dt_s()) as usize;
+        let before = margins[decided.sample - near];
         assert!(
             (0.5..1.5).contains(&(greatest / before)),
             "{greatest} of {before}"

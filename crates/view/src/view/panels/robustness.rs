@@ -35,7 +35,7 @@ pub(super) static PANEL: Panel = Panel {
 };
 
 /// Time in seconds whose margins fill the plot: the last ones before the least margin.
-const NEAR_S: f64 = 1.0;
+const NEAR_S: f64 = 2.0;
 
 /// Robustness near zero, and in a tab behind it its whole range.
 fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result<Views, ViewError> {

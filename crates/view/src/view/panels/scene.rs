@@ -100,7 +100,9 @@ fn log_motion(
     log_transforms(story, entity, placements, journal)
 }
 
-/// Logs an arrow from the front of an agent, as long as its way in [`ARROW_S`].
+/// Logs an arrow above the roof of an agent, as long as its way in [`ARROW_S`].
+///
+/// From the front it would end inside the agent ahead.
 fn log_velocity(
     story: &ViewedEpisode<'_>,
     who: usize,
@@ -108,10 +110,10 @@ fn log_velocity(
 ) -> Result<(), ViewError> {
     let agent = &story.shown.stage.agents[who];
     let entity = agent_path(&agent.name).join(&path(["velocity"]));
-    let front = lifted([0.5 * agent.size_m[0], 0.0, 0.0], 0.0);
+    let roof = lifted([0.0, 0.0, 0.5 * agent.size_m[2]], 0.25);
     let arrow = Arrows3D::update_fields()
-        .with_origins([front])
-        .with_radii([0.05])
+        .with_origins([roof])
+        .with_radii([0.09])
         .with_colors([palette::brightened(story.colour(who), 0.45)]);
     journal.always(entity.clone(), &[&arrow])?;
     let vectors = story.velocities_mps(who).into_iter();
