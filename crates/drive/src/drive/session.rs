@@ -11,7 +11,7 @@ use super::hand::Hand;
 use super::input::DriveInput;
 use super::sandbox::{DriveSeat, Sandbox, Setup};
 use crate::ego::Command;
-use crate::experiment::{EgoUnderTest, decided, ending_at};
+use crate::experiment::{EgoUnderTest, verdict_instant};
 use crate::report::outcome_in_words;
 use crate::rl::Spaces;
 use crate::rulebook::Verdict;
@@ -214,7 +214,10 @@ impl DrivenEpisode {
         let episode = self.episode();
         // The aftermath changes no verdict, and its instant is computed once.
         let known = self.frames.last().and_then(|it| it.outcome.as_ref());
-        let time_s = known.map_or_else(|| self.decided_s(&episode), |it| it.time_s);
+        let time_s = known.map_or_else(
+            || verdict_instant(self.ego.scenario(), &episode).time_s,
+            |it| it.time_s,
+        );
         let mut words = outcome_in_words(self.ego.scenario(), &episode);
         if let Some(fault) = self.bench.fault() {
             words = format!("{words}: {fault}");
@@ -226,14 +229,6 @@ impl DrivenEpisode {
             broken: self.bench.broken_rules().to_vec(),
             keeps: matches!(verdict, Verdict::Counterexample { .. }),
         })
-    }
-
-    /// Returns the instant from which the verdict is certain.
-    fn decided_s(&self, episode: &Episode) -> f64 {
-        let last = || ending_at(episode, episode.judged.saturating_sub(1));
-        decided(self.ego.scenario(), episode)
-            .unwrap_or_else(last)
-            .time_s
     }
 
     /// Returns the record of the episode so far.

@@ -34,7 +34,9 @@ pub use failure_kind::FailureKind;
 pub use neutral_rule::NeutralRule;
 pub use progress::{Remark, StepPlace, TrainingIntervals, Watch};
 pub use repeatability::{check_repeatability, unrepeatable};
-pub use running_robustness::{RunningRobustness, SampleInstant, decided, ending_at};
+pub use running_robustness::{
+    RunningRobustness, SampleInstant, decided, ending_at, verdict_instant,
+};
 pub use test_starts::{TestStarts, test_starts};
 pub use test_starts::{drawn_starts, test_noise, test_start, untried_starts};
 pub use traffic::traffic_model;

@@ -68,6 +68,12 @@ pub fn decided(scenario: &Scenario, episode: &Episode) -> Option<SampleInstant> 
     Some(ending_at(episode, sample))
 }
 
+/// Returns the instant from which the verdict is certain, the last judged one if ψ_ego holds.
+pub fn verdict_instant(scenario: &Scenario, episode: &Episode) -> SampleInstant {
+    let last = || ending_at(episode, episode.judged.saturating_sub(1));
+    decided(scenario, episode).unwrap_or_else(last)
+}
+
 /// Returns the instant of a sample with which something ends.
 ///
 /// A contact lies between two samples, and the row after it is of its instant. A run that

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, save, world};
 use crate::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
-use brakecheck::experiment::{Watch, decided, ending_at};
+use brakecheck::experiment::{Watch, verdict_instant};
 use brakecheck::rulebook::Verdict;
 use brakecheck::testbench::Episode;
 use brakecheck::world::Scenario;
@@ -133,7 +133,7 @@ fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
         distance_m: over_time(episode, distance),
         paths_m: paths(scenario, episode),
         per_second: (1.0 / episode.trace.dt_s()).round() as usize,
-        decided: (decided_s(scenario, episode), word),
+        decided: (verdict_instant(scenario, episode).time_s, word),
     }
 }
 
@@ -150,12 +150,6 @@ fn paths(scenario: &Scenario, episode: &Episode) -> [Vec<(f64, f64)>; 2] {
             _ => Vec::new(),
         }
     })
-}
-
-/// Returns the instant from which the verdict is certain, the last judged one if ψ_ego held.
-fn decided_s(scenario: &Scenario, episode: &Episode) -> f64 {
-    let last = || ending_at(episode, episode.judged.saturating_sub(1));
-    decided(scenario, episode).unwrap_or_else(last).time_s
 }
 
 fn distances(scenario: &Scenario, one: &Shown) -> Distances {
