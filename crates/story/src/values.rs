@@ -33,7 +33,8 @@ pub struct Storyboard {
     /// Variables and their first values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variables: Vec<Variable>,
-    /// Limits of agents, which bound all their actions. Default: none.
+    /// Limits of agents, which bound changes of speed, meetings, and those profiles and
+    /// distances that have limits of their own. Default: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub performance: Vec<EntityPerformance>,
     /// Stories, which run side by side.

@@ -50,7 +50,7 @@ pub enum Effect {
         /// Whether dynamics or times are exact.
         #[serde(default)]
         following: FollowingMode,
-        /// Limits of the motion.
+        /// Limits of the motion. Without any the speeds are exact.
         #[serde(default, skip_serializing_if = "DynamicLimits::is_unlimited")]
         limits: DynamicLimits,
     },
@@ -274,7 +274,9 @@ impl<N> DynamicLimits<N> {
     }
 }
 
-/// Distance, as a length or as the time in which the actor drives it.
+/// Distance, as a length or as a time in which it is driven.
+///
+/// The speed of that time is the final one of a meeting, and otherwise the other agent's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "DistanceOrTime")]
 pub enum DistanceOrTime<N = StoryNumber> {

@@ -30,8 +30,9 @@ impl SpeedLimits {
         }
     }
 
-    pub(super) fn are_none(&self) -> bool {
-        *self == SpeedLimits::NONE
+    /// Returns whether a speed may change in no time.
+    pub(super) fn changes_at_once(&self) -> bool {
+        self.most_accel_mps2.is_infinite() && self.most_decel_mps2.is_infinite()
     }
 
     /// Returns the greatest rate of a change of speed.

@@ -13,9 +13,9 @@ use crate::story::view::{AgentMotion, AgentSize};
 /// Step in which the motion is planned.
 const STEP_S: f64 = 0.01;
 /// Distance from the aim that counts as reached.
-const REACHED_M: f64 = 0.01;
-/// Time constant of the last part of an approach.
-const SETTLES_S: f64 = 0.1;
+const REACHED_M: f64 = 0.1;
+/// Stiffness of the approach to a distance, for each m/s² of its limit.
+const STIFFNESS_PER_M: f64 = 0.4;
 /// Displacement from which a body jumps, as it cannot drive there.
 const JUMP_M: f64 = 0.01;
 /// Distance below which two places are the same.
@@ -27,11 +27,12 @@ const STANDS_MPS: f64 = 1e-3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AlongRun {
     law: AlongLaw,
-    /// Difference to the aimed speed, as far as a transition still has it.
-    offset: SpeedRamp,
+    /// Speed at the beginning.
+    from_mps: f64,
+    /// Share of that speed that a transition still has.
+    left: SpeedRamp,
     accel_mps2: f64,
     next_s: f64,
-    is_begun: bool,
 }
 
 /// Time and way that are left to a meeting.
@@ -45,10 +46,10 @@ impl AlongRun {
     pub(super) fn new(law: AlongLaw, at_s: f64) -> AlongRun {
         AlongRun {
             law,
-            offset: SpeedRamp::steady(0.0),
+            from_mps: 0.0,
+            left: SpeedRamp::steady(0.0),
             accel_mps2: 0.0,
             next_s: at_s,
-            is_begun: false,
         }
     }
 
@@ -100,11 +101,14 @@ impl PlanRun {
                 }
                 size => size,
             };
-            along.offset = SpeedRamp {
+            let lasts_s =
+                shape.peak() * off_mps.abs() / greatest_rate(shape, lasting, [off_mps, 0.0]);
+            along.from_mps = now_mps;
+            along.left = SpeedRamp {
                 begins_s: at_s,
-                from_mps: off_mps,
+                from_mps: 1.0,
                 to_mps: 0.0,
-                rate_mps2: greatest_rate(shape, lasting, [off_mps, 0.0]),
+                rate_mps2: shape.peak() / lasts_s,
                 shape,
             };
         }
@@ -124,7 +128,8 @@ impl PlanRun {
             AlongAim::Speed { factor, by_mps, .. } => {
                 let aim_mps = |at_s: f64| {
                     let other_mps = (span.motion_of)(along.law.of, at_s).speed_mps;
-                    factor * other_mps + by_mps + along.offset.speed_mps(at_s)
+                    let left = along.left.speed_mps(at_s);
+                    (factor * other_mps + by_mps) * (1.0 - left) + along.from_mps * left
                 };
                 self.limited(
                     &along.law,
@@ -165,7 +170,6 @@ impl PlanRun {
         self.along = Some(AlongRun {
             accel_mps2: (to_mps - from_mps) / (next_s - time_s),
             next_s,
-            is_begun: true,
             ..along
         });
     }
@@ -224,7 +228,7 @@ impl PlanRun {
         let its = AxisSpan::of(size_of(law.of, span), &other.pose, freespace, on_axis);
         let away_m = match distance {
             DistanceOrTime::Metres(away_m) => away_m,
-            DistanceOrTime::Seconds(time_s) => time_s * self.ramp.to_mps,
+            DistanceOrTime::Seconds(time_s) => time_s * other.speed_mps.abs(),
         };
         if leads {
             its.most_m + away_m - mine.least_m
@@ -265,6 +269,7 @@ impl PlanRun {
     ) -> Option<[f64; 2]> {
         let AlongAim::Distance {
             distance,
+            leads,
             continuous,
             ..
         } = law.aim
@@ -274,53 +279,47 @@ impl PlanRun {
         let [now, next] = [time_s, next_s].map(|at_s| (span.motion_of)(law.of, at_s));
         let paces_mps = [&now, &next].map(|other| self.pace_mps(&law, other, span).max(0.0));
         let now_mps = self.ramp.speed_mps(time_s);
-        let is_begun = self.along.is_some_and(|it| it.is_begun);
-        if law.limits.are_none() {
-            let headway_s = match distance {
-                DistanceOrTime::Seconds(headway_s) => headway_s,
-                DistanceOrTime::Metres(_) => 0.0,
-            };
-            // The pace is the other's, and a headway in time lets it follow gradually.
-            let from_mps = if !is_begun || headway_s <= 0.0 {
-                paces_mps[0]
-            } else {
-                now_mps
-            };
-            self.ramp = SpeedRamp {
-                begins_s: time_s,
-                ..SpeedRamp::steady(from_mps)
-            };
-            self.shift(self.behind_m(&law, &now, span), span);
+        let step_s = next_s - time_s;
+        let behind_m = self.behind_m(&law, &now, span);
+        if law.limits.changes_at_once() {
+            self.shift(behind_m, span);
             if !continuous {
-                self.end_along(time_s, from_mps);
+                self.end_along(time_s, paces_mps[0]);
                 return None;
             }
-            let step_s = next_s - time_s;
-            if headway_s <= 0.0 || step_s <= 0.0 {
-                return Some([from_mps, paces_mps[1]]);
-            }
-            // Exact solution of a distance in proportion to the own speed, for a pace that
-            // changes evenly.
-            let lag_mps = headway_s * (paces_mps[1] - paces_mps[0]) / step_s;
-            let left = libm::exp(-step_s / headway_s);
-            let to_mps = paces_mps[1] - lag_mps + (from_mps - paces_mps[0] + lag_mps) * left;
-            return Some([from_mps, to_mps.max(0.0)]);
+            // A headway in time is a way that grows with the speed.
+            let grows_mps = match distance {
+                DistanceOrTime::Seconds(time_s) if step_s > 0.0 => {
+                    let way_m = time_s * (paces_mps[1] - paces_mps[0]);
+                    if leads {
+                        way_m / step_s
+                    } else {
+                        -way_m / step_s
+                    }
+                }
+                _ => 0.0,
+            };
+            return Some(paces_mps.map(|pace_mps| (pace_mps + grows_mps).max(0.0)));
         }
-        let behind_m = self.behind_m(&law, &now, span);
         if !continuous && behind_m.abs() <= REACHED_M {
             self.end_along(time_s, now_mps);
             return None;
         }
-        // As fast as it can still slow down to the other's pace at the place.
-        let rate_mps2 = if behind_m > 0.0 {
-            law.limits.most_decel_mps2
+        // A spring with critical damping, as stiff as the limits are wide.
+        let (most_mps2, other_most_mps2) = if behind_m > 0.0 {
+            (law.limits.most_decel_mps2, law.limits.most_accel_mps2)
         } else {
-            law.limits.most_accel_mps2
+            (law.limits.most_accel_mps2, law.limits.most_decel_mps2)
         };
-        let most_mps = (2.0 * rate_mps2 * behind_m.abs()).sqrt();
-        let closing_mps = most_mps.min(behind_m.abs() / SETTLES_S).copysign(behind_m);
-        let wanted_mps = paces_mps.map(|pace_mps| pace_mps + closing_mps);
-        Some(self.limited(&law, wanted_mps, time_s, next_s))
+        let width_mps2 = if most_mps2.is_finite() {
+            most_mps2
+        } else {
+            other_most_mps2
+        };
+        let stiffness = STIFFNESS_PER_M * width_mps2;
+        let rate_mps2 = behind_m * stiffness - (now_mps - paces_mps[0]) * 2.0 * stiffness.sqrt();
+        let wanted_mps = now_mps + rate_mps2 * step_s;
+        Some(self.limited(&law, [now_mps, wanted_mps], time_s, next_s))
     }
 
     /// Displaces the body along its axis.

@@ -3,7 +3,7 @@
 use super::SampleStage;
 use crate::scene::drive::along_law::{AlongAim, AlongLaw, SpeedLimits};
 use crate::scene::drive::story_law::StoryLaw;
-use crate::story::values::{CoordinateSystem, TransitionDynamics};
+use crate::story::values::{CoordinateSystem, DynamicLimits, TransitionDynamics};
 use crate::story::view::{
     ActorAction, ActorDistance, ActorSpeed, DistanceSide, StoryView, Synchronization,
 };
@@ -31,7 +31,7 @@ impl SampleStage<'_> {
                 StoryLaw::Profile {
                     base_mps,
                     points: points.clone(),
-                    limits: limits.with(own),
+                    limits: bounded(limits, own),
                 }
             }
             ActorAction::LongitudinalDistance(distance) => StoryLaw::Along(AlongLaw {
@@ -43,7 +43,7 @@ impl SampleStage<'_> {
                     on_road: distance.system == CoordinateSystem::Road,
                     continuous: distance.continuous,
                 },
-                limits: limits.with(&distance.limits),
+                limits: bounded(limits, &distance.limits),
             }),
             ActorAction::Synchronize(meeting) => {
                 StoryLaw::Along(self.meeting(agent, meeting, limits, at_s))
@@ -127,5 +127,16 @@ impl SampleStage<'_> {
             },
             limits,
         }
+    }
+}
+
+/// Returns the limits of an action that may have its own.
+///
+/// OpenSCENARIO 1.3, `dynamicConstraints`: "unlimited dynamics (if omitted)".
+fn bounded(performance: SpeedLimits, own: &DynamicLimits<f64>) -> SpeedLimits {
+    if own.is_unlimited() {
+        SpeedLimits::NONE
+    } else {
+        performance.with(own)
     }
 }
