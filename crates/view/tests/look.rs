@@ -87,11 +87,11 @@ fn chunks(bytes: &[u8]) -> Vec<Chunk> {
     chunks.collect()
 }
 
-/// Points or vectors of an entity, row by row.
-fn vectors(bytes: &[u8], entity: &str, component: &'static str) -> Vec<[f32; 3]> {
+/// Points, vectors or quaternions of an entity, row by row.
+fn rows<const N: usize>(bytes: &[u8], entity: &str, component: &'static str) -> Vec<[f32; N]> {
     let rows = of_entity(bytes, entity).flat_map(|chunk| {
-        let rows = chunk.iter_slices::<[f32; 3]>(component.into());
-        rows.map(|row| row[0]).collect::<Vec<[f32; 3]>>()
+        let rows = chunk.iter_slices::<[f32; N]>(component.into());
+        rows.map(|row| row[0]).collect::<Vec<[f32; N]>>()
     });
     rows.collect()
 }
@@ -153,7 +153,7 @@ fn arrows_are_as_long_as_the_way_in_half_a_second() {
     let episode = crash(&world);
     let bytes = recorded(&world, &episode);
     let speeds_mps = episode.trace.signal("ego.speed").unwrap();
-    let arrows = vectors(&bytes, "/world/ego/velocity", "Arrows3D:vectors");
+    let arrows = rows::<3>(&bytes, "/world/ego/velocity", "Arrows3D:vectors");
     assert!(arrows.len() >= speeds_mps.len());
     for (arrow, speed_mps) in arrows.iter().zip(speeds_mps).skip(1) {
         let length = (arrow[0].powi(2) + arrow[1].powi(2) + arrow[2].powi(2)).sqrt();
@@ -161,6 +161,24 @@ fn arrows_are_as_long_as_the_way_in_half_a_second() {
         assert!(error.abs() < 0.3, "{arrow:?} at {speed_mps} m/s");
     }
     assert!(f64::from(arrows[1][0]) > 0.4 * speeds_mps[1], "forward");
+}
+
+#[test]
+fn arrows_turn_with_their_bodies() {
+    let world = Scenario::shipped("bend").unwrap().unwrap();
+    let mut bench = world.bench();
+    let middle = bench.axes().iter().map(|axis| 0.5 * (axis.lo + axis.hi));
+    let start = Start(middle.collect());
+    let episode = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Play);
+    let bytes = recorded(&world, &episode);
+    let turns = rows::<4>(&bytes, "/world/ego", "Transform3D:quaternion");
+    let headings = turns.iter().map(|turn| 2.0 * turn[2].atan2(turn[3]));
+    let most = headings.map(f32::abs).fold(0.0, f32::max);
+    assert!(most > 0.3, "the road turns by {most} rad");
+    // The frame is that of the body, which drives ahead.
+    for arrow in rows::<3>(&bytes, "/world/ego/velocity", "Arrows3D:vectors") {
+        assert!(arrow[1].abs() <= 0.1 * arrow[0].abs() + 0.05, "{arrow:?}");
+    }
 }
 
 #[test]
@@ -309,7 +327,7 @@ fn a_pedestrian_is_not_below_its_label() {
     let bytes = recorded(&world, &episode);
     for agent in &bench.stage().agents {
         let entity = format!("/world/{}", agent.name);
-        let place = vectors(&bytes, &entity, "Points3D:positions")[0];
+        let place = rows::<3>(&bytes, &entity, "Points3D:positions")[0];
         let [length_m, width_m, height_m] = agent.size_m.map(|it| it as f32);
         assert!(place[2] > 0.5 * height_m + 0.3, "{}: {place:?}", agent.name);
         let is_beside =

@@ -11,7 +11,7 @@ use super::camera::ViewExtent;
 use super::entity::agent_path;
 use super::error::ViewError;
 use super::log_writer::LogWriter;
-use super::mesh::{FaceMesh, Footprint};
+use super::mesh::{FaceMesh, RoundRectangle};
 use super::palette::{self, Rgb};
 use super::viewed_episode::ViewedEpisode;
 use crate::scene::{AgentDescription, BodyFigure};
@@ -150,9 +150,9 @@ impl Scale {
     }
 
     /// Rectangle by shares of length and width.
-    fn footprint(&self, rear: f32, front: f32, half_width: f32, radius_m: f32) -> Footprint {
+    fn footprint(&self, rear: f32, front: f32, half_width: f32, radius_m: f32) -> RoundRectangle {
         let half_m = half_width * self.width_m;
-        Footprint {
+        RoundRectangle {
             ahead_m: (rear * self.length_m, front * self.length_m),
             left_m: (-half_m, half_m),
             radius_m,
@@ -161,12 +161,12 @@ impl Scale {
 }
 
 /// Block by shares of a body: centre, size, colour.
-type Block = ([f32; 3], [f32; 3], Rgb);
+type FigureBlock = ([f32; 3], [f32; 3], Rgb);
 
 /// Blocks of a figure, beside its curved surfaces.
 ///
 /// `colour` identifies the agent.
-fn blocks(agent: &AgentDescription, colour: Rgb) -> Vec<Block> {
+fn blocks(agent: &AgentDescription, colour: Rgb) -> Vec<FigureBlock> {
     let figure = agent.figure();
     let low = match figure {
         // A face shows the direction in which a person looks.

@@ -61,17 +61,15 @@ pub(super) type Pen<'a> = (&'a str, Rgb, f32);
 pub(super) fn log_lines(
     entity: EntityPath,
     pens: &[Pen<'_>],
-    instants: [TimeColumn; 2],
-    values: Vec<f64>,
+    mut instants: [TimeColumn; 2],
+    mut values: Vec<f64>,
     journal: &mut LogWriter,
 ) -> Result<(), ViewError> {
-    let (instants, values) = if journal.is_stream() {
+    if journal.is_stream() {
         // The viewer connects neighbours, but nothing with a value that is no number.
-        let gap = vec![f64::NAN; pens.len()];
-        (after_last(&instants), [values, gap].concat())
-    } else {
-        (instants, values)
-    };
+        instants = after_last(&instants);
+        values.extend(pens.iter().map(|_| f64::NAN));
+    }
     let rows = values.len() / pens.len();
     let style = SeriesLines::new()
         .with_names(pens.iter().map(|(name, _, _)| *name))
@@ -98,11 +96,9 @@ pub(super) fn log_states<'a>(
         // Later than all of them, so that the order of the instants stays that of time.
         .map(|(sample, time_s)| (sample, time_s.max(story.end_s()) + 1e-6));
     // The viewer shows an empty state as a gap.
-    let states = states.chain(end.map(|_| ""));
-    let states = StateChange::update_fields()
-        .with_state(states)
-        .columns_of_unit_batches();
-    journal.columns(entity, clock(instants.chain(end)), states)
+    let changes = StateChange::update_fields().with_state(states.chain(end.map(|_| "")));
+    let columns = changes.columns_of_unit_batches();
+    journal.columns(entity, clock(instants.chain(end)), columns)
 }
 
 /// Both timelines at every sample.

@@ -6,7 +6,7 @@ use super::palette::Rgb;
 use crate::sim::BodyPart;
 
 /// Point in the frame of a body: x forward, y left, z up.
-pub(super) type Corner = [f32; 3];
+pub(super) type MeshPoint = [f32; 3];
 
 /// Steps of a quarter turn of a round part.
 const ROUND: usize = 3;
@@ -16,15 +16,15 @@ const ROUND: usize = 3;
 /// Faces share no corner, because a corner has the normal of its face.
 #[derive(Default)]
 pub(super) struct FaceMesh {
-    corners: Vec<Corner>,
-    normals: Vec<Corner>,
+    corners: Vec<MeshPoint>,
+    normals: Vec<MeshPoint>,
     colours: Vec<Rgb>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl FaceMesh {
     /// Adds a convex face, whose corners turn left as seen from outside.
-    pub(super) fn face(&mut self, corners: &[Corner], colour: Rgb) {
+    pub(super) fn face(&mut self, corners: &[MeshPoint], colour: Rgb) {
         let from = self.corners.len() as u32;
         let Some(normal) = normal(corners) else {
             return;
@@ -41,7 +41,7 @@ impl FaceMesh {
     ///
     /// The layers have equally many corners, which turn left as seen from above. Side
     /// `i`, above layer `i`, has colour `colours[i]`.
-    pub(super) fn loft(&mut self, layers: &[Vec<Corner>], colours: &[Rgb]) {
+    pub(super) fn loft(&mut self, layers: &[Vec<MeshPoint>], colours: &[Rgb]) {
         for (pair, colour) in layers.windows(2).zip(colours) {
             let (low, high) = (&pair[0], &pair[1]);
             for i in 0..low.len() {
@@ -50,7 +50,7 @@ impl FaceMesh {
             }
         }
         if let (Some(low), Some(colour)) = (layers.first(), colours.first()) {
-            let from_below: Vec<Corner> = low.iter().rev().copied().collect();
+            let from_below: Vec<MeshPoint> = low.iter().rev().copied().collect();
             self.face(&from_below, *colour);
         }
         if let (Some(high), Some(colour)) = (layers.last(), colours.last()) {
@@ -59,10 +59,10 @@ impl FaceMesh {
     }
 
     /// Adds a box with a centre and a size.
-    pub(super) fn block(&mut self, centre: Corner, size: Corner, colour: Rgb) {
+    pub(super) fn block(&mut self, centre: MeshPoint, size: MeshPoint, colour: Rgb) {
         let half = size.map(|it| 0.5 * it);
         let layer = |z: f32| {
-            let footprint = Footprint {
+            let footprint = RoundRectangle {
                 ahead_m: (centre[0] - half[0], centre[0] + half[0]),
                 left_m: (centre[1] - half[1], centre[1] + half[1]),
                 radius_m: 0.0,
@@ -81,7 +81,7 @@ impl FaceMesh {
                 left_m,
                 up_m,
             } => {
-                let footprint = Footprint {
+                let footprint = RoundRectangle {
                     ahead_m: shown(*ahead_m),
                     left_m: shown(*left_m),
                     radius_m: 0.0,
@@ -91,7 +91,7 @@ impl FaceMesh {
             }
             BodyPart::Prism { outline_m, up_m } => {
                 let hull = hull(outline_m);
-                let layer = |up_m: f64| -> Vec<Corner> {
+                let layer = |up_m: f64| -> Vec<MeshPoint> {
                     let corners = hull.iter();
                     corners
                         .map(|(x, y)| [*x as f32, *y as f32, (up_m + ground_m) as f32])
@@ -111,7 +111,7 @@ impl FaceMesh {
     }
 
     /// Adds all points within a radius of a line.
-    fn capsule(&mut self, from: Corner, to: Corner, radius_m: f32, colour: Rgb) {
+    fn capsule(&mut self, from: MeshPoint, to: MeshPoint, radius_m: f32, colour: Rgb) {
         let along = unit(minus(to, from)).unwrap_or([0.0, 0.0, 1.0]);
         // Any direction that is not along the line spans a plane with it.
         let aside = if along[2].abs() < 0.9 {
@@ -122,7 +122,7 @@ impl FaceMesh {
         let right = unit(cross(aside, along)).unwrap_or([1.0, 0.0, 0.0]);
         let up = cross(along, right);
         let quarter = std::f32::consts::FRAC_PI_2;
-        let ring = |centre: Corner, tilt_rad: f32| -> Vec<Corner> {
+        let ring = |centre: MeshPoint, tilt_rad: f32| -> Vec<MeshPoint> {
             let (sin, cos) = tilt_rad.sin_cos();
             let turns = (0..4 * ROUND).map(|i| i as f32 / ROUND as f32 * quarter);
             turns
@@ -138,7 +138,7 @@ impl FaceMesh {
         // The last ring of each end is a point.
         let tilts = (0..=ROUND).map(|i| (i as f32 / ROUND as f32) * quarter);
         let below = tilts.clone().rev().map(|tilt| ring(from, -tilt));
-        let layers: Vec<Vec<Corner>> = below.chain(tilts.map(|tilt| ring(to, tilt))).collect();
+        let layers: Vec<Vec<MeshPoint>> = below.chain(tilts.map(|tilt| ring(to, tilt))).collect();
         self.loft(&layers, &vec![colour; layers.len() - 1]);
     }
 
@@ -174,7 +174,7 @@ impl FaceMesh {
 
 /// Rectangle on the ground with round corners.
 #[derive(Clone, Copy)]
-pub(super) struct Footprint {
+pub(super) struct RoundRectangle {
     /// From rear to front.
     pub ahead_m: (f32, f32),
     /// From right to left.
@@ -183,9 +183,9 @@ pub(super) struct Footprint {
     pub radius_m: f32,
 }
 
-impl Footprint {
+impl RoundRectangle {
     /// Returns its outline at a height, from its front right corner to the left.
-    pub(super) fn at(&self, z: f32) -> Vec<Corner> {
+    pub(super) fn at(&self, z: f32) -> Vec<MeshPoint> {
         let (rear, front) = self.ahead_m;
         let (right, left) = self.left_m;
         let radius_m = self
@@ -249,7 +249,7 @@ fn shown((from, to): (f64, f64)) -> (f32, f32) {
 }
 
 /// Normal of a face by the sum over its edges (Newell), or `None` without an area.
-fn normal(corners: &[Corner]) -> Option<Corner> {
+fn normal(corners: &[MeshPoint]) -> Option<MeshPoint> {
     let mut sum = [0.0; 3];
     for (i, a) in corners.iter().enumerate() {
         let b = corners[(i + 1) % corners.len()];
@@ -259,15 +259,15 @@ fn normal(corners: &[Corner]) -> Option<Corner> {
     unit(sum)
 }
 
-fn minus(a: Corner, b: Corner) -> Corner {
+fn minus(a: MeshPoint, b: MeshPoint) -> MeshPoint {
     std::array::from_fn(|axis| a[axis] - b[axis])
 }
 
-fn dot(a: Corner, b: Corner) -> f32 {
+fn dot(a: MeshPoint, b: MeshPoint) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn cross(a: Corner, b: Corner) -> Corner {
+fn cross(a: MeshPoint, b: MeshPoint) -> MeshPoint {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -275,7 +275,7 @@ fn cross(a: Corner, b: Corner) -> Corner {
     ]
 }
 
-fn unit(a: Corner) -> Option<Corner> {
+fn unit(a: MeshPoint) -> Option<MeshPoint> {
     let length = dot(a, a).sqrt();
     (length > 1e-9).then(|| a.map(|it| it / length))
 }

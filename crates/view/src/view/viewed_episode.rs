@@ -1,5 +1,7 @@
 //! Episode with the derived values that only the viewer shows.
 
+use nalgebra::Vector3;
+
 use super::log_writer::OpeningTimeline;
 use super::palette;
 use super::palette::Rgb;
@@ -118,20 +120,21 @@ impl<'a> ViewedEpisode<'a> {
         (opening.end_s + GOES_ON_S < self.motion_end_s()).then_some(opening)
     }
 
-    /// Velocity in m/s of a member of the cast at every pose, from the pose before it.
+    /// Velocity in m/s of a member of the cast at every pose, in the frame of its body.
     ///
-    /// At a contact it is therefore that before the contact. The first pose has the next
-    /// one's, and a single pose 0.
+    /// It is that from the pose before, so at a contact it is the one before the contact.
+    /// The first pose has the next one's velocity, and a single pose 0.
     pub(super) fn velocities_mps(&self, who: usize) -> Vec<[f64; 3]> {
-        let between = self.shown.frames.windows(2).map(|pair| {
-            let [from, to] = [&pair[0], &pair[1]].map(|it| it.frame.placements[who].centre_m);
+        let pairs = self.shown.frames.windows(2);
+        let moving = pairs.map(|pair| {
+            let [from, to] = [&pair[0], &pair[1]].map(|it| &it.frame.placements[who]);
             let time_s = (pair[1].time_s - pair[0].time_s).max(1e-9);
-            std::array::from_fn(|axis| (to[axis] - from[axis]) / time_s)
+            let way_m = Vector3::from(to.centre_m) - Vector3::from(from.centre_m);
+            (to.rotation.inverse() * way_m / time_s).into()
         });
-        let moving: Vec<[f64; 3]> = between.collect();
-        let first = moving.first().copied().unwrap_or_default();
-        let poses = self.shown.frames.len();
-        std::iter::once(first).chain(moving).take(poses).collect()
+        let mut velocities: Vec<[f64; 3]> = moving.collect();
+        velocities.insert(0, velocities.first().copied().unwrap_or_default());
+        velocities
     }
 
     /// Instant at which the plots end: the contact or the verdict, the later of both.

@@ -117,9 +117,9 @@ fn log_velocity(
         .with_colors([palette::brightened(story.colour(who), 0.45)]);
     journal.always(entity.clone(), &[&arrow])?;
     let vectors = story.velocities_mps(who).into_iter();
-    let vectors = Arrows3D::update_fields()
-        .with_vectors(vectors.map(|mps| lifted(mps.map(|it| ARROW_S * it), 0.0)));
-    let columns = vectors.columns_of_unit_batches();
+    let ways = vectors.map(|mps| lifted(mps.map(|it| ARROW_S * it), 0.0));
+    let moving = Arrows3D::update_fields().with_vectors(ways);
+    let columns = moving.columns_of_unit_batches();
     journal.columns(entity, clock(story.pose_instants()), columns)
 }
 
