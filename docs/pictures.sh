@@ -9,6 +9,7 @@ brakecheck=${BRAKECHECK:-target/release/brakecheck}
 rerun=${RERUN:-rerun}
 
 "$brakecheck" view tests/regressions/acc_iso-nominal-0005.ron -o docs/img/opening.svg --beside CC
+"$brakecheck" view tests/regressions/pedestrian-nominal-0001.ron -o docs/img/still.png
 
 if ! command -v "$rerun" >/dev/null; then
   echo "docs/pictures.sh: $rerun is absent; docs/img/viewer.png stays as it is" >&2
