@@ -97,13 +97,13 @@ pub struct ManeuverGroup {
     /// Name in conditions.
     pub name: String,
     /// Agents that perform the actions.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actors: Vec<String>,
     /// Whether agents that fulfil the conditions of an event's trigger are actors, too.
     #[serde(default, skip_serializing_if = "is_false")]
     pub actors_are_triggering: bool,
     /// Number of executions.
-    #[serde(default = "once")]
+    #[serde(default = "once", skip_serializing_if = "is_once")]
     pub maximum_execution_count: u32,
     /// Maneuvers of the group, which run side by side.
     pub maneuvers: Vec<StoryManeuver>,
@@ -126,10 +126,10 @@ pub struct StoryEvent {
     /// Name in conditions.
     pub name: String,
     /// Effect on the other events of its maneuver.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub priority: EventPriority,
     /// Number of executions, those that are skipped included.
-    #[serde(default = "once")]
+    #[serde(default = "once", skip_serializing_if = "is_once")]
     pub maximum_execution_count: u32,
     /// Starts the event. Default: with its maneuver.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -152,6 +152,14 @@ pub enum EventPriority {
 
 fn once() -> u32 {
     1
+}
+
+fn is_once(count: &u32) -> bool {
+    *count == once()
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 fn is_false(it: &bool) -> bool {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CoordinateSystem, SignalState, StoryNumber, StoryPosition, StoryTrajectory, TrajectoryTiming,
-    is_false,
+    is_default, is_false,
 };
 use crate::road::ChangeShape;
 
@@ -35,7 +35,7 @@ pub enum Effect {
         /// Target.
         target: LaneTarget,
         /// Offset from the middle of the new lane, to the left in road direction.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         target_lane_offset_m: StoryNumber,
         /// Course of the change.
         dynamics: TransitionDynamics,
@@ -48,7 +48,7 @@ pub enum Effect {
         /// Speeds, one after the other.
         points: Vec<SpeedPoint>,
         /// Whether dynamics or times are exact.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         following: FollowingMode,
         /// Limits of the motion. Without any the speeds are exact.
         #[serde(default, skip_serializing_if = "DynamicLimits::is_unlimited")]
@@ -61,15 +61,15 @@ pub enum Effect {
         /// Distance.
         distance: DistanceOrTime,
         /// Side of the other agent.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         displacement: LongitudinalDisplacement,
         /// Between the boxes of the bodies, not between their reference points.
         freespace: bool,
         /// System of the distance.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// Whether it goes on once the distance is reached.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_false")]
         continuous: bool,
         /// Limits of the motion. Without any the distance is reached at once.
         #[serde(default, skip_serializing_if = "DynamicLimits::is_unlimited")]
@@ -90,10 +90,10 @@ pub enum Effect {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         steady: Option<DistanceOrTime>,
         /// Distance at which the other agent counts as there.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         master_tolerance_m: StoryNumber,
         /// Distance at which the actor counts as there.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         target_tolerance_m: StoryNumber,
     },
     /// Each actor keeps a distance across its path to another agent.
@@ -101,18 +101,18 @@ pub enum Effect {
         /// Other agent.
         entity: String,
         /// Distance. Default: 0.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         distance_m: StoryNumber,
         /// Side of the other agent.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         displacement: LateralDisplacement,
         /// Between the boxes of the bodies, not between their reference points.
         freespace: bool,
         /// System of the distance.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// Whether it goes on once the distance is reached.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_false")]
         continuous: bool,
         /// Limits of the lateral motion. Without any the distance is reached at once.
         #[serde(default, skip_serializing_if = "DynamicLimits::is_unlimited")]
@@ -165,10 +165,10 @@ pub enum Effect {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         timing: Option<TrajectoryTiming>,
         /// Whether the dynamics or the curve are exact.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         following: FollowingMode,
         /// Distance along the curve at which it begins.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         initial_distance_m: StoryNumber,
     },
     /// Each actor follows another road from its place on.

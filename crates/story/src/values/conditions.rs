@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{StoryNumber, StoryPosition};
+use super::{StoryNumber, StoryPosition, is_default};
 
 /// Groups of conditions. One group suffices, and all of its conditions must hold.
 pub type Trigger = Vec<Vec<Condition>>;
@@ -13,10 +13,10 @@ pub type Trigger = Vec<Vec<Condition>>;
 #[serde(deny_unknown_fields)]
 pub struct Condition {
     /// Change of the expression that counts.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub edge: ConditionEdge,
     /// Time by which the condition lags behind its expression and edge.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub delay_s: StoryNumber,
     /// Logical expression.
     pub is: Expression,
@@ -96,7 +96,7 @@ pub enum Expression {
         /// Agents whose motion is compared.
         entities: Vec<String>,
         /// Whether it must hold for any or for all of them.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         rule: TriggeringRule,
         /// Condition of each agent.
         condition: EntityCondition,
@@ -200,10 +200,10 @@ pub enum EntityCondition {
         /// Other agent.
         entity: String,
         /// Direction.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         distance_type: DistanceType,
         /// System of the direction.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// Between the boxes of the bodies, not between their reference points.
         freespace: bool,
@@ -217,10 +217,10 @@ pub enum EntityCondition {
         /// TargetPlace.
         position: StoryPosition,
         /// Direction.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         distance_type: DistanceType,
         /// System of the direction.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// ValueComparison.
         rule: ComparisonRule,
@@ -239,7 +239,7 @@ pub enum EntityCondition {
         /// Agent ahead.
         entity: String,
         /// System of the distance.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// From the own front to the other's rear, not to its reference point.
         freespace: bool,
@@ -253,7 +253,7 @@ pub enum EntityCondition {
         /// Other agent.
         entity: String,
         /// System of the distance.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// Between the boxes of the bodies, not between their reference points.
         freespace: bool,

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::StoryNumber;
+use super::{StoryNumber, is_default};
 
 /// Place in the world.
 ///
@@ -80,7 +80,7 @@ pub enum StoryPosition {
         /// Along the road.
         ds_m: StoryNumber,
         /// Offset to the left of the lane's middle.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         offset_m: StoryNumber,
         /// Counter-clockwise from the road's direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
