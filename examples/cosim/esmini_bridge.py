@@ -2,7 +2,8 @@
 
     python3 esmini_bridge.py RUN MODEL [STARTS] [KEEP]
 
-RUN is a training in a world with an ego and an ado on two straight lanes, such as cut_in.
+RUN is a training in a world with an ego and an ado on two straight lanes, such as cut_in, or
+that world itself, whose ados are then neutral.
 MODEL is one of esmini's ALKS drivers: Regulation, ReferenceDriver, RSS or FSM.
 ESMINI_LIB is the path of libesminiLib.so, BRAKECHECK that of brakecheck.
 """

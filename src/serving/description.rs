@@ -7,6 +7,7 @@ use super::{PROTOCOL, actions_of, number};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec};
 use crate::world::Scenario;
+use crate::world_file::OriginFile;
 
 /// Describes a world and the player of its ados to the simulator.
 pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
@@ -28,7 +29,7 @@ pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
         "program": concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
         "world": scenario.name(),
         "ado": ado,
-        "origin": scenario.origin,
+        "origin": scenario.origin.as_ref().map(origin),
         "sample_s": clock.sample_s,
         "decision_s": clock.decision_s,
         "horizon_s": clock.horizon_s,
@@ -40,6 +41,14 @@ pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
         "rules": rules.collect::<Vec<_>>(),
         "actions": actions.collect::<Vec<_>>(),
         "neutral": world.spaces().neutral,
+    })
+}
+
+/// Returns the pose of the world's origin in its road file, with every field.
+fn origin(origin: &OriginFile) -> Value {
+    json!({
+        "file": origin.file, "x_m": origin.x_m, "y_m": origin.y_m, "z_m": origin.z_m,
+        "heading_rad": origin.heading_rad,
     })
 }
 

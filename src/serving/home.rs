@@ -127,10 +127,19 @@ impl EgoMotion {
         let step_s = episode.trace.dt_s();
         let steps = spec.clock.sample_s / step_s;
         let last = episode.trace.len().saturating_sub(1);
+        // A contact cuts the last step short.
+        let contact_s = episode.contact.as_ref().map(|it| it.time_s);
+        let cut = contact_s.map_or(1.0, |it| it / step_s - last as f64 + 1.0);
         let samples = (0..=(last as f64 / steps - ROUNDING).ceil() as usize).map(|i| {
             let at = (i as f64 * steps).min(last as f64);
             let before = (at + ROUNDING).floor() as usize;
-            let (after, share) = ((before + 1).min(last), (at - before as f64).max(0.0));
+            let after = (before + 1).min(last);
+            let length = if after == last {
+                cut.clamp(ROUNDING, 1.0)
+            } else {
+                1.0
+            };
+            let share = (at - before as f64).max(0.0) / length;
             let mixed = |column: &[f64]| column[before] + share * (column[after] - column[before]);
             let turn_rad = wrapped(heading[after] - heading[before]);
             let pose = Pose {

@@ -302,7 +302,10 @@ const FAULTS: [(&str, &str); 21] = [
         "turn_rad_per_s = math.radians(actor.get_angular_velocity().z)",
     ),
     // A target velocity takes two frames, in which the ego leaves its start.
-    ("speed_mps) < 0.5", "speed_mps) < 1e9"),
+    (
+        "            self.world.tick()\n            if abs(self.place.state(ego, 0.0)[\"speed_mps\"] - speed_mps) < 0.5:\n",
+        "            if True:\n",
+    ),
     (
         "does not get to its speed of {speed_mps:.1f} m/s\")\n        self.move(bodies, self.actors)\n",
         "does not get to its speed of {speed_mps:.1f} m/s\")\n",

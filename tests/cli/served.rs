@@ -260,7 +260,6 @@ fn a_world_along_lanes_of_a_file_has_its_origin_there() {
     let origin = served.ask(&json!({ "hello": { "protocol": 1 } }))["hello"]["origin"].clone();
     assert_eq!(origin["file"], "junction.xodr", "{origin}");
     for key in ["x_m", "y_m", "z_m", "heading_rad"] {
-        assert!(origin.get(key).is_none_or(Value::is_number), "{origin}");
+        assert!(origin[key].is_number(), "{origin}");
     }
-    assert!(origin["x_m"].is_number() && origin["y_m"].is_number());
 }
