@@ -151,14 +151,14 @@ impl Check<'_, '_> {
                     along: *distance_type,
                     system: *coordinate_system,
                 };
-                let quantity = self.to_place(path, position, measured);
+                let quantity = self.distance_to_place(path, position, measured);
                 self.number_of(path, quantity, *rule, ("value_m", value_m))
             }
             Is::ReachPosition {
                 position,
                 tolerance_m,
             } => {
-                let quantity = self.to_place(path, position, MeasuredAxis::default());
+                let quantity = self.distance_to_place(path, position, MeasuredAxis::default());
                 let rule = ComparisonRule::LessOrEqual;
                 self.number_of(path, quantity, rule, ("tolerance_m", tolerance_m))
             }
@@ -226,7 +226,7 @@ impl Check<'_, '_> {
         AgentExpression::Number(quantity, self.compared(&path.to(named.0), rule, named.1))
     }
 
-    fn to_place(
+    fn distance_to_place(
         &mut self,
         path: &ValuePath,
         position: &StoryPosition,
