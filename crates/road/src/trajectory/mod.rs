@@ -240,34 +240,46 @@ fn bounded(points: usize) -> Result<(), CourseError> {
     }
 }
 
+/// Returns the times that are stated, of which the first and the last point need one.
 fn times_of(
     stations_m: &[f64],
-    times: impl Iterator<Item = Option<f64>> + Clone,
+    times: impl Iterator<Item = Option<f64>>,
 ) -> Result<Vec<AtStation>, CourseError> {
-    let stated = times.clone().flatten().count();
-    if stated == 0 {
-        return Ok(Vec::new());
-    }
+    let all = stations_m.iter().zip(times).enumerate();
+    let mut stated: Vec<(usize, AtStation)> = all
+        .filter_map(|(i, (s_m, time_s))| {
+            let value = time_s?;
+            Some((i, AtStation { s_m: *s_m, value }))
+        })
+        .collect();
+    let ends = [Some(0), stations_m.len().checked_sub(1)];
+    let found = [stated.first(), stated.last()].map(|it| it.map(|(i, _)| *i));
     let wrong = |what: String, help: &str, index: usize| CourseError {
         what,
         help: help.to_owned(),
         index: Some(index),
     };
-    let mut all: Vec<AtStation> = Vec::new();
-    for (i, (s_m, time_s)) in stations_m.iter().zip(times).enumerate() {
-        let Some(value) = time_s else {
-            let what = "a point without a time among others that have one".to_owned();
-            return Err(wrong(what, "give all points a time, or none", i));
+    if !stated.is_empty() && found != ends {
+        let missing = if found[0] == ends[0] {
+            ends[1]
+        } else {
+            ends[0]
         };
-        if let Some(last) = all.last()
-            && value <= last.value
-        {
-            let what = format!("a time of {value} s after one of {} s", last.value);
-            return Err(wrong(what, "let times rise from point to point", i));
-        }
-        all.push(AtStation { s_m: *s_m, value });
+        let what = "a curve with times that does not begin and end with one".to_owned();
+        let help = "give its first and its last point a time";
+        return Err(wrong(what, help, missing.unwrap_or(0)));
     }
-    Ok(all)
+    // A point that is written twice is one.
+    stated.dedup_by(|after, before| after.1 == before.1);
+    if let Some(pair) = stated.windows(2).find(|it| it[1].1.value <= it[0].1.value) {
+        let [(_, before), (i, after)] = [pair[0], pair[1]];
+        let what = format!(
+            "a time of {} s after one of {} s",
+            after.value, before.value
+        );
+        return Err(wrong(what, "let times rise from point to point", i));
+    }
+    Ok(stated.into_iter().map(|(_, it)| it).collect())
 }
 
 /// Returns the headings on a polyline, or none if they are those of its lines.

@@ -5,7 +5,7 @@ use crate::pose::Pose;
 use crate::road::CourseError;
 
 /// Greatest order, so that a point costs little.
-const MOST_ORDER: usize = 10;
+const MOST_ORDER: usize = 20;
 /// Parts into which the curve between two knots is cut to measure it.
 const PARTS: u32 = 64;
 /// Derivative, as a share of the chord's, below which a direction is that of a chord.

@@ -149,6 +149,12 @@ fn what_is_no_curve_is_refused() {
     assert_eq!(falls.expect_err("times").index, Some(1));
     let some = line(&[point(0.0, 0.0, Some(1.0)), point(1.0, 0.0, None)]);
     assert_eq!(some.expect_err("times").index, Some(1));
+    let ends = line(&[
+        point(0.0, 0.0, Some(1.0)),
+        point(1.0, 0.0, None),
+        point(2.0, 0.0, Some(2.0)),
+    ]);
+    assert_eq!(ends.expect("times of its ends").times_s.len(), 2);
     assert!(line(&vec![point(0.0, 0.0, None); MOST_POINTS + 1]).is_err());
     let points = [
         control(0.0, 0.0, 1.0),

@@ -25,7 +25,7 @@ impl Check<'_, '_> {
         if self.problems.len() > before {
             return None;
         }
-        let curve = curve_of(&checked, following);
+        let curve = curve_of(&checked, following, is_timed);
         let found = curve.map_err(|error| {
             let list = match checked {
                 StoryTrajectory::Polyline(_) => path.at(0),
@@ -48,7 +48,10 @@ impl Check<'_, '_> {
 fn curve_of(
     trajectory: &StoryTrajectory<f64>,
     following: FollowingMode,
+    is_timed: bool,
 ) -> Result<TrajectoryPath, CourseError> {
+    // Files state times of no meaning where no timing uses them.
+    let used = |time_s: Option<f64>| time_s.filter(|_| is_timed);
     match trajectory {
         StoryTrajectory::Polyline(vertices) => {
             let points: Vec<PathPoint> = vertices
@@ -56,7 +59,7 @@ fn curve_of(
                 .map(|it| PathPoint {
                     at_m: [it.x_m, it.y_m],
                     heading_rad: it.heading_rad,
-                    time_s: it.time_s,
+                    time_s: used(it.time_s),
                 })
                 .collect();
             let turn = match following {
@@ -85,10 +88,10 @@ fn curve_of(
                         from_per_m: it.from_per_m,
                         to_per_m: it.to_per_m,
                     },
-                    ends_s: it.time_s,
+                    ends_s: used(it.time_s),
                 })
                 .collect();
-            TrajectoryPath::clothoids(begins, *time_s, &pieces)
+            TrajectoryPath::clothoids(begins, used(*time_s), &pieces)
         }
         StoryTrajectory::Nurbs {
             order,
@@ -100,7 +103,7 @@ fn curve_of(
                 .map(|it| NurbsPoint {
                     at_m: [it.x_m, it.y_m],
                     weight: it.weight.unwrap_or(1.0),
-                    time_s: it.time_s,
+                    time_s: used(it.time_s),
                 })
                 .collect();
             TrajectoryPath::nurbs(*order, knots, &points)
