@@ -218,17 +218,14 @@ pub(crate) fn eval_run<'py>(
     });
     let rows = running.watched(py, move |watch| {
         let evaluation = Evaluation {
-            run: &run,
-            nominal: &nominal,
-            egos: &egos,
             ados: &ados,
             starts: (options.starts, options.seed),
             search: options.search,
             tries: options.tries,
             sampling,
             runs: NonZeroU64::new(options.runs),
-            unknown: &[],
             keeps: options.keep.is_some(),
+            ..Evaluation::new(&run, &nominal, &egos)
         };
         let Some(table) = evaluation.run(watch)? else {
             return Ok(None);

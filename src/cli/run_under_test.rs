@@ -1,6 +1,5 @@
 //! Run whose ado `eval`, `gate` and `sweep` test.
 
-use std::num::NonZeroU64;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -100,17 +99,9 @@ impl<'a> RunUnderTest<'a> {
     ) -> Result<Option<EvaluationTable<'b>>, Failure> {
         let test = self.test;
         let evaluation = Evaluation {
-            run: &self.run,
-            nominal: &self.nominal,
-            egos,
             ados: &self.ados,
-            starts: (test.starts, test.seed),
-            search: test.search,
-            tries: test.tries,
-            sampling: test.sampling(),
-            runs: NonZeroU64::new(test.runs),
-            unknown: &[],
             keeps: compares || test.keep.dir().is_some(),
+            ..test.evaluation(&self.run, &self.nominal, egos)
         };
         let evaluated = evaluation.run(watch)?;
         note_program_costs(egos, watch);

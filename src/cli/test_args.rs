@@ -1,5 +1,7 @@
 //! Options that `eval`, `gate` and `sweep` share.
 
+use std::num::NonZeroU64;
+
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
@@ -11,8 +13,9 @@ use super::terminal::Common;
 use super::traffic_args::TrafficArgs;
 use crate::adversary::{ADO_GROUPS, AdoGroup};
 use crate::ego::Process;
-use crate::evaluation::Sampling;
+use crate::evaluation::{Evaluation, Sampling};
 use crate::experiment::{EgoError, EgoUnderTest, Watch};
+use crate::run_dir::RunDir;
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -115,8 +118,27 @@ pub(super) struct TestArgs {
 }
 
 impl TestArgs {
+    /// Returns the request of an evaluation, without its ados.
+    ///
+    /// It is beside the options, so that a new one is added in one file.
+    pub(super) fn evaluation<'a>(
+        &self,
+        run: &'a RunDir,
+        nominal: &'a Scenario,
+        egos: &'a [EgoUnderTest],
+    ) -> Evaluation<'a> {
+        Evaluation {
+            starts: (self.starts, self.seed),
+            search: self.search,
+            tries: self.tries,
+            sampling: self.sampling(),
+            runs: NonZeroU64::new(self.runs),
+            ..Evaluation::new(run, nominal, egos)
+        }
+    }
+
     /// Returns the requested drawing of actions.
-    pub(super) fn sampling(&self) -> Option<Sampling> {
+    fn sampling(&self) -> Option<Sampling> {
         let draws = self.draws;
         self.temperature
             .map(|temperature| Sampling { temperature, draws })

@@ -244,17 +244,13 @@ impl StructureStudy<'_> {
             unknown,
         } = adapted;
         let evaluation = Evaluation {
-            run: self.run,
-            nominal: self.nominal,
-            egos,
             ados,
             starts: self.starts,
             search,
             tries,
-            sampling: None,
             runs: NonZeroU64::new(runs),
             unknown,
-            keeps: false,
+            ..Evaluation::new(self.run, self.nominal, egos)
         };
         let Some(mut table) = evaluation.run(watch)? else {
             return Ok(None);

@@ -38,6 +38,27 @@ pub struct Evaluation<'a> {
     pub keeps: bool,
 }
 
+impl<'a> Evaluation<'a> {
+    /// Returns a request of no adversary and no start, with one run of the ado per start.
+    ///
+    /// You fill in what you request, so a new field needs no change where it is not used.
+    pub fn new(run: &'a RunDir, nominal: &'a Scenario, egos: &'a [EgoUnderTest]) -> Evaluation<'a> {
+        Evaluation {
+            run,
+            nominal,
+            egos,
+            ados: &[],
+            starts: (0, 0),
+            search: None,
+            tries: 1,
+            sampling: None,
+            runs: None,
+            unknown: &[],
+            keeps: false,
+        }
+    }
+}
+
 impl Evaluation<'_> {
     /// Checks that the runs are enough for learning.
     pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
