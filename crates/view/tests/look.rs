@@ -215,6 +215,22 @@ fn plots_end_at_the_verdict_and_show_where_the_margin_crosses_zero() {
     assert!(seen > 6);
 }
 
+#[test]
+fn a_margin_that_comes_from_its_limit_is_shown_where_it_has_a_value() {
+    let world = Scenario::shipped("yellow_light").unwrap().unwrap();
+    let mut bench = world.bench();
+    let middle = bench.axes().iter().map(|axis| 0.5 * (axis.lo + axis.hi));
+    let start = Start(middle.collect());
+    let mut actor = Constant(0);
+    let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Play);
+    let bytes = recorded(&world, &episode);
+    let limit = world.rulebook().reward.rho_max();
+    let margins = scalars(&bytes, "/robustness/ego_spec");
+    assert_eq!(margins[0], limit, "the light is yellow");
+    let [_, greatest] = ranges(&bytes)[0];
+    assert!(greatest < 0.9 * limit, "{greatest} of {limit}");
+}
+
 /// Ends of the plots' time axes in seconds, of those with an absolute one.
 fn time_axes(bytes: &[u8]) -> Vec<f64> {
     use rerun::Loggable as _;

@@ -63,8 +63,9 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
 
 /// Range of values around zero in which the deciding margin ends.
 ///
-/// Its top is the value that the margin has [`NEAR_S`] before it reaches its last one, so
-/// that margins of another size do not flatten the end. The curves have all values.
+/// Its top is the greatest value of the margin in the last [`NEAR_S`] before it reaches its
+/// last one, so that margins of another size do not flatten the end. The curves have all
+/// values.
 fn near_zero(story: &ViewedEpisode<'_>) -> (f64, f64) {
     let deciding = match story.episode.verdict {
         Verdict::Foul { rule, .. } => story.rules.get(rule).unwrap_or(&story.spec),
@@ -76,9 +77,11 @@ fn near_zero(story: &ViewedEpisode<'_>) -> (f64, f64) {
     let last = judged.last().copied().unwrap_or(0.0);
     let reached = judged.iter().position(|value| *value == last).unwrap_or(0);
     let before = (NEAR_S / story.episode.trace.dt_s()).round() as usize;
-    let from = judged.get(reached.saturating_sub(before)).copied();
+    let near = &judged[reached.saturating_sub(before)..judged.len().min(reached + 1)];
+    // The limit stands for no value, and would flatten the end as well.
+    let informative = near.iter().copied().filter(|value| value.abs() < rho_max);
     // A margin that hardly changes still has some room around it.
-    let top = from.unwrap_or(0.0).max(2.0 * last.abs()).max(1e-3);
+    let top = informative.fold((2.0 * last.abs()).max(1e-3), f64::max);
     ((-0.25 * top).min(1.2 * last), 1.05 * top)
 }
 
