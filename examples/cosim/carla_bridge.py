@@ -83,14 +83,14 @@ class Place:
         if abs(off_deg) > 10.0:
             sys.exit(f"the lane at the world's origin has a yaw of {lane.transform.rotation.yaw:.1f} deg, and the world {yaw_deg:.1f}")
 
-    def transform(self, body, front_m, the_map):
-        """The transform of an actor whose front is `front_m` ahead of its own origin."""
+    def transform(self, body, front_m, lift_m, the_map):
+        """The transform of an actor whose own origin is `front_m` behind its front and `lift_m` above the road."""
         heading_rad = body["heading_rad"]
         x_m = body["x_m"] - front_m * math.cos(heading_rad)
         y_m = body["y_m"] - front_m * math.sin(heading_rad)
         x_m, y_m = self.x_m + x_m * self.cos - y_m * self.sin, self.y_m + x_m * self.sin + y_m * self.cos
         location = carla.Location(x_m, -y_m, 0.0)
-        location.z = the_map.get_waypoint(location).transform.location.z
+        location.z = the_map.get_waypoint(location).transform.location.z + lift_m
         # CARLA's pitch lifts the front, and its roll lifts the left side.
         return carla.Transform(location, carla.Rotation(
             pitch=-math.degrees(body["pitch_rad"]), yaw=-math.degrees(self.heading_rad + heading_rad),
@@ -131,15 +131,16 @@ class Bodies:
 
     def __init__(self, world, place, agents, ego):
         self.world, self.map, self.place = world, world.get_map(), place
-        self.agents, self.ego, self.actors, self.front_m = agents, ego, {}, {}
+        self.agents, self.ego, self.actors, self.front_m, self.lift_m = agents, ego, {}, {}, {}
 
     def spawn(self, bodies, model):
         library = self.world.get_blueprint_library()
         for name, body in bodies.items():
             agent = self.agents[name]
             kind = blueprint(library, agent, "hero" if name == self.ego else name, model)
-            raised = self.place.transform(body, 0.5 * agent["length_m"], self.map)
-            raised.location.z += RAISED_M
+            # The origin of a walker is in its middle, and that of a vehicle on the road.
+            lift_m = RAISED_M + 0.5 * agent["height_m"] * agent["on_foot"]
+            raised = self.place.transform(body, 0.5 * agent["length_m"], lift_m, self.map)
             actor = self.world.try_spawn_actor(kind, raised)
             if actor is None:
                 sys.exit(f"CARLA has no room for `{name}` at ({raised.location.x:.1f}, {raised.location.y:.1f})")
@@ -148,6 +149,7 @@ class Bodies:
             # Only the actor knows the box of its blueprint, by half sizes around a centre.
             box = actor.bounding_box
             self.front_m[name] = box.location.x + box.extent.x
+            self.lift_m[name] = box.extent.z - box.location.z
             off_m = max(abs(2.0 * box.extent.x - agent["length_m"]), abs(2.0 * box.extent.y - agent["width_m"]))
             if off_m > 0.5:
                 print(f"note: `{name}` is {agent['length_m']:.2f} x {agent['width_m']:.2f} m, and {kind.id} is "
@@ -155,7 +157,7 @@ class Bodies:
 
     def move(self, bodies, names):
         for name in names:
-            transform = self.place.transform(bodies[name], self.front_m[name], self.map)
+            transform = self.place.transform(bodies[name], self.front_m[name], self.lift_m[name], self.map)
             self.actors[name].set_transform(transform)
 
     def others(self):

@@ -24,13 +24,14 @@ struct Bridged {
 }
 
 /// Returns the world of the tests, with or without its place in CARLA's map.
-fn world(dir: &tempfile::TempDir, has_origin: bool) -> String {
+fn world(dir: &tempfile::TempDir, name: &str, has_origin: bool) -> String {
     let [x_m, y_m, heading_rad] = ORIGIN;
     let origin = format!(
         "origin: (file: \"Stub.xodr\", x_m: {x_m}, y_m: {y_m}, z_m: {HEIGHT_M}, heading_rad: {heading_rad}),"
     );
     let origin = if has_origin { origin } else { String::new() };
-    let text = std::fs::read_to_string(root().join("worlds/cut_in.ron")).expect("the world");
+    let text =
+        std::fs::read_to_string(root().join(format!("worlds/{name}.ron"))).expect("the world");
     let text = text
         .replacen("plant: Rigid", "plant: Kinematic", 1)
         .replacen(
@@ -38,7 +39,7 @@ fn world(dir: &tempfile::TempDir, has_origin: bool) -> String {
             &format!("    {origin} grades: [(0.0, {GRADE})],\n    agents: ["),
             1,
         );
-    let file = path(dir, "cut_in.ron");
+    let file = path(dir, &format!("{name}.ron"));
     std::fs::write(&file, text).expect("written");
     file
 }
@@ -151,7 +152,8 @@ fn is_there(body: &Value, actor: &Value) -> Result<(), String> {
     let [x_m, y_m, heading_rad] = ORIGIN;
     let along_m = (number(actor, "x") - x_m) * heading_rad.cos()
         - (number(actor, "y") + y_m) * heading_rad.sin();
-    close(number(actor, "z"), HEIGHT_M + GRADE * along_m, "z")?;
+    let lift_m = number(actor, "lift");
+    close(number(actor, "z"), HEIGHT_M + GRADE * along_m + lift_m, "z")?;
     // CARLA lifts the front by a positive pitch, and brakecheck lowers it.
     close(
         number(actor, "pitch"),
@@ -163,8 +165,9 @@ fn is_there(body: &Value, actor: &Value) -> Result<(), String> {
         number(body, "roll_rad").to_degrees(),
         "roll",
     )?;
-    if number(body, "pitch_rad") > -0.9 * GRADE {
-        return Err(format!("{body} does not drive uphill"));
+    // Along the road its front is higher, and across it a side.
+    if number(body, "pitch_rad").hypot(number(body, "roll_rad")) < 0.9 * GRADE {
+        return Err(format!("{body} is not on a slope"));
     }
     Ok(())
 }
@@ -199,6 +202,10 @@ fn flaw(it: &Bridged, step_s: f64, starts: usize) -> Result<(), String> {
             for (key, wanted) in state_of(hero) {
                 close(number(ego, key), wanted, &format!("the ego's {key}"))?;
             }
+            let begun_mps = number(&before["bodies"]["ego"], "speed_mps");
+            if before["ready"] == true && (number(ego, "speed_mps") - begun_mps).abs() > 0.5 {
+                return Err(format!("the ego begins at {begun_mps} m/s: {ego}"));
+            }
             // A body appears with the tick after brakecheck placed it.
             is_there(&before["bodies"]["ado"], ado).map_err(|why| format!("the ado's {why}"))?;
             if [&hero["physics"], &ado["physics"]] != [true, false] {
@@ -221,7 +228,7 @@ fn flaw(it: &Bridged, step_s: f64, starts: usize) -> Result<(), String> {
 #[test]
 fn carla_shows_what_brakecheck_moves_and_is_left_as_it_was() {
     let dir = scratch();
-    let world = world(&dir, true);
+    let world = world(&dir, "cut_in", true);
     for (step_s, args) in [
         (0.05, &["--starts", "2", "--ado", "search"][..]),
         (
@@ -239,6 +246,14 @@ fn carla_shows_what_brakecheck_moves_and_is_left_as_it_was() {
         });
         assert!(moved, "the ado does not turn");
     }
+    // A walker, whose origin is in its middle.
+    let world = self::world(&dir, "pedestrian", true);
+    let args = ["--starts", "1", "--ado", "random"];
+    let it = bridged(&bridge(), &world, &args, &json!({}));
+    assert_eq!(flaw(&it, 0.05, 1), Ok(()));
+    let actors = it.frames[0]["actors"].as_array().expect("a list");
+    let mut kinds = actors.iter().filter_map(|actor| actor["type_id"].as_str());
+    assert!(kinds.any(|it| it == "walker.pedestrian.0015"), "{actors:?}");
 }
 
 /// Faults against CARLA's documentation, each as a change of the bridge's text.
@@ -262,7 +277,7 @@ const FAULTS: [(&str, &str); 21] = [
         "settings.synchronous_mode = True",
     ),
     (
-        "        location.z = the_map.get_waypoint(location).transform.location.z\n",
+        "        location.z = the_map.get_waypoint(location).transform.location.z + lift_m\n",
         "",
     ),
     ("RAISED_M = 0.3", "RAISED_M = 0.0"),
@@ -319,7 +334,7 @@ const FAULTS: [(&str, &str); 21] = [
 #[test]
 fn a_bridge_that_breaks_the_documentation_of_carla_is_found() {
     let dir = scratch();
-    let world = world(&dir, true);
+    let world = world(&dir, "cut_in", true);
     let whole = bridge();
     for (right, wrong) in FAULTS {
         assert_eq!(whole.matches(right).count(), 1, "{right}");
@@ -334,7 +349,7 @@ fn a_bridge_that_breaks_the_documentation_of_carla_is_found() {
 #[test]
 fn carla_is_left_as_it_was_where_the_bridge_fails() {
     let dir = scratch();
-    let world = world(&dir, true);
+    let world = world(&dir, "cut_in", true);
     let whole = bridge();
     let not_finally = |at: &str, indent: &str| {
         let wrong = format!("{indent}except ZeroDivisionError:\n{indent}    pass\n{indent}else:\n");
@@ -372,9 +387,9 @@ fn carla_is_left_as_it_was_where_the_bridge_fails() {
 #[test]
 fn the_bridge_refuses_what_does_not_fit_carlas_map() {
     let dir = scratch();
-    let placed = world(&dir, true);
+    let placed = world(&dir, "cut_in", true);
     let other = scratch();
-    let nowhere = world(&other, false);
+    let nowhere = world(&other, "cut_in", false);
     let none = json!({});
     let (yaw_deg, far) = ((-ORIGIN[2]).to_degrees().to_string(), "9000");
     let turned = (90.0 - ORIGIN[2].to_degrees()).to_string();

@@ -254,7 +254,7 @@ class Actor:
         at.x += self._server.velocity.x * delta_s
         at.y += self._server.velocity.y * delta_s
         if self._physics:  # gravity and the ground
-            at.z = _road_z(at)
+            at.z = _road_z(at) + _lift(self._box)
         self._seen = copy.deepcopy(self._server)
 
 
@@ -269,6 +269,12 @@ class Actor:
 
 
 Vehicle = Walker = Actor
+
+
+def _lift(box):
+    """Height of an actor's origin above the lower side of its box."""
+    half, centre = box
+    return half[2] - centre[2]
 
 
 def _touch(a, a_at, b, b_at):
@@ -323,7 +329,7 @@ class World:
     def try_spawn_actor(self, blueprint, transform, attach_to=None):
         transform = _of(transform, Transform)
         box = (blueprint._half_m, blueprint._centre_m)
-        if transform.location.z < _road_z(transform.location) + 0.05:
+        if transform.location.z < _road_z(transform.location) + _lift(box) + 0.05:
             return None
         if _GIVEN.get("blocked") and _touch(box, transform, ((2.0, 2.0), (0.0, 0.0)), Waypoint(Location(_GIVEN["x"], _GIVEN["y"])).transform):
             return None
@@ -386,7 +392,7 @@ def _shown(actor):
         "role": actor.attributes["role_name"], "type_id": actor.type_id, "autopilot": actor._autopilot is not None,
         "physics": actor._physics, "x": at.location.x, "y": at.location.y, "z": at.location.z,
         "pitch": at.rotation.pitch, "yaw": at.rotation.yaw, "roll": at.rotation.roll,
-        "front": box.location.x + box.extent.x, "turn": actor._seen.turn.z,
+        "front": box.location.x + box.extent.x, "lift": box.extent.z - box.location.z, "turn": actor._seen.turn.z,
         "vx": actor._seen.velocity.x, "vy": actor._seen.velocity.y,
     }
 
