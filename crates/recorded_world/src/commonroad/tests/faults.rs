@@ -37,7 +37,7 @@ fn all_that_cannot_be_right_is_refused_at_once_with_lines() {
     let expected = [
         (line_of(&text, "far"), "`far` is not a finite number"),
         (
-            line_of(&text, "<time><exact>9") - 2,
+            line_of(&text, "<time><exact>9") - 3,
             "time step 9 follows 6",
         ),
         (
@@ -72,8 +72,8 @@ fn each_planted_fault_is_refused_with_its_reason() {
         ),
         (
             "timeStepSize=\"0.1\"",
-            "timeStepSize=\"1.0\"",
-            "the recorded speeds are 10",
+            "timeStepSize=\"0.2\"",
+            "the recorded speeds are 2",
         ),
         ("<trajectory>", "<occupancy>", "this is no XML"),
         (
