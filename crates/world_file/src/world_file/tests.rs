@@ -31,7 +31,7 @@ fn comments_precede_their_values_and_change_nothing() {
         &|top| top,
         &|top| top.to("clock").to("sample_s"),
         &|top| top.to("agents").at(0),
-        &|top| top.to("agents").at(0).to("drive").at(0),
+        &|top| top.to("agents").at(0).to("name"),
     ];
     let paths = paths.map(|path| path(ValuePath::top()));
     let comments =
