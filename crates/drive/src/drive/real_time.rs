@@ -301,8 +301,8 @@ impl<'a> RealTime<'a> {
 
     fn reload(&mut self, world: Scenario) -> Result<(), String> {
         let sandbox = self.sandbox.in_world(world).map_err(|it| it.to_string())?;
-        let setup = kept_setup(&self.sandbox, self.episode.setup(), &sandbox);
-        let setup = match setup {
+        let kept = kept_setup(&self.sandbox, self.episode.setup(), &sandbox);
+        let setup = match kept {
             Some(setup) => setup,
             None => sandbox
                 .first_setup(self.settings.seed, self.settings.index)

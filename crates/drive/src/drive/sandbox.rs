@@ -81,8 +81,8 @@ impl Sandbox {
             let name = world.name().to_owned();
             return Err(DriveError::Grid { world: name });
         };
-        let ados = drive.spec().action_sets().map(|(name, ..)| name.to_owned());
-        let ados: Vec<String> = ados.collect();
+        let sets = drive.spec().action_sets();
+        let ados: Vec<String> = sets.map(|(name, ..)| name.to_owned()).collect();
         let seat = match (seat, ados.iter().position(|it| it == seat)) {
             ("ego", _) => DriveSeat::Ego,
             (_, Some(ado)) => DriveSeat::Ado(ado),

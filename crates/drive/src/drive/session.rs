@@ -186,13 +186,13 @@ impl DrivenEpisode {
         let allowed = self.bench.allowed();
         let decision = self.actions.len();
         // Asked also where the action is recorded, so that a random player goes on from there.
-        let chosen = self.player.act(&obs, allowed.as_deref(), decision);
+        let played = self.player.act(&obs, allowed.as_deref(), decision);
         let chosen = match self.seat {
-            DriveSeat::Ado(ado) => with_own(self.bench.spaces(), chosen, ado, input.action),
-            DriveSeat::Ego => chosen,
+            DriveSeat::Ado(ado) => with_own(self.bench.spaces(), played, ado, input.action),
+            DriveSeat::Ego => played,
         };
-        let action = recorded.and_then(|it| it.get(decision)).copied();
-        let action = action.unwrap_or(chosen);
+        let known = recorded.and_then(|it| it.get(decision)).copied();
+        let action = known.unwrap_or(chosen);
         self.actions.push(action);
         self.bench.decide_only(action);
     }

@@ -175,8 +175,8 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
             (format!("{} [{}]", axis.name, axis.unit), axis.lo, axis.hi)
         }
     };
-    let cells = counts.iter().enumerate();
-    let cells = cells.map(|(i, &[all, solved, fouls])| {
+    let counted = counts.iter().enumerate();
+    let cells = counted.map(|(i, &[all, solved, fouls])| {
         // A cell without a result is unknown, which is not a share of 0.
         let share = |count: usize| (all > 0).then(|| count as f64 / all as f64);
         let [lo, hi] = wilson(solved, all).map(|share| 100.0 * share);
