@@ -85,7 +85,7 @@ pub(super) enum AlongAim {
         continuous: bool,
     },
     /// Arrival at a place along the road when the other arrives at its own.
-    Meeting {
+    Synchronize {
         to: Pose,
         tolerance_m: f64,
         its: Pose,

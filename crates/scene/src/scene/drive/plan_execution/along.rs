@@ -36,7 +36,7 @@ pub(super) struct AlongRun {
 }
 
 /// Time and way that are left to a meeting.
-struct MeetingAhead {
+struct ArrivalAhead {
     own_m: f64,
     its_m: f64,
     its_mps: f64,
@@ -121,7 +121,7 @@ impl PlanRun {
             return;
         };
         let next_s = self
-            .meeting_s(&along.law, time_s, span)
+            .arrival_s(&along.law, time_s, span)
             .min(next_step_s(time_s))
             .min(span.to_s);
         let [from_mps, to_mps] = match along.law.aim {
@@ -144,8 +144,8 @@ impl PlanRun {
                 };
                 speeds_mps
             }
-            AlongAim::Meeting { .. } => {
-                let Some(wanted_mps) = self.meet(along.law, time_s, next_s, span) else {
+            AlongAim::Synchronize { .. } => {
+                let Some(wanted_mps) = self.synchronize(along.law, time_s, next_s, span) else {
                     return;
                 };
                 self.limited(&along.law, wanted_mps, time_s, next_s)
@@ -331,14 +331,14 @@ impl PlanRun {
     }
 
     /// Returns wanted speeds of a step to a meeting, or `None` at its end.
-    fn meet(
+    fn synchronize(
         &mut self,
         law: AlongLaw,
         time_s: f64,
         next_s: f64,
         span: SampleSpan<'_>,
     ) -> Option<[f64; 2]> {
-        let AlongAim::Meeting {
+        let AlongAim::Synchronize {
             tolerance_m,
             its_tolerance_m,
             final_speed,
@@ -349,11 +349,11 @@ impl PlanRun {
             return None;
         };
         let now_mps = self.ramp.speed_mps(time_s);
-        let MeetingAhead {
+        let ArrivalAhead {
             own_m,
             its_m,
             its_mps,
-        } = self.meeting_ahead(&law, time_s, span);
+        } = self.arrival_ahead(&law, time_s, span);
         if its_m <= its_tolerance_m.max(SAME_M) || own_m <= tolerance_m.max(SAME_M) {
             self.end_along(time_s, now_mps);
             return None;
@@ -394,14 +394,14 @@ impl PlanRun {
     }
 
     /// Returns the instant at which the other arrives, as far as it is known now.
-    fn meeting_s(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> f64 {
-        let AlongAim::Meeting {
+    fn arrival_s(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> f64 {
+        let AlongAim::Synchronize {
             its_tolerance_m, ..
         } = law.aim
         else {
             return f64::INFINITY;
         };
-        let MeetingAhead { its_m, its_mps, .. } = self.meeting_ahead(law, time_s, span);
+        let ArrivalAhead { its_m, its_mps, .. } = self.arrival_ahead(law, time_s, span);
         let left_m = its_m - its_tolerance_m;
         if its_mps <= STANDS_MPS || left_m <= SAME_M {
             return f64::INFINITY;
@@ -409,9 +409,9 @@ impl PlanRun {
         time_s + left_m / its_mps
     }
 
-    fn meeting_ahead(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> MeetingAhead {
-        let AlongAim::Meeting { to, its, .. } = law.aim else {
-            return MeetingAhead {
+    fn arrival_ahead(&self, law: &AlongLaw, time_s: f64, span: SampleSpan<'_>) -> ArrivalAhead {
+        let AlongAim::Synchronize { to, its, .. } = law.aim else {
+            return ArrivalAhead {
                 own_m: 0.0,
                 its_m: 0.0,
                 its_mps: 0.0,
@@ -425,7 +425,7 @@ impl PlanRun {
         let point = other.pose.ahead(-size_of(law.of, span).front_m);
         let on = span.network.locate(law.of, &point);
         let facing = libm::cos(on.heading_rad).signum();
-        MeetingAhead {
+        ArrivalAhead {
             own_m,
             its_m: facing * (span.network.locate(law.of, &its).s_m - on.s_m),
             its_mps: other.speed_mps,

@@ -45,8 +45,8 @@ impl SampleStage<'_> {
                 },
                 limits: bounded(limits, &distance.limits),
             }),
-            ActorAction::Synchronize(meeting) => {
-                StoryLaw::Along(self.meeting(agent, meeting, limits, at_s))
+            ActorAction::Synchronize(with) => {
+                StoryLaw::Along(self.synchronization(agent, with, limits, at_s))
             }
             _ => return None,
         };
@@ -108,22 +108,22 @@ impl SampleStage<'_> {
         }
     }
 
-    fn meeting(
+    fn synchronization(
         &self,
         agent: usize,
-        meeting: &Synchronization,
+        with: &Synchronization,
         limits: SpeedLimits,
         at_s: f64,
     ) -> AlongLaw {
         AlongLaw {
-            of: meeting.master,
-            aim: AlongAim::Meeting {
-                to: self.pose_of(agent, &meeting.target_place, at_s),
-                tolerance_m: meeting.target_tolerance_m,
-                its: self.pose_of(meeting.master, &meeting.master_place, at_s),
-                its_tolerance_m: meeting.master_tolerance_m,
-                final_speed: meeting.final_speed,
-                steady: meeting.steady,
+            of: with.master,
+            aim: AlongAim::Synchronize {
+                to: self.pose_of(agent, &with.target_place, at_s),
+                tolerance_m: with.target_tolerance_m,
+                its: self.pose_of(with.master, &with.master_place, at_s),
+                its_tolerance_m: with.master_tolerance_m,
+                final_speed: with.final_speed,
+                steady: with.steady,
             },
             limits,
         }
