@@ -145,9 +145,10 @@ impl ServedAdo {
         if world.drive().is_none() {
             return Err(NotServed::Grid { world: name });
         }
-        let player = ServedPlayer::untrained(&world, player)?;
-        let player = player.ok_or(NotServed::NotTrained { world: name })?;
-        Ok(ServedAdo::new(world, player))
+        let Some(served) = ServedPlayer::untrained(&world, player)? else {
+            return Err(NotServed::NotTrained { world: name });
+        };
+        Ok(ServedAdo::new(world, served))
     }
 
     fn new(world: Scenario, player: ServedPlayer) -> ServedAdo {
