@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 PROGRAM = os.environ["PROGRAM"]
+STARTS = 150
 
 
 def run(*arguments) -> str:
@@ -25,7 +26,7 @@ def report(tmp_path_factory):
     run("train", "acc", "-o", trained, "--plant", "kinematic", "--decisions", 20_000, "--starts", 20)
     swept = run("sweep", trained, "--over", "ego.time_gap_s=0.5..2.5:3", "--starts", 60, "--json")
     rows.write_text(swept)
-    run("report", trained, "-o", page, "--starts", 60, "--rows", rows)
+    run("report", trained, "-o", page, "--starts", STARTS, "--rows", rows)
     return page, json.loads(swept)["swept"]
 
 
@@ -61,32 +62,45 @@ def test_a_slider_reads_the_results_of_a_sweep(page, report):
         expect(card.locator(".estimate.chosen")).to_have_count(1)
 
 
+# Every place of the two sliders of a card: words, mark and table.
+ALL_CELLS = """(card) => {
+  const [x, y] = card.querySelectorAll("input"), rows = [...card.querySelectorAll("tbody tr")].reverse();
+  const read = [];
+  for (let up = 0; up <= y.max; up++) for (let across = 0; across <= x.max; across++) {
+    x.value = across; y.value = up;
+    y.dispatchEvent(new Event("input"));
+    const chosen = [...card.querySelectorAll(".chosen")];
+    read.push({
+      said: card.querySelector(".said").textContent, cell: rows[up].querySelectorAll("td")[across].textContent,
+      marked: chosen.map((it) => it.dataset.cell), sign: chosen[0].querySelector("text")?.textContent ?? "",
+      at: `${across},${up}`,
+    });
+  }
+  return read;
+}"""
+
+
 def test_sliders_over_the_start_read_counts_and_say_unknown(page):
-    card = page.locator(".lookup").first
-    x, y = card.locator("input").all()
-    columns, rows = (int(it.get_attribute("max")) + 1 for it in (x, y))
-    card.locator("summary").click()
-    known = 0
-    for column in range(columns):
-        for row in range(rows):
-            x.fill(str(column))
-            y.fill(str(row))
-            said = card.locator(".said").inner_text()
-            # The table has its highest row on top.
-            cell = card.locator("tbody tr").nth(rows - 1 - row).locator("td").nth(column).inner_text()
-            chosen = card.locator(".chosen")
-            expect(chosen).to_have_attribute("data-cell", f"{column},{row}")
-            if cell == "unknown":
-                assert said.startswith("unknown") and "%" not in said
-                expect(chosen.locator("text")).to_have_text("?")
+    unknown = 0
+    for card in page.locator(".lookup", has=page.locator(".cells")).all():
+        known = 0
+        for place in card.evaluate(ALL_CELLS):
+            assert place["marked"] == [place["at"]], place
+            if place["cell"] == "unknown":
+                assert place["said"].startswith("unknown") and "%" not in place["said"], place
+                assert place["sign"] == "?", place
+                unknown += 1
             else:
-                failing, starts = re.match(r"(\d+)/(\d+)", cell).groups()
-                assert said.startswith(f"{failing} of {starts} starts fail"), said
-                known += int(starts)
-    assert 0 < known <= 60
-    # A click on a cell moves the sliders.
+                failing, starts = map(int, re.match(r"(\d+)/(\d+) \[", place["cell"]).groups())
+                assert place["said"].startswith(f"{failing} of {starts} starts fail"), place
+                assert starts > 0 and place["sign"] == "", place
+                known += starts
+        assert 100 < known <= STARTS, "every start is in one cell"
+    # With as many cells some are empty, and a share of 0 of 0 is no share.
+    assert unknown > 0
+    card = page.locator(".lookup").first
     card.locator("[data-cell='0,0']").click()
-    assert (x.input_value(), y.input_value()) == ("0", "0")
+    assert [it.input_value() for it in card.locator("input").all()] == ["0", "0"], "a click moves the sliders"
 
 
 def clock(page: Page) -> float:
