@@ -69,11 +69,13 @@ impl OpenDriveLaneSection {
                 return Err(node.refused(what, "give each lane a number of its own"));
             }
             let begins_m = lane.widths.iter().map(|it| it.from_m);
+            // A width counts until the next one begins, the last one to the end of the section.
             let ends_m = begins_m.clone().skip(1).chain([to_m]);
             for (width, ends_m) in lane.widths.iter().zip(ends_m) {
                 let least_m = width
                     .at(width.from_m)
                     .min(width.at(ends_m.max(width.from_m)));
+                // Files round, so a lane that ends may have a width just below 0.
                 if least_m < -SAME_M {
                     let what = format!("its lane {} has a width of {least_m:.3} m", lane.id);
                     return Err(node.refused(what, "keep widths at 0 or above"));
@@ -115,6 +117,7 @@ impl RoadLanes {
             if pair[1].s_m < pair[0].s_m {
                 let what = format!("it begins at {} m, before the one ahead of it", pair[1].s_m);
                 let help = "order the sections by their `s`";
+                // Refused only if an agent drives on this road: maps have faults elsewhere.
                 refused.get_or_insert_with(|| node.refused(what, help));
             }
         }
@@ -134,6 +137,7 @@ impl RoadLanes {
     /// Returns the number and the lanes of the section at a station.
     pub fn section(&self, s_m: f64) -> Option<(usize, &OpenDriveLaneSection)> {
         let sections = self.sections.iter().enumerate();
+        // From behind, so that of two sections at one station the later one counts.
         let found = sections.rev().find(|(_, section)| section.s_m <= s_m);
         found.or_else(|| self.sections.iter().enumerate().next())
     }
@@ -159,6 +163,7 @@ impl RoadLanes {
             slope += sign * share * width.slope(s_m);
         }
         let (flat, flat_slope) = self.flat(s_m);
+        // The product rule, because the bank changes along the road, too.
         Some((t_m * flat, slope * flat + t_m * flat_slope))
     }
 
@@ -183,6 +188,7 @@ impl RoadLanes {
             };
             let links = self.sections.get(section).and_then(|it| it.lane(lane));
             let link = links.and_then(|it| it.links[usize::from(!forward)]);
+            // A link to the other side of the reference line would turn the lane round.
             match before.zip(link.filter(|link| link * lane > 0)) {
                 Some((before, link)) => (section, lane) = (before, link),
                 None => break,
@@ -202,6 +208,7 @@ impl RoadLanes {
             middle.is_some_and(|(middle_m, _)| (t_m - middle_m).abs() <= half_m)
         };
         let lanes = section.lanes.iter().map(|lane| lane.id);
+        // Lane 0 is the reference line, which has no width.
         lanes.filter(|id| *id != 0).find(is_on)
     }
 
@@ -241,6 +248,7 @@ impl RoadLanes {
             .collect();
         let middles = middles?;
         let first_m = *middles.first()?;
+        // Exactly: equal numbers of a file are equal bits.
         middles.iter().all(|t_m| *t_m == first_m).then_some(first_m)
     }
 }

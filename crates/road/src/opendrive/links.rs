@@ -72,6 +72,7 @@ impl Junctions {
             Ok(JunctionConnection {
                 from: it.need("incomingRoad")?.to_owned(),
                 over: RoadLink {
+                    // Without a road the link leads nowhere: an error only on a way through it.
                     id: over.unwrap_or_default().to_owned(),
                     is_junction: false,
                     at_end: it.raw("contactPoint") == Some("end"),

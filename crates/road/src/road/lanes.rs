@@ -208,6 +208,7 @@ impl Road {
         // An arc narrower than the road would fold its lanes over each other.
         let reach_m = self.lanes() as f64 * self.lane_width_m();
         match self {
+            // Without legs, so that coordinates are those of the world to the bit.
             Road::Straight { .. } => Ok(Course::straight()),
             Road::Curved { pieces, .. } => Course::of_pieces(pieces, reach_m),
             Road::Polyline {

@@ -55,6 +55,7 @@ impl SurfaceMesh {
             for column in 1..width {
                 let right = first + (row - 1) * width + column - 1;
                 let ahead = right + width;
+                // Counter-clockwise from above, so that normals point upwards.
                 self.triangles.push([right, ahead, ahead + 1]);
                 self.triangles.push([right, ahead + 1, right + 1]);
             }
@@ -69,6 +70,7 @@ pub fn stations_m(course: &Course, profile: &RoadProfile, within_m: &Range<f64>)
         .grades
         .iter()
         .map(|grade| grade.from_s_m)
+        // The ends of the vertical curve around the station of each grade.
         .flat_map(|s_m| [s_m - half_m, s_m + half_m]);
     let arcs = course.pieces();
     let pieces = arcs
@@ -82,6 +84,7 @@ pub fn stations_m(course: &Course, profile: &RoadProfile, within_m: &Range<f64>)
         .collect();
     edges.extend([within_m.start, within_m.end]);
     edges.sort_by(f64::total_cmp);
+    // Equal edges would make facets without an area.
     edges.dedup();
     let mut stations_m = vec![within_m.start];
     for pair in edges.windows(2) {
@@ -89,6 +92,7 @@ pub fn stations_m(course: &Course, profile: &RoadProfile, within_m: &Range<f64>)
         let mut facet_m = length_m;
         let bend_per_m = profile.curvature_per_m(middle_m).abs();
         if bend_per_m > 0.0 {
+            // The rise changes by curvature times length, and by a bounded amount per facet.
             facet_m = facet_m.min((FACET_RISE / bend_per_m).clamp(FACET_M.0, FACET_M.1));
         }
         let is_twisted = profile.bank(pair[0]) != profile.bank(pair[1]);
@@ -110,6 +114,7 @@ fn offsets_m(course: &Course, profile: &RoadProfile, borders_m: &Range<f64>) -> 
     let bends = pieces.iter().map(|piece| piece.curvature_per_m);
     let (mut least_m, mut most_m) = (right_m - SHOULDER_M, left_m + SHOULDER_M);
     for bend_per_m in bends.clone().filter(|bend_per_m| *bend_per_m != 0.0) {
+        // Beyond the centre of a bend, the surface would fold over itself.
         let inside_m = INSIDE / bend_per_m;
         if bend_per_m > 0.0 {
             most_m = most_m.min(inside_m.max(left_m));

@@ -70,6 +70,7 @@ impl Leg {
             // itself is far away on slight bends and is never computed.
             (libm::atan2(across, towards) / k, (1.0 - radii) / k)
         };
+        // Beyond its ends the leg answers for its nearest end, and its neighbour is nearer.
         let on_m = along_m.clamp(0.0, self.length_m);
         let away_m = if on_m == along_m {
             // Beside the leg the lateral offset is the distance, without
@@ -93,6 +94,7 @@ impl Leg {
     pub(super) fn disc(&self) -> LegDisc {
         let middle = self.pose(0.5 * self.length_m, 0.0);
         LegDisc {
+            // No point of a leg is farther from its middle than half of its length.
             middle_m: [middle.x_m, middle.y_m],
             radius_m: 0.5 * self.length_m,
         }

@@ -50,6 +50,7 @@ impl LegIndex {
     /// Returns the numbers of the legs of a box.
     fn boxed(&self, number: usize) -> core::ops::Range<usize> {
         let first = number.checked_sub(1).map_or(0, |nth| 1 + nth * BOXED_LEGS);
+        // Box 0 has the first leg alone, and each further one the next eight.
         let behind = 1 + number * BOXED_LEGS;
         first..behind.min(self.discs.len())
     }
@@ -59,6 +60,7 @@ impl LegIndex {
         let away_m2 = self.boxes.iter().map(|it| it.away_m2(pose));
         let near = away_m2.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
         let legs = self.boxed(near.map_or(0, |(number, _)| number));
+        // By discs, which are cheaper than the legs and near enough for a guess.
         let away_m = legs.map(|leg| (leg, self.discs[leg].away_m(pose)));
         let least = away_m.min_by(|(_, a), (_, b)| a.total_cmp(b));
         least.map_or(0, |(leg, _)| leg)
