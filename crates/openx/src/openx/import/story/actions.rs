@@ -39,7 +39,9 @@ impl StoryWriter<'_> {
             "PrivateAction" => {
                 let is_free = !part.actors.iter().any(|it| self.ground.is_steered(it));
                 let is_still = is_still(node, &part.scope, is_free).unwrap_or(false);
-                let is_absent = |it: &String| self.ground.absent.contains(it);
+                // What the ego does is left to the user, or refused.
+                let ego = &self.ground.ego.name;
+                let is_absent = |it: &String| it == ego || self.ground.absent.contains(it);
                 let of_nobody = !self.is_triggering(number) && part.actors.iter().all(is_absent);
                 !is_still && !of_nobody
             }
