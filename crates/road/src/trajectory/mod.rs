@@ -333,7 +333,8 @@ fn polyline_headings(
     }
     let is_along =
         |it: &AtStation| wrapped(it.value - course.pose(it.s_m, 0.0).heading_rad).abs() <= SAME_RAD;
-    if all.iter().all(is_along) {
+    let is_straight = all.windows(2).all(|pair| pair[0].value == pair[1].value);
+    if is_straight && all.iter().all(is_along) {
         all.clear();
     }
     all

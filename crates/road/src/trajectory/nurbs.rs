@@ -99,8 +99,8 @@ impl Nurbs {
 
     fn interpolated(&self, at: f64, from: usize, to: usize) -> f64 {
         let all = &self.lengths_m;
-        let after = all.partition_point(|it| it[from] <= at);
-        let after = after.clamp(1, all.len() - 1);
+        let begun = all.partition_point(|it| it[from] <= at);
+        let after = begun.clamp(1, all.len() - 1);
         let (a, b) = (all[after - 1], all[after]);
         let share = if b[from] > a[from] {
             ((at - a[from]) / (b[from] - a[from])).clamp(0.0, 1.0)
@@ -142,12 +142,12 @@ impl Nurbs {
     fn at_parameter(&self, at: f64) -> ([f64; 2], [f64; 2]) {
         let degree = self.order - 1;
         let begun = self.knots.partition_point(|knot| *knot <= at);
-        let span = begun.saturating_sub(1).clamp(degree, self.points.len() - 1);
+        let last = begun.saturating_sub(1).clamp(degree, self.points.len() - 1);
         // The last parameter belongs to the last span that has a length.
-        let span = (degree..=span)
+        let span = (degree..=last)
             .rev()
             .find(|it| self.knots[it + 1] > self.knots[*it])
-            .unwrap_or(span);
+            .unwrap_or(last);
         let mut d = [[0.0; 3]; MOST_ORDER];
         d[..self.order].copy_from_slice(&self.points[span - degree..=span]);
         let mut slope = [0.0; 3];

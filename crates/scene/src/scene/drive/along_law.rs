@@ -1,5 +1,6 @@
 //! Laws of motion along the path that depend on another agent, and limits of speed.
 
+use super::motion_profile::SpeedRamp;
 use crate::road::ChangeShape;
 use crate::sim::Pose;
 use crate::story::values::{Dimension, DistanceOrTime, DynamicLimits, FinalSpeed};
@@ -93,4 +94,38 @@ pub(super) enum AlongAim {
         final_speed: Option<FinalSpeed<f64>>,
         steady: Option<DistanceOrTime<f64>>,
     },
+}
+
+/// Law along the path, in motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AlongRun {
+    pub law: AlongLaw,
+    /// Speed at the beginning.
+    pub from_mps: f64,
+    /// Share of that speed that a transition still has.
+    pub left: SpeedRamp,
+    pub accel_mps2: f64,
+    pub next_s: f64,
+}
+
+impl AlongRun {
+    pub(super) fn new(law: AlongLaw, at_s: f64) -> AlongRun {
+        AlongRun {
+            law,
+            from_mps: 0.0,
+            left: SpeedRamp::steady(0.0),
+            accel_mps2: 0.0,
+            next_s: at_s,
+        }
+    }
+
+    /// Returns the acceleration now.
+    pub(super) fn accel_mps2(&self) -> f64 {
+        self.accel_mps2
+    }
+
+    /// Returns the end of its present step.
+    pub(super) fn next_s(&self) -> f64 {
+        self.next_s
+    }
 }

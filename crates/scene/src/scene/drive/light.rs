@@ -60,7 +60,7 @@ pub(super) struct LightState {
     /// The sample at which the phase began.
     pub since: usize,
     /// Whether a story has set it, which ends its schedule.
-    is_told: bool,
+    is_set_by_story: bool,
 }
 
 impl LightState {
@@ -73,14 +73,14 @@ impl LightState {
         LightState {
             phase,
             since: 0,
-            is_told: false,
+            is_set_by_story: false,
         }
     }
 
     /// Updates a scheduled light to a time.
     pub(super) fn keep_time(&mut self, light: &Light, time_s: f64, sample: usize) {
         if let LightDrive::Schedule(schedule) = &light.drive
-            && !self.is_told
+            && !self.is_set_by_story
         {
             self.show(schedule.at(time_s, light.phase), sample);
         }
@@ -94,8 +94,8 @@ impl LightState {
     }
 
     /// Shows a phase from now on, whatever its schedule states.
-    pub(super) fn tell(&mut self, phase: Phase, sample: usize) {
-        self.is_told = true;
+    pub(super) fn set(&mut self, phase: Phase, sample: usize) {
+        self.is_set_by_story = true;
         self.show(phase, sample);
     }
 

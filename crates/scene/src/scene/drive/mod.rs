@@ -5,6 +5,7 @@
 
 mod actions;
 mod after_contact;
+mod beside_law;
 mod along_law;
 mod attitude;
 mod bounds;

@@ -7,8 +7,14 @@ use crate::road::ChangeShape;
 /// Largest difference at which two instants count as equal.
 pub(super) const SAME_S: f64 = 1e-9;
 
+/// Step in which motion is planned that depends on other agents.
+const STEP_S: f64 = 0.01;
+
 /// Lateral speed from which a change is a jump, as no body drives it.
 const JUMP_MPS: f64 = 1000.0;
+
+/// Halvings of an interval, after which it is shorter than any time that matters.
+const HALVINGS: u32 = 60;
 
 /// A speed that changes.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +36,15 @@ pub(super) struct Swing {
     pub shape: ChangeShape,
     /// True if lateral motion reduces progress along the road.
     pub is_slanted: bool,
+    /// Way over which it goes on, instead of a time. `lasts_s` then follows the speed.
+    pub over: Option<SwingWay>,
+}
+
+/// Way of a lateral motion that goes on as its body drives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SwingWay {
+    pub whole_m: f64,
+    pub done_m: f64,
 }
 
 impl SpeedRamp {
@@ -93,7 +108,47 @@ impl SpeedRamp {
     }
 }
 
+impl SpeedRamp {
+    /// Returns the time at which a way is driven from a time on, infinite for never.
+    pub(super) fn driven_s(&self, from_s: f64, way_m: f64) -> f64 {
+        let changes_m = self.way_m(from_s, self.ends_s().max(from_s));
+        if way_m >= changes_m {
+            return self.ends_s().max(from_s) + (way_m - changes_m) / self.to_mps;
+        }
+        // The way grows with time, and each half of the interval holds its end or not.
+        let (mut early_s, mut late_s) = (from_s, self.ends_s());
+        for _ in 0..HALVINGS {
+            let middle_s = 0.5 * (early_s + late_s);
+            if self.way_m(from_s, middle_s) < way_m {
+                early_s = middle_s;
+            } else {
+                late_s = middle_s;
+            }
+        }
+        late_s
+    }
+}
+
 impl Swing {
+    /// Lets it end when its way is driven, as the speed now says.
+    pub(super) fn time_by(&mut self, ramp: &SpeedRamp, now_s: f64) {
+        // Its end stays once it is there.
+        if let Some(over) = self.over.filter(|it| it.done_m < it.whole_m) {
+            let ends_s = ramp.driven_s(now_s, over.whole_m - over.done_m);
+            self.lasts_s = ends_s - self.begins_s;
+        }
+    }
+
+    /// Returns its way while its body drives `way_m` of the way over which it goes on.
+    fn over_m(&mut self, over: SwingWay, way_m: f64) -> f64 {
+        let done_m = (over.done_m + way_m.max(0.0)).min(over.whole_m);
+        let share = |at_m: f64| at_m / over.whole_m;
+        let changed = self.shape.changed(share(done_m)) - self.shape.changed(share(over.done_m));
+        self.over = Some(SwingWay { done_m, ..over });
+        // A body moves sideways no farther than it drives.
+        (self.by_m * changed).clamp(-way_m.max(0.0), way_m.max(0.0))
+    }
+
     pub(super) fn ends_s(&self) -> f64 {
         self.begins_s + self.lasts_s
     }
@@ -120,7 +175,7 @@ impl Swing {
 
     /// Returns whether it displaces its body at once, without a motion.
     pub(super) fn is_jump(&self) -> bool {
-        self.most_mps() >= JUMP_MPS
+        self.over.is_none() && self.most_mps() >= JUMP_MPS
     }
 
     /// Returns its way within an interval in which the body drives `way_m`.
@@ -128,6 +183,9 @@ impl Swing {
     /// A body moves sideways no farther than it drives. The rest of the motion is
     /// delayed by what it lags behind.
     pub(super) fn driven_m(&mut self, way_m: f64, from_s: f64, to_s: f64) -> f64 {
+        if let Some(over) = self.over {
+            return self.over_m(over, way_m);
+        }
         if self.ends_s() <= from_s {
             return 0.0;
         }
@@ -151,9 +209,16 @@ impl Swing {
         aside_m
     }
 
-    pub(super) fn speed_mps(&self, time_s: f64) -> f64 {
+    /// Returns its speed at a time, of a body with a speed along its path.
+    pub(super) fn speed_mps(&self, time_s: f64, along_mps: f64) -> f64 {
         if self.is_jump() {
             return 0.0;
+        }
+        if let Some(over) = self.over {
+            let share = over.done_m / over.whole_m;
+            let is_going = (0.0..1.0).contains(&share);
+            let per_m = self.by_m / over.whole_m * self.shape.rate(share);
+            return if is_going { per_m * along_mps } else { 0.0 };
         }
         let share = (time_s - self.begins_s) / self.lasts_s;
         if self.lasts_s > 0.0 && (0.0..1.0).contains(&share) {
@@ -171,4 +236,11 @@ impl Swing {
 pub(super) fn forward_part(total: f64, lateral: f64) -> f64 {
     // The guard covers rounding where the motion is purely lateral.
     (total * total - lateral * lateral).max(0.0).sqrt()
+}
+
+/// Returns the next instant at which motion is planned that depends on other agents.
+///
+/// They count from the episode's start, so that they are the same for all sample times.
+pub(super) fn next_step_s(time_s: f64) -> f64 {
+    ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S
 }

@@ -16,9 +16,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use self::along::AlongRun;
-pub(super) use self::along::next_step_s;
-use self::beside::BesideRun;
+use super::beside_law::BesideRun;
+use super::along_law::AlongRun;
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionPlan, ScriptStep, Unmet};
 use super::plan_way::{PlanWay, TimedLegs};
@@ -301,7 +300,7 @@ impl PlanRun {
         let sample_s = to_s - from_s;
         let speed_mps = self.ramp.speed_mps(to_s);
         let strayed_m = self.stray_on(deviation, speed_mps, sample_s, driven);
-        let wanted_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s));
+        let wanted_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s, speed_mps));
         let end = SampleEnd {
             sample_s,
             speed_mps,
@@ -342,7 +341,7 @@ impl PlanRun {
     /// Returns whether a lateral motion may be faster than the body, now or later.
     fn may_lag(&self, swing: &Swing, time_s: f64) -> bool {
         let slowest_mps = self.ramp.speed_mps(time_s).min(self.ramp.to_mps);
-        slowest_mps < swing.most_mps()
+        swing.over.is_some() || slowest_mps < swing.most_mps()
     }
 
     /// Advances between two instants at which no law begins or ends.

@@ -177,7 +177,7 @@ impl SceneState {
 
     /// Shows a phase of a light from now on.
     pub(super) fn show(&mut self, light: usize, phase: Phase) {
-        self.lights[light].tell(phase, self.sample);
+        self.lights[light].set(phase, self.sample);
     }
 
     /// Applies an ado's action to a light.

@@ -12,7 +12,8 @@ use std::sync::Arc;
 
 use super::actions::Maneuver;
 use super::layout::DriveLayout;
-use super::plan_execution::{Arrival, PlanRun, SampleSpan, next_step_s};
+use super::motion_profile::next_step_s;
+use super::plan_execution::{Arrival, PlanRun, SampleSpan};
 use super::spec::Drive;
 use super::state::SceneState;
 use super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw};

@@ -3,6 +3,8 @@
 use core::f64::consts::PI;
 
 use super::along_law::{AlongLaw, SpeedLimits};
+use super::beside_law::BesideLaw;
+use super::motion_profile::SwingWay;
 use super::plan_way::TrajectoryLaw;
 use crate::road::ChangeShape;
 use crate::sim::Pose;
@@ -67,31 +69,6 @@ pub(super) enum LateralBase {
     Course,
 }
 
-/// Lateral place to another agent, and the limits of the motion to it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct BesideLaw {
-    pub of: usize,
-    /// Distance between the reference points, to the left of the other.
-    pub by_m: f64,
-    /// Distance from the reference point of the other to its front.
-    pub front_m: f64,
-    /// Whether the distance is across the axis of the other, and not across the road.
-    pub in_its_axes: bool,
-    /// Whether it goes on once the place is reached.
-    pub continuous: bool,
-    pub most_mps: f64,
-    pub most_accel_mps2: f64,
-    pub most_decel_mps2: f64,
-}
-
-impl BesideLaw {
-    /// Returns whether the place is reached at once.
-    pub(super) fn is_unlimited(&self) -> bool {
-        let most = [self.most_mps, self.most_accel_mps2, self.most_decel_mps2];
-        most.iter().all(|it| it.is_infinite())
-    }
-}
-
 /// Duration of a lateral motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum LateralTiming {
@@ -117,14 +94,33 @@ pub(super) fn greatest_rate(
 }
 
 impl LateralTiming {
+    /// Returns the way of a motion that goes on as its body drives, `None` for others.
+    pub(super) fn way(self, shape: ChangeShape, by_m: f64) -> Option<SwingWay> {
+        const PARTS: u32 = 100;
+        let LateralTiming::Size(Dimension::Distance(road_m)) = self else {
+            return None;
+        };
+        // The line that moves aside on this length of road is longer than that.
+        let step = 1.0 / f64::from(PARTS);
+        let lengths_m = (0..PARTS).map(|part| {
+            let share = f64::from(part) * step;
+            let aside_m = by_m * (shape.changed(share + step) - shape.changed(share));
+            libm::hypot(road_m * step, aside_m)
+        });
+        Some(SwingWay {
+            whole_m: lengths_m.sum(),
+            done_m: 0.0,
+        })
+    }
+
     /// Returns the duration of a motion.
-    pub(super) fn lasts_s(self, shape: ChangeShape, by_m: f64, speed_mps: f64) -> f64 {
+    pub(super) fn lasts_s(self, shape: ChangeShape, by_m: f64) -> f64 {
         let way_m = by_m.abs();
         match self {
             LateralTiming::Size(Dimension::Rate(rate)) => shape.peak() * way_m / rate,
             LateralTiming::Size(Dimension::Time(time_s)) => time_s,
-            // A standing body would need forever, and drives no way.
-            LateralTiming::Size(Dimension::Distance(drive_m)) => drive_m / speed_mps.max(1e-3),
+            // The way decides, and the speed on it when it is driven.
+            LateralTiming::Size(Dimension::Distance(_)) => 0.0,
             // Greatest acceleration of each shape over its duration. A line has none.
             LateralTiming::Acceleration(most_mps2) => match shape {
                 ChangeShape::Linear => 0.0,

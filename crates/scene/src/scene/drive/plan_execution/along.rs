@@ -1,7 +1,7 @@
 //! Speeds that follow another agent, in steps that no sample time changes.
 
-use super::super::along_law::{AlongAim, AlongLaw};
-use super::super::motion_profile::{SAME_S, SpeedRamp};
+use super::super::along_law::{AlongAim, AlongLaw, AlongRun};
+use super::super::motion_profile::{SAME_S, SpeedRamp, next_step_s};
 use super::super::story_law::greatest_rate;
 use super::{PlanRun, SampleSpan, Stray};
 use crate::road::{ChangeShape, Course};
@@ -10,8 +10,6 @@ use crate::story::axis::AxisSpan;
 use crate::story::values::{Dimension, DistanceOrTime, FinalSpeed};
 use crate::story::view::{AgentMotion, AgentSize};
 
-/// Step in which the motion is planned.
-const STEP_S: f64 = 0.01;
 /// Distance from the aim that counts as reached.
 const REACHED_M: f64 = 0.1;
 /// Stiffness of the approach to a distance, for each m/s² of its limit.
@@ -23,52 +21,11 @@ const SAME_M: f64 = 1e-5;
 /// Speed below which an agent never arrives.
 const STANDS_MPS: f64 = 1e-3;
 
-/// Law along the path, in motion.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct AlongRun {
-    law: AlongLaw,
-    /// Speed at the beginning.
-    from_mps: f64,
-    /// Share of that speed that a transition still has.
-    left: SpeedRamp,
-    accel_mps2: f64,
-    next_s: f64,
-}
-
 /// Time and way that are left to a meeting.
 struct ArrivalAhead {
     own_m: f64,
     its_m: f64,
     its_mps: f64,
-}
-
-impl AlongRun {
-    pub(super) fn new(law: AlongLaw, at_s: f64) -> AlongRun {
-        AlongRun {
-            law,
-            from_mps: 0.0,
-            left: SpeedRamp::steady(0.0),
-            accel_mps2: 0.0,
-            next_s: at_s,
-        }
-    }
-
-    /// Returns the acceleration now.
-    pub(super) fn accel_mps2(&self) -> f64 {
-        self.accel_mps2
-    }
-
-    /// Returns the end of its present step.
-    pub(super) fn next_s(&self) -> f64 {
-        self.next_s
-    }
-}
-
-/// Returns the next instant at which motion is planned that depends on other agents.
-///
-/// They count from the episode's start, so that they are the same for all sample times.
-pub(in super::super) fn next_step_s(time_s: f64) -> f64 {
-    ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S
 }
 
 fn size_of(agent: usize, span: SampleSpan<'_>) -> AgentSize {

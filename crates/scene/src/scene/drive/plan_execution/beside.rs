@@ -1,66 +1,12 @@
 //! Lateral places that a plan keeps to another agent, in steps that no sample time changes.
 
-use super::super::motion_profile::{SAME_S, Swing};
-use super::super::story_law::BesideLaw;
-use super::along::next_step_s;
+use super::super::beside_law::{BesideLaw, BesideTarget};
+use super::super::motion_profile::{SAME_S, Swing, next_step_s};
 use super::{PlanRun, SampleSpan};
 use crate::road::ChangeShape;
 
 /// Distance at which a place counts as reached.
 const REACHED_M: f64 = 0.01;
-
-/// Lateral place to another agent, in motion.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct BesideRun {
-    law: BesideLaw,
-    lateral_mps: f64,
-    /// End of its present step.
-    next_s: f64,
-}
-
-/// Lateral place that is aimed at, and its speed.
-struct BesideTarget {
-    lateral_m: f64,
-    lateral_mps: f64,
-}
-
-impl BesideRun {
-    pub(super) fn new(law: BesideLaw, at_s: f64) -> BesideRun {
-        BesideRun {
-            law,
-            lateral_mps: 0.0,
-            next_s: at_s,
-        }
-    }
-
-    /// Returns the end of its present step.
-    pub(super) fn next_s(&self) -> f64 {
-        self.next_s
-    }
-
-    /// Returns the lateral way of a step towards a place at its end.
-    fn step_m(&mut self, from_m: f64, target: &BesideTarget, speed_mps: f64, for_s: f64) -> f64 {
-        let left_m = target.lateral_m - from_m;
-        if self.law.is_unlimited() {
-            return left_m;
-        }
-        // As fast as it can still stop beside the target.
-        let stopping_mps = (2.0 * self.law.most_decel_mps2 * left_m.abs()).sqrt();
-        let closing_mps = stopping_mps.min(left_m.abs() / for_s);
-        let sideways_mps = target.lateral_mps + closing_mps.copysign(left_m);
-        let most_mps = self.law.most_mps.min(speed_mps);
-        let wanted_mps = sideways_mps.clamp(-most_mps, most_mps);
-        let rate_mps2 = if wanted_mps.abs() < self.lateral_mps.abs() {
-            self.law.most_decel_mps2
-        } else {
-            self.law.most_accel_mps2
-        };
-        let most_change_mps = rate_mps2 * for_s;
-        let change_mps = wanted_mps - self.lateral_mps;
-        self.lateral_mps += change_mps.clamp(-most_change_mps, most_change_mps);
-        self.lateral_mps * for_s
-    }
-}
 
 impl PlanRun {
     fn target_of(&self, law: &BesideLaw, at_s: f64, span: SampleSpan<'_>) -> BesideTarget {
@@ -113,6 +59,7 @@ impl PlanRun {
             by_m: halves * by_m,
             shape: ChangeShape::Linear,
             is_slanted: true,
+            over: None,
         });
         self.beside = Some(beside);
     }

@@ -29,6 +29,14 @@ impl PlanRun {
         self.begin_laws(time_s, span);
         self.settle_way(time_s, span);
         self.begin_profile(time_s);
+        self.settle_steps(time_s, span);
+        // The speed may be another one from now on.
+        if let Some(swing) = &mut self.swing {
+            swing.time_by(&self.ramp, time_s);
+        }
+    }
+
+    fn settle_steps(&mut self, time_s: f64, span: SampleSpan<'_>) {
         loop {
             match self.phase {
                 PlanPhase::Due(at_s) if at_s <= time_s + SAME_S => {
@@ -76,7 +84,7 @@ impl PlanRun {
         let law = self.laws.front().map(|law| law.at_s);
         let leg = self.legs.as_ref().map(TimedLegs::next_s);
         let along = self.along.map(|it| it.next_s());
-        let beside = self.beside.map(|it| it.next_s());
+        let beside = self.beside.map(|it| it.next_s);
         let profile = self.profile.front().map(|it| it.begins_s);
         let ramp = Some(self.ramp.ends_s());
         let changes = [Some(step_s), ramp, profile, along, beside, swing, law, leg];
@@ -141,6 +149,7 @@ impl PlanRun {
                         by_m: *by_m,
                         shape,
                         is_slanted: true,
+                        over: None,
                     })
                 }
                 MotionLaw::LaneOffset {
@@ -157,6 +166,7 @@ impl PlanRun {
                         by_m,
                         shape: ChangeShape::Cosine,
                         is_slanted: false,
+                        over: None,
                     })
                 }
             };

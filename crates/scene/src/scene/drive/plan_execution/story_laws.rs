@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 
 use super::super::along_law::SpeedLimits;
+use super::super::beside_law::BesideRun;
 use super::super::motion_profile::{SAME_S, SpeedRamp, Swing};
 use super::super::plan_way::PlanWay;
 use super::super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw, greatest_rate};
-use super::beside::BesideRun;
 use super::{Arrival, PlanRun, SampleSpan};
 use crate::ego::Command;
 use crate::road::{ChangeShape, Course, Road};
@@ -75,13 +75,14 @@ impl PlanRun {
                 let from_m = self.base_m(from, span.road);
                 let by_m = from_m + offset_m - self.lateral_m;
                 self.beside = None;
-                let lasts_s = shape.map_or(0.0, |shape| timing.lasts_s(shape, by_m, now_mps));
+                let lasts_s = shape.map_or(0.0, |shape| timing.lasts_s(shape, by_m));
                 self.swing = Some(Swing {
                     begins_s: at_s,
                     lasts_s,
                     by_m,
                     shape: shape.unwrap_or(ChangeShape::Linear),
                     is_slanted: matches!(timing, LateralTiming::Size(_)),
+                    over: shape.and_then(|shape| timing.way(shape, by_m)),
                 });
             }
             StoryLaw::KeepSpeed => self.leave_speed(at_s, now_mps),

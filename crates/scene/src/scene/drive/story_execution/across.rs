@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::SampleStage;
 use crate::road::{OnRoad, RoadNetwork};
+use crate::scene::drive::beside_law::BesideLaw;
 use crate::scene::drive::plan_way::{TrajectoryClock, TrajectoryLaw};
-use crate::scene::drive::story_law::{BesideLaw, LateralBase, LateralTiming, StoryLaw};
+use crate::scene::drive::story_law::{LateralBase, LateralTiming, StoryLaw};
 use crate::sim::Pose;
 use crate::story::values::{CoordinateSystem, DistanceOrTime, FollowingMode, TrajectoryTiming};
 use crate::story::view::{
