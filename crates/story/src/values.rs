@@ -18,6 +18,7 @@ pub use conditions::{
     EntityCondition, Expression, SignalState, Trigger, TriggeringRule,
 };
 pub use number::StoryNumber;
+use number::is_default;
 pub use position::StoryPosition;
 pub use trajectory::{
     ClothoidPiece, ControlPoint, StoryTrajectory, TrajectoryTiming, TrajectoryVertex,
@@ -100,7 +101,7 @@ pub struct ManeuverGroup {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actors: Vec<String>,
     /// Whether agents that fulfil the conditions of an event's trigger are actors, too.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub actors_are_triggering: bool,
     /// Number of executions.
     #[serde(default = "once", skip_serializing_if = "is_once")]
@@ -156,12 +157,4 @@ fn once() -> u32 {
 
 fn is_once(count: &u32) -> bool {
     *count == once()
-}
-
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
-fn is_false(it: &bool) -> bool {
-    !it
 }

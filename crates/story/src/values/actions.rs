@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::number::is_default;
 use super::{
     CoordinateSystem, SignalState, StoryNumber, StoryPosition, StoryTrajectory, TrajectoryTiming,
-    is_default, is_false,
 };
 use crate::road::ChangeShape;
 
@@ -69,7 +69,7 @@ pub enum Effect {
         #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// Whether it goes on once the distance is reached.
-        #[serde(default, skip_serializing_if = "is_false")]
+        #[serde(default, skip_serializing_if = "is_default")]
         continuous: bool,
         /// Limits of the motion. Without any the distance is reached at once.
         #[serde(default, skip_serializing_if = "DynamicLimits::is_unlimited")]
@@ -112,7 +112,7 @@ pub enum Effect {
         #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
         /// Whether it goes on once the distance is reached.
-        #[serde(default, skip_serializing_if = "is_false")]
+        #[serde(default, skip_serializing_if = "is_default")]
         continuous: bool,
         /// Limits of the lateral motion. Without any the distance is reached at once.
         #[serde(default, skip_serializing_if = "DynamicLimits::is_unlimited")]
@@ -127,7 +127,7 @@ pub enum Effect {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         target: Option<OffsetTarget>,
         /// Whether it goes on once the offset is reached.
-        #[serde(default, skip_serializing_if = "is_false")]
+        #[serde(default, skip_serializing_if = "is_default")]
         continuous: bool,
         /// Course of the change.
         #[serde(default = "sinusoidal")]
@@ -359,7 +359,7 @@ pub enum SpeedTarget {
         /// Difference.
         value_mps: StoryNumber,
         /// Whether it follows the other's speed and never ends by itself.
-        #[serde(default, skip_serializing_if = "is_false")]
+        #[serde(default, skip_serializing_if = "is_default")]
         continuous: bool,
     },
     /// Speed of another agent at the start of the action, times a factor.
@@ -369,7 +369,7 @@ pub enum SpeedTarget {
         /// Factor.
         value: StoryNumber,
         /// Whether it follows the other's speed and never ends by itself.
-        #[serde(default, skip_serializing_if = "is_false")]
+        #[serde(default, skip_serializing_if = "is_default")]
         continuous: bool,
     },
 }

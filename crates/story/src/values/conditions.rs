@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{StoryNumber, StoryPosition, is_default};
+use super::number::is_default;
+use super::{StoryNumber, StoryPosition};
 
 /// Groups of conditions. One group suffices, and all of its conditions must hold.
 pub type Trigger = Vec<Vec<Condition>>;

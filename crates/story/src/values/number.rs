@@ -27,3 +27,8 @@ impl Default for StoryNumber {
         StoryNumber::Number(0.0)
     }
 }
+
+/// Returns whether a field may be left out.
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

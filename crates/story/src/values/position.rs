@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{StoryNumber, is_default};
+use super::StoryNumber;
+use super::number::is_default;
 
 /// Place in the world.
 ///
