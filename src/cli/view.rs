@@ -77,10 +77,7 @@ fn drivers() -> PossibleValuesParser {
 pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     refuse_program("view", &args.program)?;
     let kind = args.output.as_deref().map(ViewKind::of).transpose()?;
-    let format = match kind {
-        Some(ViewKind::Picture(format)) => Some(format),
-        _ => None,
-    };
+    let format = kind.and_then(ViewKind::format);
     if args.beside.is_some() && format.is_none() {
         return Err(Failure::input(
             "`--beside` is for pictures",
@@ -103,17 +100,10 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
         let message = format!("there is nothing to see: {fault}");
         return Err(Failure::fault(message, None));
     }
-    match (&args.output, format) {
+    match args.output.as_deref().zip(format) {
         _ if args.live.is_given() => stream(args, &replayed),
-        (Some(output), Some(format)) => {
-            let picture = ViewedPicture {
-                format,
-                ego: &ego,
-                output,
-            };
-            draw(args, first, &picture)
-        }
-        _ => recording(args, first),
+        Some((output, format)) => draw(args, first, &ego, output, format),
+        None => recording(args, first),
     }?;
     Ok(Exit::Done)
 }
@@ -226,24 +216,23 @@ fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
     }
 }
 
-/// Picture to write, with the name of the ego.
-struct ViewedPicture<'a> {
-    format: PictureFormat,
-    ego: &'a str,
-    output: &'a Path,
-}
-
 /// Writes the picture.
-fn draw(args: &ViewArgs, replayed: &Replayed, to: &ViewedPicture<'_>) -> Result<(), Failure> {
+fn draw(
+    args: &ViewArgs,
+    replayed: &Replayed,
+    ego: &str,
+    output: &Path,
+    format: PictureFormat,
+) -> Result<(), Failure> {
     let mut drivers = ReferenceDriver::VARIANTS.iter().copied();
     let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
-    let bytes = picture_as(to.format, replayed, to.ego, beside)?;
-    write_file(to.output, &bytes)?;
-    let file = to.output.display().to_string();
+    let bytes = picture_as(format, replayed, ego, beside)?;
+    write_file(output, &bytes)?;
+    let file = output.display().to_string();
     if args.json {
         return print_json(&json!({ "file": file, "bytes": bytes.len() }));
     }
-    let use_of_it = match to.format {
+    let use_of_it = match format {
         PictureFormat::Svg => "any browser plays it",
         #[cfg(feature = "raster")]
         PictureFormat::Png => "a still of its end",

@@ -114,6 +114,14 @@ impl ViewKind {
             _ => unknown(None),
         }
     }
+
+    /// Returns the format of a picture, and `None` for a recording.
+    pub fn format(self) -> Option<PictureFormat> {
+        match self {
+            ViewKind::Recording => None,
+            ViewKind::Picture(format) => Some(format),
+        }
+    }
 }
 
 /// A picture cannot be drawn.

@@ -63,7 +63,7 @@ pub fn looping_gif(
     };
     let palette = palette(colours.iter().flat_map(|(pixels, _)| pixels));
     let mut nearest = BTreeMap::new();
-    let frames = colours.into_iter().map(|(pixels, hundredths)| {
+    let indexed = colours.into_iter().map(|(pixels, hundredths)| {
         let index = |rgb: &Rgb| {
             *nearest
                 .entry(*rgb)
@@ -74,13 +74,13 @@ pub fn looping_gif(
             hundredths,
         }
     });
-    let mut frames: Vec<IndexedFrame> = frames.collect();
+    let mut shown: Vec<IndexedFrame> = indexed.collect();
     loop {
-        let file = encoded(size_px, &palette, &frames)?;
-        if file.len() <= MOST_GIF_BYTES || frames.len() < 3 {
+        let file = encoded(size_px, &palette, &shown)?;
+        if file.len() <= MOST_GIF_BYTES || shown.len() < 3 {
             return Ok(file);
         }
-        frames = halved(frames);
+        shown = halved(shown);
     }
 }
 

@@ -76,11 +76,10 @@ impl Keyframes {
     ///
     /// Returns the CSS class of the moving element.
     pub(super) fn moving(&mut self, values: &[(f64, String)]) -> String {
-        let values = values
+        let declared = values
             .iter()
             .map(|(at, it)| (*at, format!("transform:{it}")));
-        let values = values.collect();
-        format!("a {}", self.add(values, false))
+        format!("a {}", self.add(declared.collect(), false))
     }
 
     /// Adds a visibility: visible from each `true` to the next `false`.
@@ -91,8 +90,7 @@ impl Keyframes {
             let seen = if *seen { "visible" } else { "hidden" };
             (*at, format!("visibility:{seen}"))
         });
-        let values = values.collect();
-        format!("s {}", self.add(values, true))
+        format!("s {}", self.add(values.collect(), true))
     }
 
     /// Adds an animation, and returns its class.
