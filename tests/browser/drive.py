@@ -223,8 +223,13 @@ def test_the_number_of_the_start_is_shown_and_can_be_entered(browser, tmp_path):
         number.press("Enter")
         expect(sliders).to_have_text(third)
         expect(number).to_have_value("2")
-        # Values of your own are no test start.
+        # The same values are the same start, with all bits of its noise.
         page.locator("#setup summary").click()
+        page.locator("#begin").click()
+        expect(page.locator("#note")).to_have_text("")
+        page.wait_for_timeout(500)
+        expect(number).to_have_value("2")
+        # Values of your own are no test start.
         slider = page.locator("#start-sliders input").first
         slider.focus()
         slider.press("End")
@@ -235,6 +240,19 @@ def test_the_number_of_the_start_is_shown_and_can_be_entered(browser, tmp_path):
         number.press("Enter")
         expect(page.locator("#note")).to_contain_text("no start 1000000")
         expect(number).to_have_value("")
+
+
+def test_a_body_that_the_ego_does_not_see_is_said_to_be_so(browser, tmp_path):
+    text = (WORLDS / "acc.ron").read_text()
+    # The gap at a start is at least 3.4 m.
+    for range_m, is_hidden in [("1.0", True), ("1000.0", False)]:
+        sensors = f"plant: Rigid, sensors: (range_m: {range_m}),"
+        (tmp_path / "near.ron").write_text(text.replace("plant: Rigid,", sensors, 1))
+        with drive(browser, "near.ron", cwd=tmp_path) as page:
+            label = page.locator("#labels .ado")
+            expect(label).to_contain_text("m/s")
+            assert ("not seen by the ego" in label.inner_text()) == is_hidden, range_m
+            expect(page.locator("#labels .ego")).not_to_contain_text("not seen")
 
 
 def test_small_windows_show_the_scene_and_all_controls(browser, tmp_path):

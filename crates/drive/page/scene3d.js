@@ -191,7 +191,8 @@ export class Scene3d {
       add(asphalt, surface(borders));
       borders.forEach((line, at) => {
         const outer = at === 0 || at === borders.length - 1;
-        add(paint, ribbon(line, 0.15, 0.02, outer ? 0 : 3));
+        // Wider than true, so that none is lost between two pixels of the smaller picture.
+        add(paint, ribbon(line, 0.25, 0.02, outer ? 0 : 3));
       });
     });
     for (const light of geometry.lights) add(paint, ribbon(light.stop_line_m, 0.4, 0.03, 0));

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use indexmap::IndexMap;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::DriveError;
 use super::hand::Hand;
@@ -38,11 +38,22 @@ pub struct Setup {
     pub ado: AdoPlayer,
     /// A value per axis, in the world's order.
     pub start: Vec<f64>,
-    /// Seed of all noise.
+    /// Seed of all noise, as a text in messages: numbers of a page have 53 bits.
+    #[serde(serialize_with = "to_text", deserialize_with = "from_text")]
     pub noise: u64,
     /// Other values of the ego's parameters.
     #[serde(default)]
     pub ego_values: IndexMap<String, f64>,
+}
+
+fn to_text<S: Serializer>(seed: &u64, message: S) -> Result<S::Ok, S::Error> {
+    message.collect_str(seed)
+}
+
+fn from_text<'de, D: Deserializer<'de>>(message: D) -> Result<u64, D::Error> {
+    String::deserialize(message)?
+        .parse()
+        .map_err(serde::de::Error::custom)
 }
 
 /// World with your seat and the players that it offers.
