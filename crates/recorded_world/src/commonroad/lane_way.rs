@@ -81,8 +81,8 @@ impl EgoRoad {
                 .flat_map(Path::points)
                 .map(|it| it.0)
                 .collect();
-            let road = FittedRoad::of_lane(&points, radius_m);
-            let Some(road) = road.filter(|it| it.worst_m <= MOST_OFF_M) else {
+            let fitted = FittedRoad::of_lane(&points, radius_m);
+            let Some(road) = fitted.filter(|it| it.worst_m <= MOST_OFF_M) else {
                 continue;
             };
             let mut made = EgoRoad {
@@ -171,9 +171,9 @@ fn change(by: RouteTurn) -> i32 {
 
 /// Returns the lanes beside that of the start which there are all along the way to the goal.
 fn beside(map: &RoadMap, route: &EgoRoute<'_>, least: LanesBeside) -> LanesBeside {
-    let count = |id: &str, is_left: bool| {
+    let count = |from: &str, is_left: bool| {
         let mut lanes = 0;
-        let mut id = id;
+        let mut id = from;
         while let Some(lanelet) = map.lanelets.get(id).filter(|_| lanes < MOST_BESIDE) {
             let next = if is_left {
                 &lanelet.left

@@ -140,13 +140,13 @@ impl EgoOnWay<'_> {
                 lines.extend(self.stop_m(i, lanelet));
             }
         }
-        let each = lines.iter().map(|line_m| {
+        let stops = lines.iter().map(|line_m| {
             format!(
                 "(rise(ego.s > {line_m:?}) implies once (ego.speed <= {still_mps:?} and ego.s in [{:?}, {line_m:?}]))",
                 cm(line_m - before_m)
             )
         });
-        let each: Vec<String> = each.collect();
+        let each: Vec<String> = stops.collect();
         (!each.is_empty()).then(|| NamedFormula {
             name: "stops",
             stl: format!("always ({})", each.join(" and ")),
@@ -247,17 +247,12 @@ impl EgoOnWay<'_> {
 
     /// Returns the goals, of which one must be reached. `None` for goals of a time only.
     pub(super) fn goal(&self, drops: &mut Drops) -> Option<NamedFormula> {
-        let goals: Option<Vec<String>> = self
-            .problem
-            .goals
-            .iter()
-            .map(|it| self.one_goal(it, drops))
-            .collect();
+        let goals = self.problem.goals.iter();
         // A goal without a place and a speed is reached by waiting.
-        let goals = goals?;
+        let reached: Option<Vec<String>> = goals.map(|it| self.one_goal(it, drops)).collect();
         Some(NamedFormula {
             name: "goal",
-            stl: goals.join(" or "),
+            stl: reached?.join(" or "),
         })
     }
 
@@ -270,8 +265,7 @@ impl EgoOnWay<'_> {
         }
         let mut places: Vec<String> = Vec::new();
         for shape_m in &goal.shapes_m {
-            let corners = shape_m.iter().map(|it| self.on_road(*it));
-            let corners: Vec<[f64; 2]> = corners.collect();
+            let corners: Vec<[f64; 2]> = shape_m.iter().map(|it| self.on_road(*it)).collect();
             let bounds = bounds(&corners);
             if bounds.area_m2() > ROUGH * area_m2(shape_m) {
                 drops.add(

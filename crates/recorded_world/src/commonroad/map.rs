@@ -128,10 +128,10 @@ fn keep<T>(
 
 fn lanelet(node: &XmlNode) -> Result<MapLanelet, ImportError> {
     let bound = |name: &str| {
-        let bound = node.inner(name)?;
-        let points_m = points(bound)?;
+        let line = node.inner(name)?;
+        let points_m = points(line)?;
         if points_m.len() < 2 {
-            return Err(bound.refused("it has fewer than two points", "write at least two points"));
+            return Err(line.refused("it has fewer than two points", "write at least two points"));
         }
         Ok(points_m)
     };

@@ -79,8 +79,8 @@ impl<'a> EgoRoute<'a> {
             let Some(last) = self.steps.last() else { break };
             let course_rad = end_rad(last.lanelet)?;
             let mut best: Option<(f64, &'a str, &'a MapLanelet)> = None;
-            for id in &last.lanelet.successors {
-                let Some((id, lanelet)) = map.lanelets.get_key_value(id) else {
+            for successor in &last.lanelet.successors {
+                let Some((id, lanelet)) = map.lanelets.get_key_value(successor) else {
                     continue;
                 };
                 let turn_rad = wrapped(end_rad(lanelet)? - course_rad).abs();

@@ -88,8 +88,7 @@ impl ScenarioParts<'_> {
             first: problem.step,
             horizon_s: self.horizon_s(),
         };
-        let body = Body::shipped(EGO_BODY).and_then(Result::ok);
-        let Some(body) = body else {
+        let Some(body) = Body::shipped(EGO_BODY).and_then(Result::ok) else {
             // Invariant: shipped bodies parse.
             return Err(self.root.error("the ego's body is missing"));
         };
@@ -129,8 +128,8 @@ impl ScenarioParts<'_> {
             substeps: 4,
         };
         let mut all = vec![self.ego_agent(&ego, front.lateral_m)];
-        let places = traffic.iter().map(|it| (it.name.clone(), it.at.clone()));
-        let places: Vec<(String, At)> = places
+        let others = traffic.iter().map(|it| (it.name.clone(), it.at.clone()));
+        let places: Vec<(String, At)> = others
             .chain(lights.iter().map(|it| (it.name.clone(), it.at.clone())))
             .chain([("ego".to_owned(), problem.at.clone())])
             .collect();
@@ -219,11 +218,11 @@ impl ScenarioParts<'_> {
         lights: &[super::laws::LightAgent],
         drops: &mut Drops,
     ) -> Vec<NamedFormula> {
-        let reds = lights.iter().map(|it| {
+        let passes = lights.iter().map(|it| {
             let name = &it.name;
             format!("not ({name}.red and rise(ego.{name}.line < 0))")
         });
-        let reds: Vec<String> = reds.collect();
+        let reds: Vec<String> = passes.collect();
         let red = (!reds.is_empty()).then(|| NamedFormula {
             name: "no_red_light",
             stl: format!("always ({})", reds.join(" and ")),
@@ -242,12 +241,12 @@ impl ScenarioParts<'_> {
         let road = ego.road;
         let speed_mps = self.problem.speed_mps;
         let middle_m = road.ego_lane as f64 * road.lane_width_m;
-        let mean_s = self
+        let middles = self
             .problem
             .goals
             .iter()
             .map(|it| 0.5 * (it.steps.least + it.steps.most));
-        let mean_s = mean_s.fold(0.0, f64::max) * self.step_s;
+        let mean_s = middles.fold(0.0, f64::max) * self.step_s;
         let wish_mps = match goal_m(self.map, self.problem) {
             Some(way_m) if mean_s > 0.0 => (way_m / mean_s).max(speed_mps),
             _ => speed_mps,
