@@ -481,14 +481,14 @@ fn what_is_not_understood_is_refused_where_it_stands() {
         (
             "CCRs.xosc",
             "<StoryboardElementStateCondition",
-            "<TrafficSignalCondition",
+            "<UserDefinedValueCondition",
             "condition of this kind",
         ),
         (
             "CCRs.xosc",
             "LongitudinalDistanceAction freespace=\"true\"",
-            "LongitudinalDistanceAction freespace=\"false\"",
-            "only a clear gap",
+            "LongitudinalDistanceAction coordinateSystem=\"world\" freespace=\"true\"",
+            "the coordinate system `world`",
         ),
         (
             "CCRs.xosc",

@@ -58,7 +58,7 @@ fn problems_of_events_beside_one_another_are_all_named() {
         // An action with two parts and an unknown condition in one event, then another.
         does(both),
         first(UNKNOWN),
-        second(&time(9.0, "falling", 0.0), &odd),
+        second(&time(9.0, "odd", 0.0), &odd),
         edit(
             "<!--global-->",
             "<GlobalAction><SetMonitorAction/></GlobalAction><UserDefinedAction/>",
@@ -72,7 +72,7 @@ fn problems_of_events_beside_one_another_are_all_named() {
     for says in [
         "more than one part",
         "condition of this kind",
-        "falling edge",
+        "no edge `odd`",
         "SetMonitorAction",
         "UserDefinedAction",
         "LateralAction",
@@ -161,7 +161,7 @@ fn what_a_world_does_not_allow_is_named_where_the_files_say_it() {
             "<!--ego vehicle-->",
         ),
         (
-            first(time(1e6, "none", 0.0)),
+            first(time(2e6, "none", 0.0)),
             "Event `first`",
             r#"<Event name="first""#,
         ),

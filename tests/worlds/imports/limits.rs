@@ -94,12 +94,12 @@ fn one_message_names_all_that_is_not_read() {
             r#"dynamicsShape="odd" dynamicsDimension="rate" value="1""#,
         ),
         second(
-            &time(9.0, "falling", 0.0),
+            &time(9.0, "odd", 0.0),
             &lane_change("wavy", "time", 3.0),
         ),
     ];
     let error = refused(&edits);
-    assert_names(&error, 4, &["5000 m along", "this shape", "falling edge"]);
+    assert_names(&error, 4, &["5000 m along", "this shape", "no edge `odd`"]);
     assert_eq!(error.to_string().lines().count(), 4);
 }
 

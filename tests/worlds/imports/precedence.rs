@@ -84,7 +84,7 @@ fn bodies_of_one_name_keep_their_sizes() {
     let longer = lead.replace(r#"length="4.4""#, r#"length="6""#);
     let imported = imported(&[edit(lead, longer)]);
     let text = &imported.worlds[0].text;
-    for length in ["length_m: 4.4,", "length_m: 6,"] {
+    for length in ["length_m: 4.4,", "length_m: 6.0,"] {
         assert!(text.contains(length), "{length} is not in {text}");
     }
     // The rear axle is where the file places it, whatever the body.

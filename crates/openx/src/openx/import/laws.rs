@@ -19,6 +19,7 @@ pub(super) fn gap_of(
         && is("freespace", "true")
         && is("displacement", "leadingReferencedEntity")
         && action.child("DynamicConstraints").is_none()
+        && matches!(action.raw("coordinateSystem"), None | Some("entity" | "lane" | "road"))
         && scope.text(action, "entityRef")? == ego;
     if !fits {
         let what = "only a clear gap before the ego is read, taken once";
