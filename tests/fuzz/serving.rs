@@ -61,6 +61,7 @@ fn conversations(ado: &mut ServedAdo) -> Vec<Source> {
         json!({ "id": 1, "decide": signals }),
         json!({ "id": [2], "decide": signals, "more": { "deep": [null] } }),
         json!({ "reset": { "seed": 4, "start": { "ego.speed": 12.0 } } }),
+        json!({ "reset": { "seed": 4, "index": 1, "step_s": 0.25 } }),
         json!({ "decide": signals }),
         json!({ "close": {} }),
     ];

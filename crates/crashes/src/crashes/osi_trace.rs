@@ -2,8 +2,8 @@
 
 use brakecheck_traffic::{Class, OsiAxles, OsiBody, OsiFrame, OsiState, OsiTrace, write_osi};
 
-use crate::openx::{Elevation, vehicle_category};
-use crate::scene::drive::{Agent, Drive};
+use crate::openx::vehicle_category;
+use crate::scene::drive::{Agent, Drive, DriveWorld};
 use crate::scene::{BodySample, Placement};
 use crate::sim::{Body, BodyKind, PlantKind};
 use crate::testbench::{Episode, Film, film_beyond};
@@ -20,9 +20,6 @@ pub(super) fn osi_trace(
 ) -> Option<Vec<u8>> {
     let drive = scenario.drive()?;
     let agents = &drive.spec().agents;
-    // The rigid plant drives on the surface, so its bodies are there already.
-    let in_plane = drive.spec().plant == PlantKind::Kinematic;
-    let elevation = Elevation::of(drive.world()).filter(|_| in_plane);
     let mut bench = scenario.bench();
     bench.record_motion();
     let Film { frames, .. } = film_beyond(&mut bench, episode);
@@ -45,17 +42,7 @@ pub(super) fn osi_trace(
         instants.push(OsiFrame {
             time_ns,
             states: states
-                .map(|(agent, (body, placement))| {
-                    let mut state = state(&agent.body, body, placement);
-                    if let Some(elevation) = &elevation {
-                        let (height_m, pitch_rad, roll_rad) =
-                            elevation.tilt(agent.road, &body.state.pose);
-                        state.centre_m[2] += height_m;
-                        state.roll_pitch_yaw_rad[0] += roll_rad;
-                        state.roll_pitch_yaw_rad[1] += pitch_rad;
-                    }
-                    state
-                })
+                .map(|(agent, (body, placement))| state(drive.world(), agent, body, placement))
                 .collect(),
         });
     }
@@ -103,19 +90,65 @@ fn body(body: &Body) -> OsiBody {
 }
 
 /// Returns the state of the centre, while the plant states that of the front bumper.
-fn state(body: &Body, sample: &BodySample, placement: &Placement) -> OsiState {
-    let state = sample.state;
+fn state(
+    world: &DriveWorld,
+    agent: &Agent,
+    sample: &BodySample,
+    placement: &Placement,
+) -> OsiState {
+    let (body, state) = (&agent.body, sample.state);
     let yaw_rad = placement.heading_rad();
     let (sin, cos) = libm::sincos(yaw_rad);
     let turned = |ahead: f64, left: f64| [ahead * cos - left * sin, ahead * sin + left * cos, 0.0];
     let (pitch_rad, roll_rad) = placement.pitch_roll_rad();
     // Turning moves the front sideways, and not the centre.
     let left_mps = state.lateral_mps - state.yaw_rate_rad_per_s * body.half_length_m();
-    OsiState {
+    let mut osi = OsiState {
         centre_m: placement.centre_m,
         roll_pitch_yaw_rad: [roll_rad, pitch_rad, yaw_rad],
         velocity_mps: turned(state.speed_mps, left_mps),
         accel_mps2: turned(state.accel_mps2, 0.0),
         yaw_rate_rad_per_s: state.yaw_rate_rad_per_s,
+    };
+    // The rigid plant drives on the surface, so its bodies are there already.
+    if world.spec().plant == PlantKind::Kinematic {
+        let lift = world.attitude_on(agent.road, &state.pose);
+        osi.centre_m[2] += lift.z_m;
+        osi.roll_pitch_yaw_rad[0] += lift.roll_rad;
+        osi.roll_pitch_yaw_rad[1] += lift.pitch_rad;
+    }
+    osi
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testbench::{Aftermath, Constant, play};
+
+    #[test]
+    fn bodies_of_both_plants_are_on_a_road_that_climbs() {
+        let climbing = "grades: [(0.0, 0.05)], agents: [";
+        let text = include_str!("../../../../worlds/acc.ron").replacen("agents: [", climbing, 1);
+        let rigid = Scenario::parse("acc.ron", &text).expect("sound");
+        for scenario in [rigid.on(PlantKind::Kinematic), rigid] {
+            let drive = scenario.drive().expect("a road");
+            let mut bench = scenario.bench();
+            let axes = scenario.axes();
+            let middle = axes.iter().map(|it| 0.5 * (it.lo + it.hi));
+            let start = crate::scene::Start(middle.collect());
+            play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Skip);
+            let (bodies, frame) = (bench.bodies(), bench.frame());
+            for ((agent, body), placement) in drive
+                .spec()
+                .agents
+                .iter()
+                .zip(&bodies)
+                .zip(&frame.placements)
+            {
+                let [x_m, _, z_m] = state(drive.world(), agent, body, placement).centre_m;
+                let above_m = z_m - 0.05 * x_m - 0.5 * agent.body.height_m;
+                assert!(x_m > 20.0 && above_m.abs() < 0.15, "{x_m}: {above_m}");
+            }
+        }
     }
 }

@@ -24,18 +24,6 @@ impl<'a> Elevation<'a> {
         self.0.spec().profile_of(road)
     }
 
-    /// Height, pitch and roll of a body on a road.
-    ///
-    /// Positive angles lower the front and lift the left side.
-    pub(crate) fn tilt(&self, road: usize, pose: &Pose) -> (f64, f64, f64) {
-        let BodyAttitude {
-            z_m,
-            pitch_rad,
-            roll_rad,
-        } = self.0.attitude_on(road, pose);
-        (z_m, pitch_rad, roll_rad)
-    }
-
     /// Lifts the vertices of a body to its road.
     pub(super) fn lift(&self, road: usize, vertices: &mut [Vertex]) {
         for vertex in vertices {
@@ -44,7 +32,12 @@ impl<'a> Elevation<'a> {
                 y_m: vertex.y_m,
                 heading_rad: vertex.heading_rad,
             };
-            (vertex.z_m, vertex.pitch_rad, vertex.roll_rad) = self.tilt(road, &pose);
+            let BodyAttitude {
+                z_m,
+                pitch_rad,
+                roll_rad,
+            } = self.0.attitude_on(road, &pose);
+            (vertex.z_m, vertex.pitch_rad, vertex.roll_rad) = (z_m, pitch_rad, roll_rad);
         }
     }
 

@@ -30,7 +30,7 @@ use crate::scene::drive::DriveSpec;
 use crate::testbench::{Episode, FilmAfterContact};
 use crate::world::DriveScenario;
 use crate::xml::{XmlElement, decimal};
-pub(crate) use elevation::Elevation;
+use elevation::Elevation;
 use entity::PerformanceLimits;
 pub(crate) use entity::vehicle_category;
 use origin::{AUTHOR, DATE};
