@@ -48,6 +48,7 @@ pub struct CheckedStoryboard {
     pub(crate) variables: Vec<f64>,
     /// Limits of each agent.
     pub(crate) limits: Vec<DynamicLimits<f64>>,
+    has_parameters: bool,
     /// Storyboard before its parameters got values. `None` if it has none.
     open: Option<Arc<OpenStoryboard>>,
 }
@@ -63,6 +64,24 @@ struct OpenStoryboard {
 ///
 /// Each mistake is added to `problems` with its place below `path`. `None` if there is one.
 pub fn check(
+    problems: &mut Problems<'_>,
+    path: &ValuePath,
+    board: &Storyboard,
+    names: &StoryNames,
+    values: &[f64],
+) -> Option<CheckedStoryboard> {
+    let mut checked = resolved(problems, path, board, names, values)?;
+    checked.open = checked.has_parameters.then(|| {
+        Arc::new(OpenStoryboard {
+            board: board.clone(),
+            names: names.clone(),
+        })
+    });
+    Some(checked)
+}
+
+/// Checks a storyboard without keeping it for other values of its parameters.
+fn resolved(
     problems: &mut Problems<'_>,
     path: &ValuePath,
     board: &Storyboard,
@@ -95,16 +114,13 @@ pub fn check(
         conditions,
         ..
     } = check;
-    let open = has_parameters.then(|| OpenStoryboard {
-        board: board.clone(),
-        names: names.clone(),
-    });
     (problems.len() == before).then(|| CheckedStoryboard {
         elements,
         conditions,
         variables: first,
         limits,
-        open: open.map(Arc::new),
+        has_parameters,
+        open: None,
     })
 }
 
@@ -119,16 +135,16 @@ impl CheckedStoryboard {
         };
         let mut problems = Problems::new("");
         let top = ValuePath::top();
-        let found = check(&mut problems, &top, &open.board, &open.names, values);
+        let found = resolved(&mut problems, &top, &open.board, &open.names, values);
         let first = problems.into_list().into_iter().next();
-        found
-            .map(Arc::new)
-            .ok_or_else(|| first.map_or_else(String::new, |it| it.what))
+        let mut checked = found.ok_or_else(|| first.map_or_else(String::new, |it| it.what))?;
+        checked.open = Some(Arc::clone(open));
+        Ok(Arc::new(checked))
     }
 
     /// Returns whether it depends on parameters of the start.
     pub fn has_parameters(&self) -> bool {
-        self.open.is_some()
+        self.has_parameters
     }
 
     /// Returns the limits of an agent, which bound all its actions.
