@@ -193,8 +193,8 @@ function bodiesNow() {
 
 /** Time between pictures that is too long, and how many of them in a row count. */
 const LATE_MS = 22, LATE = 12;
-let before = 0, late = 0;
-/** Draws fewer pixels where pictures come too late, as by software rendering. */
+let before = 0, late = 0, sharpness = 1;
+/** Moving pictures have fewer pixels where they come too late, as by software rendering. */
 function pace(now) {
   const passed = now - before;
   before = now;
@@ -202,7 +202,7 @@ function pace(now) {
   late = passed > LATE_MS && passed < 500 ? late + 1 : 0;
   if (late < LATE) return;
   late = 0;
-  scene.sharpness = Math.max(0.35, 0.8 * scene.sharpness);
+  sharpness = Math.max(0.35, 0.8 * sharpness);
 }
 
 /** Writes a text that changed: every write costs a layout of the page. */
@@ -223,6 +223,7 @@ function show(now) {
   write(byId("run"), state.running || replay ? "❚❚ Pause" : "▶ Go");
   const at = shownAt(), frame = frames[at], isMoving = state.running && looked === null;
   if (isMoving) pace(now);
+  scene.sharpness = isMoving ? sharpness : 1;
   const canvas = scene.canvas;
   const view = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio, scene.fromAbove, scene.sharpness, isMoving].join();
   if (!isMoving && drawn === frame && painted === view) return;

@@ -156,7 +156,7 @@ export class Scene3d {
     this.cube = this.mesh(cube());
     this.fixed = [];
     this.fromAbove = false;
-    /** Pixels per pixel of the screen. The page lowers it where pictures come too late. */
+    /** Pixels per pixel of the screen, along an edge. */
     this.sharpness = 1;
   }
 
