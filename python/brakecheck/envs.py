@@ -121,7 +121,7 @@ class Env(gymnasium.Env[Observation, np.int64]):
         info = self._bench.info() if terminated or truncated else {}
         return obs, reward, terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The current sample from above, `[288, 896, 3]`; None without a `render_mode`.
 
         The ego drives to the right, at one place of the picture and one scale.

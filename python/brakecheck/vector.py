@@ -168,7 +168,7 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         info.update({f"_{name}": mask for name in names})
         return info
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:  # type: ignore[override]
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """The current sample of every environment, as `Env.render` draws it."""
         if self.render_mode is None:
             return None
