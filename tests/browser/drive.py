@@ -191,8 +191,10 @@ def test_actions_of_an_ado_are_listed_and_chosen_by_key_press_and_gamepad(browse
         assert actions.first.inner_text().startswith("1: ")
         labels = [actions.nth(at).locator("span").inner_text() for at in range(count)]
         last = count - 1
+        page.keyboard.press("Period")
 
         def act(how) -> str:
+            expect(page.locator("#clock")).not_to_have_text("0.00 s")
             page.keyboard.press("r")
             expect(page.locator("#clock")).to_have_text("0.00 s")
             how()

@@ -22,12 +22,19 @@ let sent = "", action = null;
 /** Buttons of the gamepad that were held at the last look. */
 let pressed = [];
 
+/** Request before the next one. Each waits for it, since two connections have no order. */
+let asked = Promise.resolve();
 /** Asks the program. Only the page at the wheel is answered. */
-async function ask(request) {
-  if (page === null || state.wheel !== page) return;
+function ask(request) {
+  if (page === null || state.wheel !== page) return asked;
   const body = JSON.stringify({ page, ask: request });
-  const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" }, body });
-  if (!answer.ok) byId("note").textContent = await answer.text();
+  const send = async () => {
+    const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" }, body });
+    if (!answer.ok) byId("note").textContent = await answer.text();
+  };
+  // A request that is lost stops no other one.
+  asked = asked.then(send).catch(() => {});
+  return asked;
 }
 
 /** Says who drives. */
