@@ -114,7 +114,7 @@ fn resolved(
         conditions,
         ..
     } = check;
-    (problems.len() == before).then(|| CheckedStoryboard {
+    (problems.len() == before).then_some(CheckedStoryboard {
         elements,
         conditions,
         variables: first,
