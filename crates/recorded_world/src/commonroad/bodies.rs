@@ -2,7 +2,7 @@
 
 use super::obstacles::ObstacleBox;
 use crate::sim::{Body, BodyKind};
-use crate::traffic::{Class, StockBody};
+use crate::traffic::{Class, StockBody, rounded};
 
 /// Greatest speed in m/s of a body on foot, which its recording exceeds nowhere.
 const WALKER_MPS: f64 = 10.0;
@@ -19,26 +19,27 @@ pub(super) fn body(class: Class, bounds: &ObstacleBox) -> Option<Body> {
     );
     match &mut body.kind {
         BodyKind::Vehicle(vehicle) => {
-            vehicle.wheelbase_m *= along;
-            vehicle.front_overhang_m *= along;
-            vehicle.track_m *= across;
+            vehicle.wheelbase_m = rounded(vehicle.wheelbase_m * along);
+            vehicle.front_overhang_m = rounded(vehicle.front_overhang_m * along);
+            vehicle.track_m = rounded(vehicle.track_m * across);
         }
         BodyKind::Cyclist(cyclist) => {
-            cyclist.wheelbase_m *= along;
-            cyclist.front_overhang_m *= along;
+            cyclist.wheelbase_m = rounded(cyclist.wheelbase_m * along);
+            cyclist.front_overhang_m = rounded(cyclist.front_overhang_m * along);
         }
         BodyKind::Walker(walker) => walker.max_speed_mps = WALKER_MPS,
     }
-    body.com_ahead_m *= along;
-    body.length_m = bounds.length_m;
-    body.width_m = bounds.width_m;
+    body.com_ahead_m = rounded(body.com_ahead_m * along);
+    body.length_m = rounded(bounds.length_m);
+    body.width_m = rounded(bounds.width_m);
     body.shape = Default::default();
-    let cm = |value: f64| (100.0 * value).round();
+    // Boxes that differ by less than a millimetre share a body.
+    let mm = |value: f64| (1000.0 * value).round();
     body.name = format!(
-        "{} {:.0} x {:.0} cm",
+        "{} {:.0} x {:.0} mm",
         class.name(),
-        cm(bounds.length_m),
-        cm(bounds.width_m)
+        mm(bounds.length_m),
+        mm(bounds.width_m)
     );
     body.validate().is_ok().then_some(body)
 }

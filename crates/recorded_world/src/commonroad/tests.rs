@@ -179,7 +179,7 @@ fn lanes_ego_obstacles_and_goal_become_a_world() {
     assert!((gap_m - (62.0 - 22.254)).abs() < 1e-3, "{gap_m}");
     assert!((other_mps - 10.0).abs() < 1e-3);
     assert!(begins.y_m.abs() < 1e-3, "{begins:?}");
-    let body = &world.bodies.0["car 400 x 200 cm"];
+    let body = &world.bodies.0["car 4000 x 2000 mm"];
     assert_eq!((body.length_m, body.width_m), (4.0, 2.0));
     assert_eq!(world.clock.horizon_s, 5.0);
     assert_eq!(world.ego_spec, "no_contact and goal");
