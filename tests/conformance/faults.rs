@@ -376,6 +376,7 @@ impl Scene for Line {
         Frame {
             placements: Vec::new(),
             phases: Vec::new(),
+            seen: None,
         }
     }
 
