@@ -5,7 +5,7 @@ use brakecheck_road::road::{Bend, Course, OnRoad};
 
 use crate::path::Path;
 use crate::plan::{rounded, solved};
-use crate::raw::wrapped;
+use crate::raw::{FARTHEST_M, wrapped};
 
 /// Least distance of the points that are fitted.
 const POINT_M: f64 = 0.5;
@@ -121,7 +121,17 @@ impl RoadGuess {
         })
     }
 
+    /// Returns the course, `None` if the steps of the fit have left all sense.
     fn course(&self) -> Option<Course> {
+        let Pose {
+            x_m,
+            y_m,
+            heading_rad,
+        } = self.begins;
+        let is_place = |it: f64| it.abs() <= FARTHEST_M;
+        if ![x_m, y_m, heading_rad].into_iter().all(is_place) {
+            return None;
+        }
         let length_m = self.length_m;
         let bends = self.per_m.iter().map(|&per_m| Bend { length_m, per_m });
         Course::of_bends(self.begins, &bends.collect::<Vec<Bend>>()).ok()
@@ -306,6 +316,27 @@ mod tests {
             (at.s_m - 20.0).abs() < 1e-2 && (at.lateral_m - 2.0).abs() < 1e-2,
             "{at:?}"
         );
+    }
+
+    #[test]
+    fn a_kink_without_a_bend_is_no_road_and_ends_the_fit() {
+        // The steps of the fit once left for infinity, and places there have no station.
+        let line = |i: u32, [x, y]: [f64; 2], [dx, dy]: [f64; 2]| {
+            let way_m = 0.5 * f64::from(i);
+            [x + way_m * dx, y + way_m * dy]
+        };
+        let first = (0..70).map(|i| line(i, [-8.6, 33.5], [0.56, -0.83]));
+        let second = (0..330).map(|i| line(i, [29.4, -28.7], [0.999, 0.03]));
+        let points: Vec<[f64; 2]> = first.chain(second).collect();
+        for pieces in [1, 4, 16, 64] {
+            let how = RoadFit {
+                most_pieces: pieces,
+                piece_m: 4.0,
+                ..HOW
+            };
+            let road = FittedRoad::fit(&points, how);
+            assert!(road.is_none_or(|it| it.worst_m.is_finite()), "{pieces}");
+        }
     }
 
     #[test]

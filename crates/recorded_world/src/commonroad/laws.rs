@@ -20,6 +20,8 @@ const STOPPED: (f64, f64) = (0.1, 3.0);
 const TURN_RAD: f64 = 0.52;
 /// Share by which the box of a goal may be larger than its shape.
 const ROUGH: f64 = 1.2;
+/// Time between samples of a world in seconds.
+pub(super) const SAMPLE_S: f64 = 0.05;
 /// Greatest number of phases of a light.
 const MOST_PHASES: usize = 900;
 
@@ -258,8 +260,11 @@ impl EgoOnWay<'_> {
 
     fn one_goal(&self, goal: &GoalState, drops: &mut Drops) -> Option<String> {
         let time = self.time;
-        let at_s = |step: f64| rounded((step - time.first).max(0.0) * time.step_s);
-        let (from_s, to_s) = (at_s(goal.steps.least), at_s(goal.steps.most));
+        let sample = |step: f64| (step - time.first).max(0.0) * time.step_s / SAMPLE_S;
+        // Bounds are whole samples within the interval. The tolerance is that of products.
+        let last = (sample(goal.steps.most) + 1e-6).floor();
+        let first = (sample(goal.steps.least) - 1e-6).ceil().clamp(0.0, last);
+        let (from_s, to_s) = (rounded(first * SAMPLE_S), rounded(last * SAMPLE_S));
         if goal.has_heading {
             drops.add("orientations of goals", goal.line);
         }

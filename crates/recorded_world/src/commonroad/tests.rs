@@ -396,6 +396,21 @@ fn several_goals_are_alternatives_and_a_goal_in_the_other_lane_needs_it() {
 }
 
 #[test]
+fn goals_between_samples_are_rounded_inwards() {
+    let text = sound()
+        .replacen("timeStepSize=\"0.1\"", "timeStepSize=\"0.04\"", 1)
+        // Speeds at the shorter step.
+        .replace(
+            "<exact>10</exact></velocity>",
+            "<exact>25</exact></velocity>",
+        )
+        .replacen("<intervalStart>20<", "<intervalStart>3<", 1);
+    let goal = &world(&text).formulas.0["goal"];
+    // From 0.12 s to 2 s.
+    assert!(goal.starts_with("eventually[0.15, 2.0] "), "{goal}");
+}
+
+#[test]
 fn a_bend_is_a_road_of_arcs_near_its_lanelet() {
     // A quarter of a circle with a radius of 30 m in the middle of the lane.
     let mut bounds = [String::new(), String::new()];

@@ -2,7 +2,7 @@
 
 use super::drops::Drops;
 use super::lane_way::EgoRoad;
-use super::laws::{EgoOnWay, NamedFormula, goal_m, no_contact};
+use super::laws::{EgoOnWay, NamedFormula, SAMPLE_S, goal_m, no_contact};
 use super::map::RoadMap;
 use super::obstacles::Obstacles;
 use super::problem::PlanningProblem;
@@ -25,7 +25,7 @@ use crate::world_file::{AdoFile, AgentFile, DriveFile, ScenarioFile, StartFile, 
 
 /// Body of the ego: vehicle 2 of CommonRoad's vehicle models, as files have none.
 const EGO_BODY: &str = "bmw_320i";
-/// Step of the horizon in seconds, which is that of decisions.
+/// Time between decisions in seconds, of which a horizon is a multiple.
 const HORIZON_STEP_S: f64 = 0.5;
 /// Way beyond the goal, and least time to drive ahead without one.
 const BEYOND_M: f64 = 100.0;
@@ -123,8 +123,8 @@ impl ScenarioParts<'_> {
         }
         let clock = Clock {
             horizon_s: time.horizon_s,
-            decision_s: 0.5,
-            sample_s: 0.05,
+            decision_s: HORIZON_STEP_S,
+            sample_s: SAMPLE_S,
             substeps: 4,
         };
         let mut all = vec![self.ego_agent(&ego, front.lateral_m)];
