@@ -1,7 +1,7 @@
 //! Storyboards move agents across their path, on curves, on other roads and to places.
 
 use brakecheck_scene::scene::drive::DriveScene;
-use brakecheck_scene::scene::{BodySample, BodyState, Pose, Scene, Start};
+use brakecheck_scene::scene::{BodySample, BodyState, Pose, Scene, Start, StepOutcome};
 use brakecheck_world::world::Scenario;
 
 /// Distance from the rear axle of a sedan to its front bumper.
@@ -345,10 +345,7 @@ fn a_teleport_touches_nothing_on_its_way() {
     let mut scene = scene_of(&world, "");
     let mut touches = false;
     for _ in 0..120 {
-        touches |= matches!(
-            scene.advance(),
-            brakecheck_scene::scene::StepOutcome::Contact(_)
-        );
+        touches |= matches!(scene.advance(), StepOutcome::Contact(_));
     }
     assert!(touches);
     let onto = event(
@@ -356,10 +353,7 @@ fn a_teleport_touches_nothing_on_its_way() {
         "Teleport(position: RelativeObject(entity: \"ego\", dx_m: 1.0, dy_m: 0.0))",
     );
     let mut scene = scene_of(&world, &onto);
-    let contact = (0..50).find_map(|step| match scene.advance() {
-        brakecheck_scene::scene::StepOutcome::Contact(_) => Some(step),
-        _ => None,
-    });
+    let contact = (0..50).find(|_| matches!(scene.advance(), StepOutcome::Contact(_)));
     // The sample after the one in which it is due.
     assert_eq!(contact, Some(41));
 }
