@@ -65,7 +65,7 @@ impl World {
             storyboard: ({board} stories: [(name: \"story\", acts: [(name: \"act\", maneuver_groups: [(
                 name: \"group\", actors: [\"other\"], maneuvers: [(name: \"maneuver\",
                 events: [{events}])])])])]),
-            ego_spec: \"always (ego.other.gap >= -1000.0)\")"
+            ego_spec: \"always (ego.other.gap >= 0.01)\")"
         )
     }
 
