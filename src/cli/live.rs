@@ -111,9 +111,10 @@ impl RerunArgs {
         let Some(stream) = self.stream(name, content)? else {
             return Ok(Live::default());
         };
-        let share = match self.rerun_all {
-            true => ShownShare::All,
-            false => ShownShare::InTime,
+        let share = if self.rerun_all {
+            ShownShare::All
+        } else {
+            ShownShare::InTime
         };
         let view = LiveView::start(stream, share)
             .map_err(|error| Failure::fault(format!("no thread for the stream: {error}"), None))?;

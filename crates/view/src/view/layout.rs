@@ -132,9 +132,10 @@ impl<'a> BlueprintBuilder<'a> {
         has_legend: bool,
     ) -> Result<BlueprintNode, ViewError> {
         let view = self.view("TimeSeries", title, origin, contents)?;
-        let legend = match has_legend {
-            true => PlotLegend::new().with_corner(LEGEND),
-            false => PlotLegend::new().with_visible(false),
+        let legend = if has_legend {
+            PlotLegend::new().with_corner(LEGEND)
+        } else {
+            PlotLegend::new().with_visible(false)
         };
         self.property(&view, "PlotLegend", &legend)?;
         Ok(view)

@@ -96,9 +96,12 @@ fn log_actions(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
 
 /// Colours of actions that have no direction: grey for the neutral one.
 fn labels_colours(labels: &[String], neutral: usize) -> Vec<Rgb> {
-    let colour = |action: usize| match action == neutral {
-        true => palette::IDLE,
-        false => palette::dimmed(palette::neutral(action), 0.75),
+    let colour = |action: usize| {
+        if action == neutral {
+            palette::IDLE
+        } else {
+            palette::dimmed(palette::neutral(action), 0.75)
+        }
     };
     (0..labels.len()).map(colour).collect()
 }
