@@ -106,6 +106,8 @@ pub(super) struct AlongRun {
     pub left: SpeedRamp,
     pub accel_mps2: f64,
     pub next_s: f64,
+    /// Whether it has planned a step.
+    pub is_begun: bool,
 }
 
 impl AlongRun {
@@ -116,6 +118,7 @@ impl AlongRun {
             left: SpeedRamp::steady(0.0),
             accel_mps2: 0.0,
             next_s: at_s,
+            is_begun: false,
         }
     }
 

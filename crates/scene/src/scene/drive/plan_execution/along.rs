@@ -110,10 +110,13 @@ impl PlanRun {
         };
         // The end of a sample belongs to the next one.
         if span.to_s - SAME_S <= time_s {
-            self.ramp = SpeedRamp {
-                begins_s: time_s,
-                ..SpeedRamp::steady(from_mps)
-            };
+            // A motion that has just begun has its first speed, others that of their step.
+            if !along.is_begun {
+                self.ramp = SpeedRamp {
+                    begins_s: time_s,
+                    ..SpeedRamp::steady(from_mps)
+                };
+            }
             return;
         }
         let rate_mps2 = (to_mps - from_mps).abs() / (next_s - time_s);
@@ -127,6 +130,7 @@ impl PlanRun {
         self.along = Some(AlongRun {
             accel_mps2: (to_mps - from_mps) / (next_s - time_s),
             next_s,
+            is_begun: true,
             ..along
         });
     }
