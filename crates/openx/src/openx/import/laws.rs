@@ -19,7 +19,10 @@ pub(super) fn gap_of(
         && is("freespace", "true")
         && is("displacement", "leadingReferencedEntity")
         && action.child("DynamicConstraints").is_none()
-        && matches!(action.raw("coordinateSystem"), None | Some("entity" | "lane" | "road"))
+        && matches!(
+            action.raw("coordinateSystem"),
+            None | Some("entity" | "lane" | "road")
+        )
         && scope.text(action, "entityRef")? == ego;
     if !fits {
         let what = "only a clear gap before the ego is read, taken once";
@@ -35,7 +38,7 @@ pub(super) fn gap_of(
 }
 
 /// What is dropped of a meeting.
-const OWN_APPROACH: &str = "the approach of a meeting before its steady part";
+pub(super) const OWN_APPROACH: &str = "the approach of a meeting before its steady part";
 
 /// Refuses a change that ends wherever the body takes it.
 pub(super) fn keeps_place(dynamics: &XmlNode) -> Result<(), ImportError> {

@@ -127,12 +127,11 @@ impl StoryWriter<'_> {
             _ => None,
         };
         match it.name.as_str() {
-            "SpeedAction" => speed(
-                at,
-                self.numbers,
-                single.map(|it| it.name.as_str()),
-                &|node, name| self.entity(node, name),
-            ),
+            "SpeedAction" => {
+                let own = single.map(|it| it.name.as_str());
+                self.compare_speeds(at, own)?;
+                speed(at, self.numbers, own, &|node, name| self.entity(node, name))
+            }
             "SpeedProfileAction" => self.profile(at),
             "LongitudinalDistanceAction" => self.distance_along(at),
             "SynchronizeAction" => self.meeting(at),

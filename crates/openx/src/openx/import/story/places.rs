@@ -126,16 +126,22 @@ impl StoryWriter<'_> {
             return Err(trajectory.refused("a trajectory that begins again is not read", help));
         }
         let shape = trajectory.inner("Shape")?.only()?;
+        if names_entity(shape) {
+            let help = "place it in the world or on lanes";
+            let what = "a trajectory relative to an agent is not read on the way";
+            return Err(shape.refused(what, help));
+        }
         let inside = StatedIn {
             node: shape,
             scope: &own,
             owner: at.owner,
         };
+        let timing = self.timing(at)?;
         let mode = it.child("TrajectoryFollowingMode");
         let mode = mode.or(it.child("FollowingMode"));
         Ok(Effect::FollowTrajectory {
             trajectory: match shape.name.as_str() {
-                "Polyline" => self.polyline(inside)?,
+                "Polyline" => self.polyline(inside, timing.is_some())?,
                 "Clothoid" => self.clothoid(inside)?,
                 "ClothoidSpline" => self.spline(inside)?,
                 "Nurbs" => self.nurbs(inside)?,
@@ -144,7 +150,7 @@ impl StoryWriter<'_> {
                     return Err(shape.refused(format!("a way along a `{other}` is not read"), help));
                 }
             },
-            timing: self.timing(at)?,
+            timing,
             following: match mode {
                 Some(mode) => following(mode.raw("followingMode"), mode)?,
                 None => following(None, it)?,
@@ -186,7 +192,7 @@ impl StoryWriter<'_> {
             .transpose()
     }
 
-    fn polyline(&self, at: StatedIn<'_>) -> Result<StoryTrajectory, ImportError> {
+    fn polyline(&self, at: StatedIn<'_>, is_timed: bool) -> Result<StoryTrajectory, ImportError> {
         let mut vertices = Vec::new();
         for vertex in at.node.all("Vertex") {
             let at = at.at(vertex);
@@ -196,7 +202,11 @@ impl StoryWriter<'_> {
                 x_m: self.numbers.stated(at, &[], spot.x_m),
                 y_m: self.numbers.stated(at, &[], spot.y_m),
                 heading_rad: heading.map(|it| self.numbers.stated(at, &[], it)),
-                time_s: self.time_s(at, "time")?,
+                // Without a timing the file's times mean nothing.
+                time_s: match is_timed {
+                    true => self.time_s(at, "time")?,
+                    false => None,
+                },
             });
         }
         Ok(StoryTrajectory::Polyline(vertices))
@@ -299,4 +309,9 @@ impl StoryWriter<'_> {
             control_points: points.collect::<Result<_, ImportError>>()?,
         })
     }
+}
+
+/// Returns whether a place inside is relative to an entity, which may move.
+fn names_entity(node: &XmlNode) -> bool {
+    node.raw("entityRef").is_some() || node.children.iter().any(names_entity)
 }

@@ -5,7 +5,7 @@ use super::numbers::{StatedIn, StoryNumbers};
 use super::quantities::coordinate_system;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
-use crate::openx::import::laws::{keeps_place, unknown_target};
+use crate::openx::import::laws::{OWN_APPROACH, keeps_place, unknown_target};
 use crate::story::values::{
     Dimension, DistanceOrTime, DynamicLimits, DynamicsShape, Effect, FinalSpeed, FollowingMode,
     LongitudinalDisplacement, SpeedPoint, SpeedTarget, StoryNumber, TransitionDynamics,
@@ -148,6 +148,39 @@ fn speed_target(
 }
 
 impl StoryWriter<'_> {
+    /// Refuses a speed below that of an entity that keeps its own, and notes a speed
+    /// relative to the own one, which players let grow with it.
+    pub(super) fn compare_speeds(
+        &self,
+        at: StatedIn<'_>,
+        own: Option<&str>,
+    ) -> Result<(), ImportError> {
+        let target = at.node.inner("SpeedActionTarget")?.only()?;
+        if target.name != "RelativeTargetSpeed" {
+            return Ok(());
+        }
+        let name = at.scope.text(target, "entityRef")?;
+        let value = at.scope.number(target, "value")?;
+        let is_factor = target.raw("speedTargetValueType") == Some("factor");
+        let is_same = value == if is_factor { 1.0 } else { 0.0 };
+        let all = self.frame.map_or(&[][..], |frame| frame.all);
+        let of = all.iter().find(|it| it.entity.name == name);
+        if of.is_some_and(|of| own == Some(&of.name)) && !is_same {
+            let kind = "the growth of speeds that are relative to themselves";
+            self.ground.catalogs.note(kind, target);
+        }
+        let steady = of.filter(|of| !of.entity.is_driven());
+        let to_mps = steady.map(|of| of.entity.speed_mps + value);
+        match to_mps.filter(|to_mps| *to_mps < 0.0 && !is_factor) {
+            Some(to_mps) => {
+                let what = format!("a speed of {to_mps} m/s");
+                let help = "reversing is not read: a speed is at least 0";
+                Err(target.refused(what, help))
+            }
+            None => Ok(()),
+        }
+    }
+
     pub(super) fn profile(&self, at: StatedIn<'_>) -> Result<Effect, ImportError> {
         let it = at.node;
         let mut points = Vec::new();
@@ -251,6 +284,7 @@ impl StoryWriter<'_> {
 
     pub(super) fn meeting(&mut self, at: StatedIn<'_>) -> Result<Effect, ImportError> {
         let it = at.node;
+        self.ground.catalogs.note(OWN_APPROACH, it);
         let master = self.entity(it, &at.scope.text(it, "masterEntityRef")?)?;
         let end = it.child("FinalSpeed").map(XmlNode::only).transpose()?;
         let steady = end.and_then(|it| it.children.first());

@@ -326,7 +326,7 @@ impl<'a> EntitySurvey<'a, '_> {
         let scope = &self.parts.0[action.number].scope;
         let begin = action.begin;
         self.entity.later.acts = true;
-        let is_now = begin.is_known && begin.at_s <= SAME_S;
+        let is_now = begin.is_known && begin.at_s <= SAME_S && !self.may_be_cut(action);
         let is_first = self
             .actions
             .first()
@@ -335,7 +335,8 @@ impl<'a> EntitySurvey<'a, '_> {
         let begins_s = begin
             .is_known
             .then_some(if is_now { 0.0 } else { begin.at_s });
-        if is_one && (is_now || (is_first && self.stands())) {
+        let waits = is_first && self.stands() && !self.may_be_cut(action);
+        if is_one && (is_now || waits) {
             let followed = self.ground.followed(action.node, scope, begins_s);
             if let Some((way, times)) = followed.ok().filter(|(way, _)| self.is_at(way)) {
                 self.follow(action, way, times.as_deref());
@@ -344,6 +345,21 @@ impl<'a> EntitySurvey<'a, '_> {
         }
         self.bound(begin, FASTER * self.fastest_mps);
         Ok(())
+    }
+
+    /// Returns whether an event of the same maneuver may stop an action.
+    fn may_be_cut(&self, action: &MovingAction<'_>) -> bool {
+        let event = |number: usize| self.parts.0[number].parent;
+        let maneuver = |number: usize| event(number).and_then(event);
+        let mut others = self.actions.iter().filter(|it| {
+            event(it.number) != event(action.number)
+                && maneuver(it.number) == maneuver(action.number)
+        });
+        others.any(|it| {
+            let node = event(it.number).map(|event| self.parts.0[event].node);
+            let priority = node.and_then(|node| node.raw("priority"));
+            matches!(priority, Some("override" | "overwrite"))
+        })
     }
 
     fn is_at(&self, way: &OnWay) -> bool {

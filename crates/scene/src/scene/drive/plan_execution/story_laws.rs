@@ -41,14 +41,16 @@ impl PlanRun {
                 // Plans never reverse.
                 let target_mps = to_mps.clamp(0.0, limits.most_mps);
                 self.leave_speed(at_s, now_mps);
-                let wanted_mps2 = shape.map_or(f64::INFINITY, |shape| {
-                    greatest_rate(shape, size, [now_mps, target_mps])
+                // A step is at once, whatever the performance.
+                let rate_mps2 = shape.map_or(f64::INFINITY, |shape| {
+                    let wanted_mps2 = greatest_rate(shape, size, [now_mps, target_mps]);
+                    wanted_mps2.min(limits.most_rate_mps2(now_mps, target_mps))
                 });
                 self.ramp = SpeedRamp {
                     begins_s: at_s,
                     from_mps: now_mps,
                     to_mps: target_mps,
-                    rate_mps2: wanted_mps2.min(limits.most_rate_mps2(now_mps, target_mps)),
+                    rate_mps2,
                     shape: shape.unwrap_or(ChangeShape::Linear),
                 };
             }
