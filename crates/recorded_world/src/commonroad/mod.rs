@@ -19,6 +19,7 @@ mod request;
 mod route;
 #[cfg(test)]
 mod tests;
+mod touching;
 mod traffic_agents;
 mod world;
 

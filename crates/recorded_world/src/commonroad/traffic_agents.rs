@@ -4,6 +4,7 @@ use super::bodies::{body, lever_m};
 use super::drops::Drops;
 use super::lane_way::EgoRoad;
 use super::obstacles::{FileObstacle, ObstacleMotion, Obstacles};
+use super::touching::BoxPlaces;
 use crate::opendrive::error::At;
 use crate::pose::Pose;
 use crate::recorded_world::planned_motion::{NamedBody, PlanStep, on_path, path_of, steps_of};
@@ -32,6 +33,7 @@ pub(super) struct TrafficAgent {
     pub(super) agent: AgentFile,
     /// Plan of its motion, `None` if it stands.
     pub(super) plan: Option<Vec<PlanStep>>,
+    places: BoxPlaces,
 }
 
 /// Time of a scenario.
@@ -65,6 +67,7 @@ pub(super) fn agents(
             obstacle,
             body: &body,
             road,
+            until_s: time.horizon_s.min(LONGEST_S),
         };
         let agent = match obstacle.motion {
             ObstacleMotion::Stands if first_step.max(time.first) < obstacle.start.step => {
@@ -95,15 +98,20 @@ pub(super) fn agents(
     }
     // The sort is stable, so equal distances are in the order of the file.
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let far = found.split_off(found.len().min(MOST_AGENTS));
-    for (_, agent) in &far {
-        let line = obstacles.all.iter().find(|it| it.id == agent.id);
-        drops.add(
-            "obstacles beyond the nearest 90",
-            line.map_or(0, |it| it.line),
-        );
+    let mut kept: Vec<TrafficAgent> = Vec::new();
+    for (_, agent) in found {
+        let obstacle = obstacles.all.iter().find(|it| it.id == agent.id);
+        let line = obstacle.map_or(0, |it| it.line);
+        // A contact of any two agents ends an episode, which is no fault of the ego.
+        if kept.iter().any(|it| it.places.touches(&agent.places)) {
+            drops.add("obstacles that touch a nearer one", line);
+        } else if kept.len() < MOST_AGENTS {
+            kept.push(agent);
+        } else {
+            drops.add("obstacles beyond the nearest 90", line);
+        }
     }
-    found.into_iter().map(|it| it.1).collect()
+    kept
 }
 
 /// Time of an obstacle's states.
@@ -120,6 +128,8 @@ struct PlacedObstacle<'a> {
     obstacle: &'a FileObstacle,
     body: &'a Body,
     road: &'a EgoRoad,
+    /// Time until which obstacles must not touch.
+    until_s: f64,
 }
 
 impl PlacedObstacle<'_> {
@@ -143,6 +153,7 @@ impl PlacedObstacle<'_> {
         s_m: f64,
         speed_mps: f64,
         plan: Option<Vec<PlanStep>>,
+        places: BoxPlaces,
     ) -> TrafficAgent {
         let name = self.agent_name();
         let body = NamedBody {
@@ -167,7 +178,13 @@ impl PlacedObstacle<'_> {
             agent: on_path(&name, body, &name, start, drive),
             name,
             plan,
+            places,
         }
+    }
+
+    fn places(&self, motion: &RecordedMotion, ahead_m: f64) -> BoxPlaces {
+        let size_m = [self.body.length_m, self.body.width_m];
+        BoxPlaces::of(motion, ahead_m, size_m, self.until_s)
     }
 
     /// Returns the agent of an obstacle that stands.
@@ -186,12 +203,13 @@ impl PlacedObstacle<'_> {
         let on_road = course.locate(&front);
         let again = course.pose(on_road.s_m, on_road.lateral_m);
         let off_m = libm::hypot(again.x_m - front.x_m, again.y_m - front.y_m);
+        let rear = middle.ahead(-self.body.half_length_m());
+        // A point that stands has a straight path with its heading.
+        let motion = RecordedMotion::fit(&[[rear.x_m, rear.y_m]], rear.heading_rad, 1.0)?;
+        let places = self.places(&motion, self.body.half_length_m());
         // Far beside a bend the road leads to no place, or to another one.
         if self.body.is_on_foot() || off_m > PLACED_M {
-            let rear = middle.ahead(-self.body.half_length_m());
-            // A point that stands has a straight path with its heading.
-            let motion = RecordedMotion::fit(&[[rear.x_m, rear.y_m]], rear.heading_rad, 1.0)?;
-            return Some(self.on_own_road(&motion.road, self.body.length_m, 0.0, None));
+            return Some(self.on_own_road(&motion.road, self.body.length_m, 0.0, None, places));
         }
         let name = self.agent_name();
         Some(TrafficAgent {
@@ -209,6 +227,7 @@ impl PlacedObstacle<'_> {
             },
             name,
             plan: None,
+            places,
         })
     }
 
@@ -269,6 +288,7 @@ impl PlacedObstacle<'_> {
         let s_m = motion.s_m + lever_m(self.body);
         let speed_mps = motion.speed.as_ref().map_or(0.0, |it| it.start_mps);
         let plan = motion.speed.as_ref().map(steps_of);
-        Some(self.on_own_road(&motion.road, s_m, speed_mps, plan))
+        let places = self.places(&motion, back_m);
+        Some(self.on_own_road(&motion.road, s_m, speed_mps, plan, places))
     }
 }

@@ -195,3 +195,31 @@ fn obstacles_that_no_world_has_are_listed() {
     );
     assert_eq!(world_of(&read).agents.len(), 2);
 }
+
+#[test]
+fn an_obstacle_that_touches_a_nearer_one_is_left_out() {
+    // The one behind drives into the first after 3 s, and the third is beside the second.
+    let cars = [
+        car(31, 60.0, 0.0, 5.0),
+        car(32, 100.0, 0.0, 2.0),
+        car(33, 100.0, 3.5, 2.0),
+    ];
+    let rear = car(34, 40.0, 0.0, 10.0);
+    let text = scenario(
+        "2020a",
+        &[&network(), &cars.concat(), &rear, &problem(1, GOAL)],
+    );
+    let read = read_as(&text, None, None).unwrap_or_else(|it| panic!("{it}"));
+    let kinds: Vec<(&str, usize)> = read.dropped.iter().map(|it| (it.kind, it.line)).collect();
+    // Car 34 is the nearest to the ego, and hits car 31.
+    assert_eq!(
+        kinds,
+        [(
+            "obstacles that touch a nearer one",
+            line_of(&text, "id=\"31\"")
+        )]
+    );
+    let world = world_of(&read);
+    let names: Vec<&str> = world.agents.iter().map(AgentFile::name).collect();
+    assert_eq!(names, ["ego", "car_34", "car_32", "car_33"]);
+}
