@@ -294,7 +294,8 @@ impl LiveEpisode {
                 let state = json!({
                     "x_m": pose.x_m, "y_m": pose.y_m, "z_m": attitude.z_m,
                     "heading_rad": pose.heading_rad,
-                    "pitch_rad": attitude.pitch_rad, "roll_rad": attitude.roll_rad,
+                    // Without the sign of a zero.
+                    "pitch_rad": attitude.pitch_rad + 0.0, "roll_rad": attitude.roll_rad + 0.0,
                     "speed_mps": body.state.speed_mps, "accel_mps2": body.state.accel_mps2,
                 });
                 (name.clone(), state)

@@ -63,8 +63,12 @@ fn check(step_s: f64, clock: &Clock) -> Result<(), String> {
     ] {
         let ratio = time_s / step_s;
         if (ratio - ratio.round()).abs() > ROUNDING || ratio.round() < 1.0 {
-            let parts = ratio.ceil();
-            let fits_s = ((time_s / parts) * 1e9).round() / 1e9;
+            let least = ratio.ceil() as u32;
+            let parts = (least..10 * least).map(|parts| time_s / f64::from(parts));
+            // The longest that is a plain decimal number, where there is one.
+            let is_plain = |part_s: &f64| (part_s * 1e4 - (part_s * 1e4).round()).abs() < ROUNDING;
+            let part_s = parts.clone().find(is_plain).or(parts.clone().next());
+            let fits_s = part_s.map_or(time_s, |part_s| (part_s * 1e9).round() / 1e9);
             return Err(format!(
                 "`step_s` = {step_s} is no part of {time_s} s, the {what}: give {time_s} / n, \
                  such as {fits_s}"

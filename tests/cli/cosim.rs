@@ -64,10 +64,11 @@ fn bridged(bridge: &str, world: &str, args: &[&str], stub: &Value) -> Bridged {
     });
     let settings = carla.as_object_mut().expect("an object");
     settings.extend(stub.as_object().expect("an object").clone());
-    // What goes through the pipes is on the disk, too.
+    // What goes through the pipes is on the disk, too. The shell holds neither end of them.
     let program = path(&dir, "brakecheck");
     let script = format!(
-        "#!/bin/sh\ntee '{sent}' | '{}' \"$@\" | tee '{answered}'\n",
+        "#!/bin/sh\nexec 3<&0\ntee '{sent}' <&3 | '{}' \"$@\" | tee '{answered}' 3<&- &\n\
+         exec >&- 3<&-\nwait\n",
         env!("CARGO_BIN_EXE_brakecheck")
     );
     std::fs::write(&program, script).expect("written");
@@ -423,13 +424,13 @@ fn the_bridge_refuses_what_does_not_fit_carlas_map() {
             &placed,
             vec!["--step", "0.03"],
             &none,
-            "is no part of 0.25 s",
+            "give 0.25 / n, such as 0.025",
         ),
         (
             &placed,
             vec!["--model", "vehicle.tesla.*"],
             &none,
-            "CARLA has no blueprint `vehicle.tesla.*` for `ego`",
+            "CARLA has no blueprint `vehicle.tesla.*` for `ado`",
         ),
         (
             &placed,
