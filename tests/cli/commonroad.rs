@@ -101,11 +101,7 @@ fn an_obstacle_drives_in_the_world_where_the_scenario_has_it() {
         assert!(off_m < 0.15, "{off_m} m at step {step}");
         assert!((heading[at] - turned_rad).abs() < 0.05, "{heading:?}");
     }
-    assert!(
-        scenario.ego_spec().to_string().contains("gap"),
-        "{}",
-        scenario.ego_spec()
-    );
+    assert_eq!(scenario.ego_spec().to_string(), "no_contact and goal");
 }
 
 #[test]
