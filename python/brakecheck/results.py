@@ -291,9 +291,10 @@ class Replayed:
         return os.fspath(output)
 
     def _repr_html_(self) -> str:
-        said = html.escape(f"{self.path}: {self.about['words']}, {self._state()}")
+        words = f"{self.path}: {self.about['words']}"
         if self.about["fault"] is not None:
-            return f"<p>{said}</p>"
+            return f"<p>{html.escape(words)}</p>"
+        said = html.escape(f"{words}, {self._state()}")
         # As an image, so that the styles of picture and notebook do not mix.
         svg = base64.b64encode(self._raw.picture("svg")).decode("ascii")
         picture = f'<img width="900" alt="{said}" src="data:image/svg+xml;base64,{svg}"/>'

@@ -13,7 +13,7 @@ import numpy as np
 import onnx
 import pytest
 from onnx.reference import ReferenceEvaluator
-from brakecheck import Ado, Env, FaultError, InputError, Run
+from brakecheck import Ado, Env, FaultError, InputError, Replayed, Run
 
 
 def program(*arguments):
@@ -195,13 +195,15 @@ def test_kept_crashes_show_themselves_in_notebooks(kept):
     assert table.count("<tr>") == 2 and "acc-nominal-0001.ron" in table
 
 
-def test_a_crash_of_a_broken_ego_shows_its_fault(kept):
-    def broken(percept):
-        raise ValueError("no plan")
+def test_a_replay_that_did_not_run_shows_its_words_alone():
+    class Raw:
+        def about(self):
+            words = {"path": "<b>.ron", "words": "did not run", "verdict": "invalid"}
+            return words | {"fault": "no plan", "outcome": "", "identical": False}
 
-    crash = brakecheck.replay(kept, episode="acc-nominal-0001", ego=broken, allow_invalid=1.0)[0]
-    assert "did not run" in crash._repr_html_() and "<img" not in crash._repr_html_()
-    assert crash._repr_png_() is None
+    broken = Replayed(Raw())
+    assert broken._repr_html_() == "<p>&lt;b&gt;.ron: did not run</p>"
+    assert broken._repr_png_() is None
 
 
 def test_progress_and_remarks_come_while_it_runs(tmp_path):
