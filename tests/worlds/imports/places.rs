@@ -86,16 +86,12 @@ fn entities_go_where_they_face_from_wherever_they_are_placed() {
             ] => lead([(12.0, 195.0, 0.0)]);
         "near an ego that goes on":
             [first(watch("Lead", &near_ego("0")))] => lead([(12.0, 252.092, 0.0)]);
-        "near a place that goes on beside the ego":
-            [first(watch("Lead", &near_ego("5")))]
-            => on("RelativeObjectPosition", "a place that goes on beside");
         "round a circle":
             [edit("<line/>", r#"<arc curvature="0.01"/>"#)] => ego([(12.0, 28.4, 202.956)]);
         // The ego begins 50 m round a circle of 628 m, at 20 m/s.
         "a way ends before its road comes back":
             [edit("<line/>", r#"<arc curvature="0.01"/>"#), until("60")] => ends(24.0, 28.0, [END]);
         "two edges of different causes never come together": [two_edges()] => lead([(12.0, 270.0, 0.0)]);
-        "and are listed": [two_edges()] => drops(["conditions of different instants"]);
     }
 }
 

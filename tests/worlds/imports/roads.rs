@@ -45,9 +45,6 @@ fn a_run_ends_before_an_entity_leaves_its_road() {
         "as it is": [] => ends(12.0, 12.0, []);
         // 10 m/s from 950 m of 1000 m on, slower from 2 s on: 30 m at 10 - t m/s more.
         "a lead near the end": [lead_at(950.0)] => ends(5.0, 5.7, [END]);
-        "an act that stops when the ego has travelled 100 m, at 20 m/s":
-            [edit("<!--act-->", stopped)]
-            => ends(5.0, 5.0, ["stop conditions", "what follows the stop of an act"]);
         "an ego near the end, which coasts": [ego_at(900.0)] => ends(5.0, 5.0, [END]);
     }
 }

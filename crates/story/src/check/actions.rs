@@ -24,7 +24,8 @@ impl Check<'_, '_> {
         let effect = self.effect(&path.to("does"), &action.does, actors);
         // An action for controllers that nobody has needs no actor.
         let is_idle = matches!(action.does, Effect::ActivateController { .. });
-        let has_none = matches!(&effect, CheckedEffect::Of { actors, .. } if actors.all().next().is_none());
+        let has_none =
+            matches!(&effect, CheckedEffect::Of { actors, .. } if actors.all().next().is_none());
         if has_none && !is_idle {
             let what = format!("`{}` has no actor", action.name);
             self.wrong(path, what, "write `actors` in its maneuver group");
