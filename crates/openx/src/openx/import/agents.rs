@@ -113,6 +113,7 @@ fn drive(
     if it.entity.is_ego {
         return Ok(DriveFile::Ego(ego_drive(concrete, it.entity.speed_mps)));
     }
+    // Agents that only a storyboard moves have a plan without steps.
     let plan = plan(concrete, all, it)?;
     // Users may write the name of the file or that of the world.
     let is_ado = ado == Some(it.entity.name.as_str()) || ado == Some(it.name.as_str());

@@ -43,6 +43,7 @@ impl ImportedWorld {
             let from = path.find(&self.text).start;
             (from <= offset).then_some((from, at))
         });
+        // Values begin behind those that hold them, so the last is the innermost.
         let nearest = begun.max_by_key(|(from, _)| *from);
         nearest.map(|(_, at)| at.error(what))
     }
@@ -92,17 +93,18 @@ impl Draft {
         duration: RunDuration,
     ) -> Draft {
         let all = numbers(&mut file).into_iter();
-        let numbers = all.map(|(axis, more, number)| {
+        let taken = all.map(|(axis, more, number)| {
             let value = number.0.lo;
             *number = NumberOrRange::default();
             DraftNumber { axis, value, more }
         });
-        let numbers = numbers.collect();
+        let numbers = taken.collect();
         let RunDuration {
             until_s,
             has_end,
             leaves_s,
         } = duration;
+        // The group of a draft decides on both, so no draft differs by them.
         file.clock.horizon_s = 0.0;
         file.clock.decision_s = 0.0;
         Draft {
@@ -127,6 +129,7 @@ impl Draft {
         self.has_end == other.has_end
             && self.numbers.len() == other.numbers.len()
             && self.numbers.iter().zip(&other.numbers).all(is_same)
+            // Last, since it takes longest.
             && self.blank == other.blank
     }
 
@@ -320,6 +323,7 @@ fn world(name: &str, source: &str, group: &[(usize, Draft)]) -> Result<ImportedW
         let lo = values.clone().fold(f64::INFINITY, f64::min);
         let hi = values.clone().fold(f64::NEG_INFINITY, f64::max);
         *number = NumberOrRange(Range { lo, hi });
+        // A number that is equal at all points is no axis of the starts.
         if lo != hi {
             axes.push(axis);
             for (row, value) in rows.iter_mut().zip(values) {

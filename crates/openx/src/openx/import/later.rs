@@ -72,6 +72,7 @@ impl ImportedEntity {
 fn driven_s(bounds: &[SpeedBound], first_mps: f64, way_m: f64) -> f64 {
     let mut sorted = bounds.to_vec();
     sorted.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    // Speeds only grow here: a slower one need not come, or not for long.
     let (mut time_s, mut left_m, mut speed_mps) = (0.0, way_m, first_mps);
     for SpeedBound { from_s, most_mps } in sorted {
         let until_then_m = speed_mps * (from_s - time_s);

@@ -274,10 +274,11 @@ impl Protocol {
                 blockers.keep(self.concrete(begun, scope, &survey))
             }
         };
-        let seen = concrete.as_ref().map(seen_scenario);
-        let seen = seen.and_then(|seen| blockers.keep(seen));
-        let frame = concrete.as_ref().zip(seen.as_ref());
-        let frame = frame.map(|(concrete, seen)| StoryFrame {
+        let read = concrete.as_ref().map(seen_scenario);
+        let seen = read.and_then(|seen| blockers.keep(seen));
+        let both = concrete.as_ref().zip(seen.as_ref());
+        // Without a frame the storyboard is still read, so that one message names all.
+        let frame = both.map(|(concrete, seen)| StoryFrame {
             concrete,
             all: &seen.all,
         });

@@ -75,6 +75,7 @@ pub(super) fn seen_scenario(concrete: &Concrete) -> Result<SeenScenario<'_>, Imp
         let what = format!("it leaves its road after {:.3} s", leaves_s.max(0.0));
         return Err(leaver.entity.at.error(what).helped(help));
     }
+    // Without a stop time, an expected encounter with a target says how long to look.
     let known_s = ends_s(concrete, &all, start)?;
     // A run lasts at least one second, even if the file ends it earlier.
     let requested_s = known_s.unwrap_or(USUAL_S).max(1.0);
@@ -144,6 +145,7 @@ pub(super) fn draft(
     );
     file.plant = PlantKind::Kinematic;
     file.judge = JudgeKind::UntilContact;
+    // Entities that drive off need roads of their own.
     file.roads = ways(all, &mut origins);
     let grades = concrete.grades.iter();
     file.grades = grades

@@ -25,7 +25,7 @@ impl StoryWriter<'_> {
         let begin = self.survey.begins[number];
         let is_start = matches!(
             self.survey.taken.get(&number),
-            Some(TakenAction::Start | TakenAction::Meeting)
+            Some(TakenAction::Start | TakenAction::Approach)
         );
         if is_start || begin.at_s == f64::INFINITY {
             return false;
@@ -42,8 +42,8 @@ impl StoryWriter<'_> {
                 // What the ego does is left to the user, or refused.
                 let ego = &self.ground.ego.name;
                 let is_absent = |it: &String| it == ego || self.ground.absent.contains(it);
-                let of_nobody = !self.is_triggering(number) && part.actors.iter().all(is_absent);
-                !is_still && !of_nobody
+                let has_no_actor = !self.is_triggering(number) && part.actors.iter().all(is_absent);
+                !is_still && !has_no_actor
             }
             "GlobalAction" => match node.name.as_str() {
                 "EnvironmentAction" => {
@@ -63,11 +63,13 @@ impl StoryWriter<'_> {
         let parts = self.parts;
         let mut written = Vec::new();
         for number in parts.0[event].parts.clone() {
-            let does = self.effect(number);
-            let does = self.blockers.keep(does).unwrap_or(NONE);
+            let effect = self.effect(number);
+            // A refused action is named, and its place in the event is kept.
+            let does = self.blockers.keep(effect).unwrap_or(NONE);
             let name = parts.0[number].name.clone();
             written.push((number, Action { name, does }));
         }
+        // A world has no event without an action.
         if written.is_empty() {
             let name = "nothing".to_owned();
             written.push((event, Action { name, does: NONE }));
@@ -104,7 +106,8 @@ impl StoryWriter<'_> {
         let actors = self.present_actors(number);
         let acts = !actors.is_empty() || self.is_triggering(number);
         match self.survey.taken.get(&number) {
-            Some(TakenAction::Start | TakenAction::Meeting) => return Ok(NONE),
+            Some(TakenAction::Start | TakenAction::Approach) => return Ok(NONE),
+            // The path is the road of the entity, along which only speeds are left.
             Some(TakenAction::Timed { legs, stops }) => return Ok(self.legs(at, legs, *stops)),
             None => {}
         }
@@ -134,7 +137,7 @@ impl StoryWriter<'_> {
             }
             "SpeedProfileAction" => self.profile(at),
             "LongitudinalDistanceAction" => self.distance_along(at),
-            "SynchronizeAction" => self.meeting(at),
+            "SynchronizeAction" => self.synchronize(at),
             "LaneChangeAction" => self.lane_change(at, actors),
             "LaneOffsetAction" => self.lane_offset(at, actors),
             "LateralDistanceAction" => self.distance_across(at),
@@ -172,8 +175,9 @@ impl StoryWriter<'_> {
                 }
             }
             "EnvironmentAction" => {
-                let scale = friction_of(it, at.scope, self.ground)?;
-                let scale = scale.filter(|scale| *scale != self.friction_scale);
+                let stated = friction_of(it, at.scope, self.ground)?;
+                let scale = stated.filter(|scale| *scale != self.friction_scale);
+                // The world's friction has the factor of the Init already.
                 let base = self
                     .frame
                     .as_ref()
@@ -199,6 +203,7 @@ impl StoryWriter<'_> {
         let action = node.child("TrafficSignalAction").unwrap_or(node);
         let state = action.child("TrafficSignalStateAction")?;
         let signal = scope.text(state, "name").ok()?;
+        // States without a colour change nothing that an ego sees.
         let phase = shown(&scope.text(state, "state").ok()?)?;
         let frame = self.frame.as_ref()?;
         let mut lights = frame.concrete.lights.iter();

@@ -88,6 +88,7 @@ struct TriggerReader<'a> {
 
 impl TriggerReader<'_> {
     fn trigger(&self, trigger: &XmlNode) -> EarliestBegin {
+        // Any group suffices, and within one all conditions must hold.
         let groups = trigger.all("ConditionGroup").map(|group| {
             let conditions = group.all("Condition").map(|it| self.condition(it));
             conditions.fold(self.from, EarliestBegin::and)
@@ -98,6 +99,7 @@ impl TriggerReader<'_> {
     fn condition(&self, condition: &XmlNode) -> EarliestBegin {
         let delay_s = self.scope.number_or_zero(condition, "delay").unwrap_or(0.0);
         let read = condition.child("ByValueCondition").map(|it| self.value(it));
+        // What the run decides comes no earlier than the element around it.
         let unknown = EarliestBegin::later(self.from.at_s);
         let held = read.and_then(Result::ok).flatten().unwrap_or(unknown);
         let has_edge = condition
@@ -128,8 +130,9 @@ impl TriggerReader<'_> {
             }
             "ParameterCondition" => {
                 let name = it.need("parameterRef")?.trim_start_matches('$');
-                let value = self.scope.get(name);
-                let value = value.filter(|_| self.changed.iter().all(|it| it != name));
+                let stated = self.scope.get(name);
+                // The run may change it before anything asks.
+                let value = stated.filter(|_| self.changed.iter().all(|it| it != name));
                 let rule = it.raw("rule").unwrap_or_default();
                 let to = self.scope.text(it, "value")?;
                 let holds = value.and_then(|value| compared(value, rule, &to));
@@ -143,8 +146,10 @@ impl TriggerReader<'_> {
                 let found = kind.map(|kind| self.parts.named(kind, &name));
                 let begun = match found.as_deref() {
                     Some([one]) => self.begins[*one],
+                    // An unclear name is a problem of the trigger itself.
                     _ => return Ok(None),
                 };
+                // An end comes after the begin, by a time that the run decides.
                 let is_begin = matches!(it.raw("state"), Some("startTransition" | "runningState"));
                 Some(EarliestBegin {
                     is_known: begun.is_known && (is_begin || begun.at_s.is_infinite()),

@@ -46,6 +46,7 @@ impl StoryWriter<'_> {
             "AbsoluteTargetLane" => TargetAcross::Line(line.middle_m(it, value)?),
             "RelativeTargetLane" => match self.lane_of(at.at(target), frame, actor)? {
                 Ok(of) => {
+                    // Left of an entity that faces against its road is the road's right.
                     let to = lane_beside(&of, value * of.side());
                     TargetAcross::Line(line.middle_m(it, to)?)
                 }
@@ -196,6 +197,7 @@ impl StoryWriter<'_> {
         let changes = later.lane_changes + later.offsets;
         let is_own = other.entity.name == actor.entity.name;
         // Its own lane at its only change is that of the start.
+        // Nobody else moves it across, so its lane is known before the run.
         if changes == 0 || (is_own && changes == 1 && !self.repeats) {
             Ok(Ok(lane))
         } else {
@@ -223,6 +225,7 @@ impl StoryWriter<'_> {
         frame: &StoryFrame<'_>,
         entity: &EntityInFrame<'_>,
     ) -> Result<(), ImportError> {
+        // Only there do lanes of the world and of the file have the same order.
         let is_shared = matches!(entity.path, EntityPath::With | EntityPath::Against);
         let has_lanes = !matches!(frame.concrete.frame, RoadFrame::Along(_));
         if is_shared && has_lanes && frame.concrete.has_even_lanes {

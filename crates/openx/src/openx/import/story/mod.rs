@@ -133,14 +133,15 @@ impl<'a> StoryWriter<'a> {
     fn board(&mut self) -> Storyboard {
         let stories = ValuePath::top().to("storyboard").to("stories");
         let mut written = Vec::new();
+        // They come first: at one instant a later change of speed wins.
         written.extend(self.ramps(&stories));
         for number in self.relevant(PartKind::Story, None) {
             let path = stories.at(written.len());
             let part = &self.parts.0[number];
             self.origins.push((path.clone(), part.node.at()));
-            let acts = self.relevant(PartKind::Act, Some(number)).into_iter();
-            let acts = acts.enumerate();
-            let acts = acts
+            let held = self.relevant(PartKind::Act, Some(number));
+            let numbered = held.into_iter().enumerate();
+            let acts = numbered
                 .map(|(i, act)| self.act(act, &path.to("acts").at(i)))
                 .collect();
             written.push(Story {
@@ -156,6 +157,7 @@ impl<'a> StoryWriter<'a> {
             variables: variables.collect(),
             performance: self.performance(),
             stories: written,
+            // The stop of a file ends the run, which is the horizon of a world.
             stop_trigger: Vec::new(),
         }
     }
@@ -167,6 +169,7 @@ impl<'a> StoryWriter<'a> {
             let entity = it.entity;
             !entity.is_ego && entity.approach.is_none() && entity.is_driven()
         });
+        // Files give limits to all entities, and only those of actors matter.
         let limited = acting.map(|it| {
             let body = &it.entity.body;
             let limit = |value: f64| (value < UNLIMITED).then(|| StoryNumber::Number(tidy(value)));
@@ -185,6 +188,7 @@ impl<'a> StoryWriter<'a> {
     /// Changes of speed with which entities begin, as a story.
     fn ramps(&mut self, stories: &ValuePath) -> Option<Story> {
         let all = self.frame.as_ref()?.all;
+        // The user drives the ego, whatever its Init says.
         let begins: Vec<_> = all.iter().filter(|it| !it.entity.is_ego).collect();
         let mut groups = Vec::new();
         for it in begins {
@@ -223,8 +227,8 @@ impl<'a> StoryWriter<'a> {
             self.trigger(number, "StartTrigger"),
             self.trigger(number, "StopTrigger"),
         );
-        let groups = self.relevant(PartKind::ManeuverGroup, Some(number));
-        let groups = groups.into_iter().enumerate();
+        let held = self.relevant(PartKind::ManeuverGroup, Some(number));
+        let groups = held.into_iter().enumerate();
         Act {
             name: part.name.clone(),
             start_trigger,
@@ -239,16 +243,16 @@ impl<'a> StoryWriter<'a> {
         let part = &self.parts.0[number];
         self.origins.push((path.clone(), part.node.at()));
         let executions = self.executions(part);
-        let actors = self.present_actors(number);
-        let actors = actors.iter().map(|it| it.name.clone()).collect();
+        let present = self.present_actors(number);
+        let actors = present.iter().map(|it| it.name.clone()).collect();
         let maneuvers = self.relevant(PartKind::Maneuver, Some(number));
         let mut written = Vec::new();
         for maneuver in maneuvers {
             let path = path.to("maneuvers").at(written.len());
             let part = &self.parts.0[maneuver];
             self.origins.push((path.clone(), part.node.at()));
-            let events = self.relevant(PartKind::Event, Some(maneuver)).into_iter();
-            let events = events.enumerate();
+            let held = self.relevant(PartKind::Event, Some(maneuver));
+            let events = held.into_iter().enumerate();
             written.push(StoryManeuver {
                 name: part.name.clone(),
                 events: events
@@ -274,19 +278,22 @@ impl<'a> StoryWriter<'a> {
             _ if start_trigger.is_empty() => 1,
             executions => executions,
         };
+        // Targets that are relative to themselves move on with each execution.
         self.repeats = executions.max(of_group) > 1;
         let actions = self.actions(number);
         let places = actions.iter().enumerate().map(|(i, (action, _))| {
             let at = self.parts.0[*action].node.at();
             (path.to("actions").at(i), at)
         });
-        let places: Vec<_> = places.collect();
-        self.origins.extend(places);
+        // Collected first, because the list of places belongs to the writer, too.
+        let found: Vec<_> = places.collect();
+        self.origins.extend(found);
         StoryEvent {
             name: part.name.clone(),
             priority: match part.node.raw("priority") {
                 Some("override" | "overwrite") => EventPriority::Override,
                 Some("skip") => EventPriority::Skip,
+                // Files without a priority mean no effect on others, as players do.
                 _ => EventPriority::Parallel,
             },
             maximum_execution_count: executions,
@@ -307,14 +314,14 @@ impl<'a> StoryWriter<'a> {
         if part.node.raw(name).is_none() {
             return 1;
         }
-        let count = part.scope.number(part.node, name).and_then(|often| {
+        let stated = part.scope.number(part.node, name).and_then(|often| {
             if often >= 1.0 && often.fract() == 0.0 {
                 return Ok(often);
             }
             let what = format!("it is carried out {often} times");
             Err(part.node.refused(what, "write a whole number from 1 on"))
         });
-        let count = self.blockers.keep(count).unwrap_or(1.0);
+        let count = self.blockers.keep(stated).unwrap_or(1.0);
         // A whole number of this size has the same value as an integer.
         count.min(MOST_EXECUTIONS) as u32
     }
@@ -328,6 +335,7 @@ impl<'a> StoryWriter<'a> {
         let all = frame.all.iter();
         let is_actor = |it: &&EntityInFrame<'_>| actors.contains(&it.entity.name);
         all.filter(is_actor)
+            // A meeting is a plan of its own, which no story may move.
             .filter(|it| !it.entity.is_ego && it.entity.approach.is_none())
             .collect()
     }
@@ -343,6 +351,7 @@ impl<'a> StoryWriter<'a> {
     /// Returns the name of an entity in the world.
     fn entity(&self, at: &XmlNode, name: &str) -> Result<String, ImportError> {
         let is_known = match &self.frame {
+            // Entities far from the road are no agents, though the file places them.
             Some(frame) => frame.all.iter().any(|it| it.entity.name == name),
             None => self.ground.placed.contains_key(name),
         };
@@ -366,21 +375,22 @@ impl<'a> StoryWriter<'a> {
             all.find(|it| it.name == element && it.raw("name") == Some(name))
         };
         let variable = declared("VariableDeclarations", "VariableDeclaration");
-        let value = match variable {
+        let stated = match variable {
             Some(variable) => Some(at.scope.text(variable, "value")?),
             None => at.scope.get(name).map(str::to_owned),
         };
-        let value = value.ok_or_else(|| {
+        let value = stated.ok_or_else(|| {
             let help = "declare it in the `VariableDeclarations`";
             at.node
                 .refused(format!("there is no variable `{name}`"), help)
         })?;
-        let first = match value.as_str() {
+        // Worlds count truth as 1 and 0, which comparisons understand alike.
+        let known = match value.as_str() {
             "true" => Some(1.0),
             "false" => Some(0.0),
             text => number(text),
         };
-        let first = first.ok_or_else(|| {
+        let first = known.ok_or_else(|| {
             let what = format!("`{name}` is `{value}`, which is no number");
             at.node
                 .refused(what, "wait for a number, or for an element")
@@ -397,8 +407,8 @@ impl<'a> StoryWriter<'a> {
             .parts
             .all(PartKind::Action)
             .filter(|action| self.parts.around(*action).any(|it| it == element));
-        let is_meeting = |it: &usize| self.survey.taken.get(it) == Some(&TakenAction::Meeting);
-        inside.any(|action| is_meeting(&action) || self.moves_ego(&parts[action]))
+        let is_approach = |it: &usize| self.survey.taken.get(it) == Some(&TakenAction::Approach);
+        inside.any(|action| is_approach(&action) || self.moves_ego(&parts[action]))
     }
 
     fn moves_ego(&self, part: &StoryPart<'_>) -> bool {
@@ -418,6 +428,7 @@ impl<'a> StoryWriter<'a> {
             let moving = actions
                 .copied()
                 .find(|it| self.moves_ego(&self.parts.0[*it]));
+            // What never begins moves nobody, and is no matter of the user.
             let begins = self.survey.begins[number].at_s < f64::INFINITY;
             let Some(action) = moving.filter(|_| begins) else {
                 continue;

@@ -34,6 +34,7 @@ impl PartKind {
 
     /// Returns the kind that conditions call by a word.
     pub(super) fn called(word: &str) -> Option<PartKind> {
+        // The standard's words for the kinds, which differ from the elements' names.
         Some(match word {
             "story" => PartKind::Story,
             "act" => PartKind::Act,
@@ -92,6 +93,7 @@ pub(in super::super) fn catalog_maneuvers(
         let groups = story.all("Act").flat_map(|act| act.all("ManeuverGroup"));
         for reference in groups.flat_map(|group| group.all("CatalogReference")) {
             let entry = ground.catalogs.entry(reference, &own, ground.files);
+            // Keyed by place, because two references may name one entry.
             found.extend(blockers.keep(entry).map(|entry| (reference.place, entry)));
         }
     }
@@ -117,6 +119,7 @@ impl<'a> StoryParts<'a> {
             blockers,
             parts: Vec::new(),
         };
+        // Shared, since thousands of events may have one scope.
         let outer = Rc::new(scope.clone());
         let actors: Rc<[String]> = Rc::from(Vec::new());
         let mut names = Vec::new();
@@ -156,8 +159,8 @@ impl<'a> StoryParts<'a> {
         };
         let last = words.last().copied();
         let all = self.0.iter().enumerate();
-        let found = all.filter(|(_, part)| part.kind == kind && part.node.raw("name") == last);
-        let found = found.map(|(number, _)| number);
+        let alike = all.filter(|(_, part)| part.kind == kind && part.node.raw("name") == last);
+        let found = alike.map(|(number, _)| number);
         found.filter(|number| is_it(*number)).collect()
     }
 
@@ -202,6 +205,7 @@ impl<'a> PartReader<'a, '_> {
             part.actors = self.actors(&part);
         }
         let (scope, actors) = (Rc::clone(&part.scope), Rc::clone(&part.actors));
+        // Before those that it holds, whose numbers are therefore greater.
         let number = self.parts.len();
         self.parts.push(part);
         let mut names = Vec::new();
@@ -228,6 +232,7 @@ impl<'a> PartReader<'a, '_> {
     }
 
     fn is_entry(&self, node: &XmlNode) -> bool {
+        // By identity: two entries may have the same text.
         let mut entries = self.catalogs.values();
         entries.any(|(entry, _)| std::ptr::eq(entry, node))
     }
@@ -249,9 +254,9 @@ fn is_reference(kind: PartKind, node: &XmlNode) -> bool {
 
 /// Returns the name of an element, with a number if a sibling has it.
 fn free_name(node: &XmlNode, kind: PartKind, taken: &mut Vec<String>) -> String {
-    let stated = node.raw("name").filter(|name| !name.is_empty());
+    let own = node.raw("name").filter(|name| !name.is_empty());
     // A world joins names by these.
-    let stated = stated.unwrap_or(kind.element()).replace("::", "_");
+    let stated = own.unwrap_or(kind.element()).replace("::", "_");
     let numbered = (2..).map(|number| format!("{stated} {number}"));
     let mut names = std::iter::once(stated.clone()).chain(numbered);
     let free = names.find(|name| !taken.contains(name)).unwrap_or(stated);

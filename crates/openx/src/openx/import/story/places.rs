@@ -54,6 +54,7 @@ impl StoryWriter<'_> {
                     };
                     self.in_world(&spot)
                 };
+                // The world is turned against the file, and so are its axes.
                 let (from, to) = (moved(0.0, 0.0), moved(dx_m, dy_m));
                 let names = ["dx", "dy"];
                 Ok(StoryPosition::RelativeWorld {
@@ -197,6 +198,7 @@ impl StoryWriter<'_> {
         for vertex in at.node.all("Vertex") {
             let at = at.at(vertex);
             let spot = self.spot(at, "Position")?;
+            // Without a heading of its own a vertex faces along the line.
             let heading = states_heading(vertex).then_some(spot.heading_rad);
             vertices.push(TrajectoryVertex {
                 x_m: self.numbers.stated(at, &[], spot.x_m),
@@ -266,6 +268,7 @@ impl StoryWriter<'_> {
             let help = "give its first segment a `PositionStart`";
             return Err(at.node.refused("nothing says where it begins", help));
         };
+        // The file states the time of the whole curve only.
         if let Some(last) = pieces.last_mut() {
             last.time_s = self.time_s(at, "timeEnd")?;
         }

@@ -14,6 +14,7 @@ pub(super) fn relevant(parts: &StoryParts<'_>, moves: impl Fn(usize) -> bool) ->
         parts,
         is_relevant: vec![false; parts.0.len()],
     };
+    // From the actions outwards: elements without any of these stay unmarked.
     for action in parts.all(PartKind::Action).filter(|it| moves(*it)) {
         reader.mark(action);
     }
@@ -68,13 +69,15 @@ impl Relevance<'_> {
                 let found = kind
                     .zip(name)
                     .map(|(kind, name)| self.parts.named(kind, &name));
+                // It ends with the last of its parts, even with one that moves nobody.
                 for it in found.into_iter().flatten() {
                     self.mark_whole(it);
                 }
             }
             "VariableCondition" | "ParameterCondition" => {
-                let name = node.raw("variableRef").or(node.raw("parameterRef"));
-                let name = name.map(|it| it.trim_start_matches('$').to_owned());
+                let stated = node.raw("variableRef").or(node.raw("parameterRef"));
+                // Older files write references with the sign of a value.
+                let name = stated.map(|it| it.trim_start_matches('$').to_owned());
                 let changing: Vec<usize> = self
                     .parts
                     .all(PartKind::Action)

@@ -282,7 +282,7 @@ impl StoryWriter<'_> {
         })
     }
 
-    pub(super) fn meeting(&mut self, at: StatedIn<'_>) -> Result<Effect, ImportError> {
+    pub(super) fn synchronize(&mut self, at: StatedIn<'_>) -> Result<Effect, ImportError> {
         let it = at.node;
         self.ground.catalogs.note(OWN_APPROACH, it);
         let master = self.entity(it, &at.scope.text(it, "masterEntityRef")?)?;

@@ -40,7 +40,7 @@ pub(super) enum TakenAction {
         stops: bool,
     },
     /// It is a meeting, whose end the run decides.
-    Meeting,
+    Approach,
 }
 
 /// Results of a survey.
@@ -105,6 +105,7 @@ pub(in super::super) fn survey(
     let coasting = ego.filter(|ego| !is_moved(&ego.name));
     let ego_mps = coasting.map(|it| it.speed_mps);
     let fastest_mps = fastest_mps(parts, entities);
+    // The user's controller moves the ego, so its actions bound no speed.
     for entity in entities.iter_mut().filter(|it| !it.is_ego) {
         let actions = actions_of(parts, ground, &begins, &entity.name);
         let mut reader = EntitySurvey {
@@ -233,6 +234,7 @@ impl<'a> EntitySurvey<'a, '_> {
             "LongitudinalDistanceAction" => {
                 let ego = &self.ground.ego.name;
                 let gap_m = gap_of(node, scope, ego, self.entity.speed_mps);
+                // A gap at the start is a place, which needs no action.
                 match gap_m.ok().filter(|_| is_now) {
                     Some(gap_m) => {
                         self.entity.gap_m = Some(gap_m);
@@ -243,13 +245,14 @@ impl<'a> EntitySurvey<'a, '_> {
             }
             "SynchronizeAction" => {
                 let is_soon = begin.is_known && begin.at_s <= SOON_S && is_alone;
-                let is_meeting = is_soon && self.is_only(action) && self.stands();
+                // A plan for the whole run leaves no room for another action.
+                let is_approach = is_soon && self.is_only(action) && self.stands();
                 let read =
-                    is_meeting.then(|| approached(node, scope, self.ground, self.ego_mps).ok());
+                    is_approach.then(|| approached(node, scope, self.ground, self.ego_mps).ok());
                 match read.flatten() {
                     Some(approach) => {
                         self.entity.approach = Some(approach);
-                        self.taken.insert(action.number, TakenAction::Meeting);
+                        self.taken.insert(action.number, TakenAction::Approach);
                     }
                     None => self.bound(begin, FASTER * self.fastest_mps),
                 }
@@ -259,6 +262,7 @@ impl<'a> EntitySurvey<'a, '_> {
                 let is_first = self.of_kind(&["AssignRouteAction", "AcquirePositionAction"]) == 1;
                 if is_first && is_alone && self.entity.route.is_empty() {
                     let route = self.ground.turns_to(node, scope, &self.entity.placed)?;
+                    // Which way a road leads matters at junctions only, which lie ahead.
                     self.entity.route = route;
                     if !begin.is_known || begin.at_s > 0.0 {
                         let kind = "the time of routes, which hold from the start on";
@@ -303,6 +307,7 @@ impl<'a> EntitySurvey<'a, '_> {
         let limits = action.child("DynamicConstraints");
         let limit = limits.filter(|it| it.raw("maxSpeed").is_some());
         let most_mps = limit.and_then(|it| scope.number_in(it, "maxSpeed", 0.0..=f64::MAX).ok());
+        // An entity that closes a gap drives faster than the one that it follows.
         let usual_mps = FASTER * self.fastest_mps;
         most_mps.map_or(usual_mps, |most_mps| most_mps.min(usual_mps))
     }
@@ -370,6 +375,7 @@ impl<'a> EntitySurvey<'a, '_> {
     fn follow(&mut self, action: &MovingAction<'a>, way: OnWay, times: Option<&[(f64, f64)]>) {
         let on_foot = self.entity.body.on_foot;
         let is_straight = way.way.piece_count() == 0;
+        // The path replaces the lane, whose changes mean nothing on it.
         self.entity.placed.spot = way.spot();
         self.entity.placed.way = Some(way);
         self.entity.placed.lane = None;
@@ -387,6 +393,7 @@ impl<'a> EntitySurvey<'a, '_> {
         let lasts_s: f64 = legs.iter().map(|(lasts_s, _)| lasts_s).sum();
         let stops = on_foot && is_straight;
         let begin = action.begin;
+        // The order of the legs does not matter for the greatest speed.
         for (_, speed_mps) in &legs {
             self.bound(begin, *speed_mps);
         }

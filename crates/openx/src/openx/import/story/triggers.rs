@@ -89,8 +89,8 @@ impl StoryWriter<'_> {
                     it.refused(format!("there is no `{name}`"), help)
                 })?;
                 let stated = it.need("rule")?;
-                let holds = compared(value, stated, &at.scope.text(it, "value")?);
-                let holds = holds.ok_or_else(|| {
+                let found = compared(value, stated, &at.scope.text(it, "value")?);
+                let holds = found.ok_or_else(|| {
                     it.refused(format!("the rule `{stated}` is not understood"), RULES)
                 })?;
                 constant(holds)
