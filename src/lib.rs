@@ -54,12 +54,12 @@ pub use brakecheck_campaign::campaign;
 pub use brakecheck_experiment::adversary;
 pub mod cli;
 #[doc(inline)]
-pub use brakecheck_recorded_world::commonroad;
-#[doc(inline)]
 pub use brakecheck_conformance::conformance;
 #[doc(inline)]
 pub use brakecheck_crashes::crashes;
 use brakecheck_files::content_hash;
+#[doc(inline)]
+pub use brakecheck_recorded_world::commonroad;
 pub mod doc_pages;
 #[cfg(feature = "drive")]
 #[doc(inline)]

@@ -38,8 +38,7 @@ pub(super) const REPORT: &str =
 pub(super) const DRIVE: &str = "Examples:\n  brakecheck drive acc --open\n  brakecheck drive runs/acc\n  brakecheck drive mine.ron --watch\n\nDocuments: docs/guide/drive.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n  brakecheck view kept --rerun kept.rrd\n\nDocuments: docs/guide/pictures.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/guide/export.md";
-pub(super) const SERVE: &str =
-    "Examples:\n  brakecheck serve runs/acc\n  brakecheck serve acc --ado search\n\nDocuments: docs/reference/ado-protocol.md";
+pub(super) const SERVE: &str = "Examples:\n  brakecheck serve runs/acc\n  brakecheck serve acc --ado search\n\nDocuments: docs/reference/ado-protocol.md";
 pub(super) const LSP: &str =
     "Example:\n  brakecheck lsp --stdio\n\nDocuments: docs/guide/editors.md";
 

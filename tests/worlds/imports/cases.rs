@@ -221,10 +221,7 @@ fn a_wrong_row_names_its_case_its_files_and_its_expectation() {
         (vec![], drops(["routes"])),
         (vec![], road(0.5, None)),
         (vec![], ends(5.0, 6.0, [])),
-        (
-            vec![first(time(2.0, "odd", 0.0))],
-            says("a rising edge"),
-        ),
+        (vec![first(time(2.0, "odd", 0.0))], says("a rising edge")),
         (
             vec![first(time(2.0, "odd", 0.0))],
             on("<Act", "no edge `odd`"),

@@ -32,15 +32,11 @@ fn a_standing_entity_changes_its_lane_once_it_drives() {
 }
 
 #[test]
-fn lane_changes_by_distance_take_a_speed_that_stays() {
+fn an_action_has_one_part() {
     let change = lane_change("linear", "distance", 40.0);
-    let beside_speed = "by distance beside a change of speed";
     let both = format!("{SLOWER}</PrivateAction><PrivateAction>{change}");
     let at = |time_s: f64| time(time_s, "none", 0.0);
     table! {
-        "beside a change of speed": [beside(&at(2.5), &change)] => says(beside_speed);
-        "with a change of speed beside it":
-            [does(&change), beside(&at(3.0), FASTER)] => says(beside_speed);
         "in one event with a change of speed": [does(both)] => says("more than one part");
         "after a change of speed": [second(&at(8.5), &change)] => lead([]);
     }
@@ -93,10 +89,7 @@ fn one_message_names_all_that_is_not_read() {
             r#"dynamicsShape="linear" dynamicsDimension="rate" value="1""#,
             r#"dynamicsShape="odd" dynamicsDimension="rate" value="1""#,
         ),
-        second(
-            &time(9.0, "odd", 0.0),
-            &lane_change("wavy", "time", 3.0),
-        ),
+        second(&time(9.0, "odd", 0.0), &lane_change("wavy", "time", 3.0)),
     ];
     let error = refused(&edits);
     assert_names(&error, 4, &["5000 m along", "this shape", "no edge `odd`"]);

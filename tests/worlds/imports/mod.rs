@@ -16,6 +16,7 @@ mod places;
 mod precedence;
 mod refusals;
 mod roads;
+mod stories;
 
 use std::path::{Path, PathBuf};
 

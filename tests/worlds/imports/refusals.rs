@@ -4,17 +4,8 @@ use super::*;
 
 #[test]
 fn storyboards_that_would_move_otherwise_are_refused_by_line_and_fix() {
-    let way_off = || way([[150.0, -5.25], [250.0, 5.0]]);
-    let stop = |condition: &str| {
-        let trigger =
-            format!("<StopTrigger><ConditionGroup>{condition}</ConditionGroup></StopTrigger>");
-        edit("<!--act-->", trigger)
-    };
-    let group = r#"name="group" maximumExecutionCount="1""#;
     let late_speed = r#"<LongitudinalAction><SpeedProfileAction><SpeedProfileEntry speed="3" time="5"/></SpeedProfileAction></LongitudinalAction>"#;
     let turned_off = r#"<RoutingAction><AssignRouteAction><Route name="r" closed="false"><Waypoint routeStrategy="shortest"><Position><RelativeObjectPosition entityRef="Ego" dx="50" dy="40"/></Position></Waypoint></Route></AssignRouteAction></RoutingAction>"#;
-    let itself = r#"<RelativeTargetSpeed entityRef="Lead" value="0.5" speedTargetValueType="factor" continuous="false"/>"#;
-    let gap = r#"<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" freespace="true" continuous="false" displacement="leadingReferencedEntity" distance="9"/></LongitudinalAction>"#;
     table! {
         "a delay below 0": [first(time(2.0, "none", -1.0))] => on("delay", "a delay of -1 s");
         "an event after itself":
@@ -97,17 +88,10 @@ fn what_another_player_reads_otherwise_is_refused() {
         ))
     };
     let leading = r#" displacement="leadingReferencedEntity">"#;
-    let limits = r#"<DynamicConstraints maxSpeed="30" maxAcceleration="5" maxDeceleration="5"/>"#;
     let system = |system: &str| {
         let kind = r#"relativeDistanceType="longitudinal""#;
         let with = format!(r#"{kind} coordinateSystem="{system}""#);
         first(nearer(20.0, "none").replace(kind, &with))
-    };
-    let run_times = || {
-        [
-            does(timed("absolute", 1.0, 0.0, "")),
-            edit(LEAD_SPEED, STANDING),
-        ]
     };
     let twice = || {
         let Edit { from, to } = second(&after("event", "first", 0.0), FASTER);

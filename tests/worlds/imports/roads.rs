@@ -37,10 +37,6 @@ fn friction_and_speed_limits_are_carried_over() {
 
 #[test]
 fn a_run_ends_before_an_entity_leaves_its_road() {
-    let stopped = format!(
-        "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
-        travelled("Ego", 100.0)
-    );
     table! {
         "as it is": [] => ends(12.0, 12.0, []);
         // 10 m/s from 950 m of 1000 m on, slower from 2 s on: 30 m at 10 - t m/s more.

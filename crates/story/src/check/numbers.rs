@@ -105,15 +105,15 @@ impl Check<'_, '_> {
         points: &[SpeedPoint],
         least_mps: f64,
     ) -> Vec<SpeedPoint<f64>> {
-        let points = points.iter().enumerate();
-        let mut checked = |(i, point): (usize, &SpeedPoint)| {
+        let mut checked = Vec::with_capacity(points.len());
+        for (i, point) in points.iter().enumerate() {
             let at = path.at(i);
-            SpeedPoint {
+            checked.push(SpeedPoint {
                 time_s: self.number_if(&at.to("time_s"), &point.time_s, 0.0),
                 speed_mps: self.number(&at.to("speed_mps"), &point.speed_mps, least_mps),
-            }
-        };
-        points.map(&mut checked).collect()
+            });
+        }
+        checked
     }
 
     pub(super) fn place(&mut self, path: &ValuePath, position: &StoryPosition) -> StoryPlace {

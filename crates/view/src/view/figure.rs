@@ -74,37 +74,37 @@ fn add_parts(parts: &[BodyPart], height_m: f64, colour: Rgb, faces: &mut FaceMes
 
 /// Adds a body with a bonnet, and a cabin of glass with a roof.
 fn add_car(body: &Scale, radius_m: f32, colour: Rgb, faces: &mut FaceMesh) {
-    let layer = |(rear, front): (f32, f32), half_width: f32, up: f32| {
+    let layer = |[rear, front]: [f32; 2], half_width: f32, up: f32| {
         body.footprint(rear, front, half_width, radius_m)
             .at(body.up(up))
     };
     let hull = [
-        layer((-0.48, 0.48), 0.47, 0.16),
-        layer((-0.5, 0.5), 0.5, 0.26),
-        layer((-0.5, 0.5), 0.5, 0.46),
-        layer((-0.485, 0.47), 0.48, 0.58),
+        layer([-0.48, 0.48], 0.47, 0.16),
+        layer([-0.5, 0.5], 0.5, 0.26),
+        layer([-0.5, 0.5], 0.5, 0.46),
+        layer([-0.485, 0.47], 0.48, 0.58),
     ];
     faces.loft(&hull, &[colour; 3]);
     let cabin = [
-        layer((-0.44, 0.22), 0.455, 0.58),
-        layer((-0.33, 0.05), 0.37, 0.94),
-        layer((-0.31, 0.03), 0.34, 1.0),
+        layer([-0.44, 0.22], 0.455, 0.58),
+        layer([-0.33, 0.05], 0.37, 0.94),
+        layer([-0.31, 0.03], 0.34, 1.0),
     ];
     faces.loft(&cabin, &[palette::GLASS, colour]);
 }
 
 /// Adds a body with a slanted front. Its roof identifies it from above.
 fn add_van(body: &Scale, colour: Rgb, paint: Rgb, faces: &mut FaceMesh) {
-    let layer = |(rear, front): (f32, f32), half_width: f32, up: f32| {
+    let layer = |[rear, front]: [f32; 2], half_width: f32, up: f32| {
         body.footprint(rear, front, half_width, EDGE_M)
             .at(body.up(up))
     };
     let hull = [
-        layer((-0.5, 0.5), 0.5, 0.1),
-        layer((-0.5, 0.5), 0.5, 0.36),
-        layer((-0.5, 0.44), 0.5, 0.5),
-        layer((-0.5, 0.28), 0.48, 0.95),
-        layer((-0.49, 0.26), 0.46, 1.0),
+        layer([-0.5, 0.5], 0.5, 0.1),
+        layer([-0.5, 0.5], 0.5, 0.36),
+        layer([-0.5, 0.44], 0.5, 0.5),
+        layer([-0.5, 0.28], 0.48, 0.95),
+        layer([-0.49, 0.26], 0.46, 1.0),
     ];
     faces.loft(&hull, &[colour, colour, paint, colour]);
     // The windscreen lies on the slanted front, slightly before it.

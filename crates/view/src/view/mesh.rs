@@ -82,11 +82,11 @@ impl FaceMesh {
                 up_m,
             } => {
                 let footprint = RoundRectangle {
-                    ahead_m: shown(*ahead_m),
-                    left_m: shown(*left_m),
+                    ahead_m: shown(ahead_m.0, ahead_m.1),
+                    left_m: shown(left_m.0, left_m.1),
                     radius_m: 0.0,
                 };
-                let (low, high) = shown((up_m.0 + ground_m, up_m.1 + ground_m));
+                let (low, high) = shown(up_m.0 + ground_m, up_m.1 + ground_m);
                 self.loft(&[footprint.at(low), footprint.at(high)], &[colour]);
             }
             BodyPart::Prism { outline_m, up_m } => {
@@ -104,8 +104,9 @@ impl FaceMesh {
                 to_m,
                 radius_m,
             } => {
-                let at = |(x, y, z): (f64, f64, f64)| [x as f32, y as f32, (z + ground_m) as f32];
-                self.capsule(at(*from_m), at(*to_m), *radius_m as f32, colour);
+                let ends = [*from_m, *to_m];
+                let [from, to] = ends.map(|(x, y, z)| [x as f32, y as f32, (z + ground_m) as f32]);
+                self.capsule(from, to, *radius_m as f32, colour);
             }
         }
     }
@@ -244,7 +245,7 @@ fn hull(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     [lower, upper].concat()
 }
 
-fn shown((from, to): (f64, f64)) -> (f32, f32) {
+fn shown(from: f64, to: f64) -> (f32, f32) {
     (from as f32, to as f32)
 }
 

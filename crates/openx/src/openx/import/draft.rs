@@ -123,12 +123,10 @@ impl Draft {
     }
 
     fn is_like(&self, other: &Draft) -> bool {
-        let is_same = |(one, other): (&DraftNumber, &DraftNumber)| {
-            one.axis == other.axis && one.more == other.more
-        };
+        let mut pairs = self.numbers.iter().zip(&other.numbers);
         self.has_end == other.has_end
             && self.numbers.len() == other.numbers.len()
-            && self.numbers.iter().zip(&other.numbers).all(is_same)
+            && pairs.all(|(one, other)| one.axis == other.axis && one.more == other.more)
             // Last, since it takes longest.
             && self.blank == other.blank
     }

@@ -28,8 +28,8 @@ mod write;
 
 pub(super) use bodies::colour_class;
 pub use looping::{Beside, HOLD_S, LoopingPicture, looping_picture};
-pub use running::running_picture;
 use maud::{Markup, html};
+pub use running::running_picture;
 
 use super::Example;
 use super::verdict::VerdictWords;

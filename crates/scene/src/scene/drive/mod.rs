@@ -5,9 +5,9 @@
 
 mod actions;
 mod after_contact;
-mod beside_law;
 mod along_law;
 mod attitude;
+mod beside_law;
 mod bounds;
 mod commands;
 mod default_observation;

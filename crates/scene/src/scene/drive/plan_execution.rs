@@ -16,8 +16,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use super::beside_law::BesideRun;
 use super::along_law::AlongRun;
+use super::beside_law::BesideRun;
 use super::motion_profile::{SAME_S, SpeedRamp, Swing, forward_part};
 use super::plan::{MotionPlan, ScriptStep, Unmet};
 use super::plan_way::{PlanWay, TimedLegs};
@@ -300,7 +300,9 @@ impl PlanRun {
         let sample_s = to_s - from_s;
         let speed_mps = self.ramp.speed_mps(to_s);
         let strayed_m = self.stray_on(deviation, speed_mps, sample_s, driven);
-        let wanted_mps = self.swing.map_or(0.0, |swing| swing.speed_mps(to_s, speed_mps));
+        let wanted_mps = self
+            .swing
+            .map_or(0.0, |swing| swing.speed_mps(to_s, speed_mps));
         let end = SampleEnd {
             sample_s,
             speed_mps,

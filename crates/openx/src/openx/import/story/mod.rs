@@ -414,11 +414,12 @@ impl<'a> StoryWriter<'a> {
     fn moves_ego(&self, part: &StoryPart<'_>) -> bool {
         let ego = &self.ground.ego.name;
         let is_its = part.actors.iter().any(|it| it == ego);
-        let moves = |(kind, node): (&XmlNode, &XmlNode)| {
-            let is_still = is_still(node, &part.scope, true).unwrap_or(false);
-            kind.name == "PrivateAction" && !is_still
-        };
-        is_its && content(part.node).ok().flatten().is_some_and(moves)
+        let moving = content(part.node).ok().flatten();
+        is_its
+            && moving.is_some_and(|(kind, node)| {
+                let is_still = is_still(node, &part.scope, true).unwrap_or(false);
+                kind.name == "PrivateAction" && !is_still
+            })
     }
 
     /// Leaves the motion of the ego to the user, or refuses it.

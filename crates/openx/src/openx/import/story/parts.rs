@@ -159,8 +159,8 @@ impl<'a> StoryParts<'a> {
         };
         let last = words.last().copied();
         let all = self.0.iter().enumerate();
-        let alike = all.filter(|(_, part)| part.kind == kind && part.node.raw("name") == last);
-        let found = alike.map(|(number, _)| number);
+        let named = all.filter(|(_, part)| part.kind == kind && part.node.raw("name") == last);
+        let found = named.map(|(number, _)| number);
         found.filter(|number| is_it(*number)).collect()
     }
 

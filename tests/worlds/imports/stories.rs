@@ -1,0 +1,126 @@
+//! Storyboards of which only the run knows the order of events.
+//!
+//! esmini moves the lead alike, to one of its steps of 0.01 s.
+
+use super::*;
+
+/// A gap behind or ahead of the ego.
+fn gap(attributes: &str) -> String {
+    format!(
+        r#"<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" freespace="true" continuous="false" {attributes}/></LongitudinalAction>"#
+    )
+}
+
+#[test]
+fn events_come_in_the_order_of_the_run() {
+    let group = r#"name="group" maximumExecutionCount="1""#;
+    let own = |value: &str, kind: &str| {
+        aims_at(&format!(
+            r#"<RelativeTargetSpeed entityRef="Lead" value="{value}" speedTargetValueType="{kind}" continuous="false"/>"#
+        ))
+    };
+    let slower_than_ego = r#"<RelativeTargetSpeed entityRef="Ego" value="-4" speedTargetValueType="delta" continuous="false"/>"#;
+    let stop = |condition: &str| {
+        let trigger =
+            format!("<StopTrigger><ConditionGroup>{condition}</ConditionGroup></StopTrigger>");
+        edit("<!--act-->", trigger)
+    };
+    let near_ego = r#"<ReachPositionCondition tolerance="20"><Position><RelativeObjectPosition entityRef="Ego" dx="5" dy="0"/></Position></ReachPositionCondition>"#;
+    let triggering = edit(
+        r#"selectTriggeringEntities="false""#,
+        r#"selectTriggeringEntities="true""#,
+    );
+    table! {
+        "a group that repeats":
+            [edit(group, group.replace('1', "3")), aims_at(slower_than_ego)]
+            => lead([(4.0, 192.0, 0.0), (12.0, 312.0, 0.0)]);
+        "actors that trigger, beside those that are named": [triggering] => lead([(12.0, 228.0, 0.0)]);
+        "a falling edge of a time that has come":
+            [first(time(2.0, "falling", 0.0))] => lead([(12.0, 270.0, 0.0)]);
+        "an edge before the act":
+            [act(time(3.0, "none", 0.0)), first(time(2.0, "rising", 0.0))]
+            => lead([(12.0, 270.0, 0.0)]);
+        "an event that may come first":
+            [second(&nearer(20.0, "none"), FASTER)]
+            => lead([(4.0, 188.0, 0.0), (8.0, 215.229, 0.0), (12.0, 254.591, 0.0)]);
+        "an act that stops after a distance of the lead, which keeps its speed":
+            [stop(&travelled("Lead", 50.0))]
+            => lead([(4.0, 188.0, 0.0), (8.0, 214.702, 0.0), (12.0, 240.0, 0.0)]);
+        "an act that waits for its own event":
+            [act(after("event", "first", 0.0))] => lead([(12.0, 270.0, 0.0)]);
+        "an edge and a distance, which never come together":
+            [first(time(2.0, "rising", 0.0) + &nearer(20.0, "none"))] => lead([(12.0, 270.0, 0.0)]);
+        "near a place that goes on beside the ego":
+            [first(watch("Lead", near_ego))]
+            => lead([(8.0, 229.89, 0.0), (12.0, 260.013, 0.0)]);
+        // esmini adds to such a target at every step.
+        "a difference from its own speed": [own("1", "delta")] => lead([(12.0, 279.5, 0.0)]);
+        "a share of its own speed": [own("0.5", "factor")] => lead([(12.0, 232.5, 0.0)]);
+        "which is listed": [own("1", "delta")]
+            => drops(["the growth of speeds that are relative to themselves"]);
+    }
+}
+
+#[test]
+fn distances_profiles_and_meetings_begin_in_the_run() {
+    let leading = gap(r#"displacement="leadingReferencedEntity" distance="9""#);
+    let change = lane_change("linear", "distance", 40.0);
+    table! {
+        "a gap after the start":
+            [does(&leading)] => lead([(4.0, 143.4, 0.0), (12.0, 303.4, 0.0)]);
+        "a gap without a side is behind the other":
+            [from_start(gap(r#"distance="30""#))] => lead([(1.0, 35.6, 0.0), (12.0, 255.6, 0.0)]);
+        "a profile within limits":
+            [does(profile(&[(1.0, 2.0)]))] => lead([(4.0, 180.4, 0.0), (12.0, 196.4, 0.0)]);
+        "a meeting of an agent that moves":
+            [from_start(MEETING)] => lead([(12.0, 195.0, 0.0)]);
+        // The way that is really driven counts.
+        "a change of lane by distance beside a change of speed":
+            [beside(&time(2.5, "none", 0.0), &change)] => lead([(4.0, 187.95, 1.144)]);
+        "a change of speed beside a change of lane by distance":
+            [does(&change), beside(&time(3.0, "none", 0.0), FASTER)]
+            => lead([(4.0, 189.924, 1.743), (8.0, 229.847, 3.5)]);
+    }
+}
+
+#[test]
+fn trajectories_begin_in_the_run_and_are_cut() {
+    let way_off = || way([[150.0, -5.25], [250.0, 5.0]]);
+    let back = || way([[150.0, -5.25], [250.0, 5.0], [160.0, -5.0]]);
+    let run_times = || {
+        [
+            does(timed("absolute", 1.0, 0.0, "")),
+            edit(LEAD_SPEED, STANDING),
+        ]
+    };
+    let relative = way_off().replace(
+        r#"<WorldPosition x="250" y="5"/>"#,
+        r#"<RelativeObjectPosition entityRef="Ego" dx="200" dy="0"/>"#,
+    );
+    table! {
+        "of an agent that moves, back to their start":
+            [does(way_off())] => lead([(4.0, 169.896, 2.039), (12.0, 249.479, 10.197)]);
+        "that turn back":
+            [from_start(back())] => lead([(4.0, 189.792, 4.079), (12.0, 230.643, 8.099)]);
+        "that an event cuts, which leaves the lead beside its lane":
+            [from_start(way_off()), second(&time(2.0, "none", 0.0), FASTER)]
+            => lead([(4.0, 189.896, 2.039), (8.0, 229.896, 2.039)]);
+        "with times of the run":
+            [run_times()] => lead([(4.0, 190.0, 5.0), (8.0, 215.0, 10.0), (12.0, 235.0, 10.0)]);
+        "with times of the run, after a distance":
+            [run_times(), first(nearer(20.0, "none"))] => lead([(4.0, 190.0, 5.0), (12.0, 235.0, 10.0)]);
+        "relative to an agent that goes on":
+            [does(relative)] => on("Polyline", "relative to an agent");
+    }
+}
+
+#[test]
+fn rain_that_begins_on_the_way_makes_the_road_slippery() {
+    let imported = imported(&[rain("0.3")]);
+    let text = &imported.worlds[0].text;
+    assert!(text.contains("Friction(value: 0.3)"), "{text}");
+    assert_eq!(
+        off(&run(&world(&imported)), "lead", (12.0, 228.0, 0.0)),
+        None
+    );
+}
