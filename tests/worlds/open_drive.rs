@@ -117,7 +117,7 @@ fn an_origin_is_given_once_and_in_radians() {
     assert_eq!(world.origin.expect("an origin").y_m, 4.0);
     for (from, to, what) in [
         ("heading_rad: 1.5", "heading_rad: 90.0", "90 is outside of"),
-        ("x_m: 3.0", "x_m: inf", "inf is outside of"),
+        ("x_m: 3.0", "x_m: inf", "`inf` is not a finite number"),
         ("x_m: 3.0", "x_m: 1e9", "1000000000 is outside of"),
     ] {
         let error = load(&straight.replace(from, to), &[]).expect_err(what);

@@ -486,8 +486,8 @@ fn what_is_not_understood_is_refused_where_it_stands() {
         ),
         (
             "CCRs.xosc",
-            "LongitudinalDistanceAction freespace=\"true\"",
-            "LongitudinalDistanceAction coordinateSystem=\"world\" freespace=\"true\"",
+            "leadingReferencedEntity\" coordinateSystem=\"entity\"",
+            "leadingReferencedEntity\" coordinateSystem=\"world\"",
             "the coordinate system `world`",
         ),
         (

@@ -125,7 +125,7 @@ fn small_scenarios_move_as_their_files_say() {
                 first(nearer(40.0, "rising")),
                 does(lane_change("sinusoidal", "time", 3.0)),
                 second(&nearer(20.0, "rising"), SLOWER),
-            ] => lead([(7.0, 219.886, 1.622), (8.0, 229.689, 2.6)]);
+            ] => lead([(7.0, 219.883, 1.64), (8.0, 229.688, 2.571)]);
         "a trajectory with corners at its own speed":
             [from_start(way([[150.0, -5.25], [180.0, -5.25], [200.0, 4.75], [290.0, 4.75]]))]
             => lead([(2.0, 170.0, 0.0), (4.0, 188.944, 4.472), (8.0, 227.639, 10.0)]);

@@ -259,7 +259,7 @@ fn version_2018b_has_roles_and_limits_of_lanelets() {
         .replace("<type>", "<role>dynamic</role>\n<type>");
     let parked = "<obstacle id=\"5\"><role>static</role><type>parkedVehicle</type><shape><rectangle>\
         <length>5</length><width>2</width></rectangle></shape><initialState><position><point><x>90</x>\
-        <y>-3</y></point></position><orientation><exact>0.5</exact></orientation><time><exact>0</exact>\
+        <y>-4</y></point></position><orientation><exact>0.5</exact></orientation><time><exact>0</exact>\
         </time></initialState></obstacle>\n";
     let limited = network().replacen("</lanelet>", "<speedLimit>16.0</speedLimit>\n</lanelet>", 2);
     let text = scenario("2018b", &[&limited, &car, parked, &problem(1, GOAL)]);
@@ -287,7 +287,7 @@ fn version_2018b_has_roles_and_limits_of_lanelets() {
         "{s_m:?}"
     );
     assert!(
-        (number(*lateral_m) - (2.5 * sin - 3.0)).abs() < 1e-3,
+        (number(*lateral_m) - (2.5 * sin - 4.0)).abs() < 1e-3,
         "{lateral_m:?}"
     );
     assert_eq!(*heading_rad, 0.5);

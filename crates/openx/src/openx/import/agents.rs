@@ -48,6 +48,7 @@ pub(super) fn agent(
         EntityPath::Own(..) => Some(way_name(it)),
         _ => None,
     };
+    // Worlds place fronts, and files the reference points of bodies.
     let start = StartFile::At {
         x_m: number(front_m),
         // A meeting starts from rest.
@@ -201,6 +202,7 @@ fn obstacle(
         }
         _ => front,
     };
+    // Without a shared road it stands beside the way of somebody else.
     let mut nearest = shares_road.then_some((None, front));
     for other in all {
         match other.path {

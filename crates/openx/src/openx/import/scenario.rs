@@ -212,6 +212,7 @@ impl Protocol {
             steered: steered(&self.root, &objects),
             turns_relative: turns_relative(&self.root),
         };
+        // In the order of the file, so that all points of a world share their names.
         let numbers = StoryNumbers::new(self.varies);
         let present = motion::present(init, &objects, &content.absent, &self.catalogs, blockers);
         let privates: Vec<&XmlNode> = present.iter().collect();
@@ -239,6 +240,7 @@ impl Protocol {
         let catalogs = catalog_maneuvers(board, scope, ground, blockers);
         let parts = StoryParts::of(board, scope, &catalogs, blockers);
         let survey = survey(&parts, ground, &mut entities, blockers);
+        // Nobody can meet them, and what refers to them has a problem of its own.
         entities.retain(|it| !survey.gone.contains(&it.name));
         let stop_s = blockers
             .keep(motion::stop_s(board, scope, &self.dropped))

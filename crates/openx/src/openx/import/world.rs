@@ -159,6 +159,7 @@ pub(super) fn draft(
             origins.push((top.to("bodies").to(&body.name), body.at.clone()));
         }
     }
+    // Protocols hide children behind parked cars, which matters for what an ego sees.
     file.sensors.line_of_sight = hides(all);
     let parameters = parameters.into_iter();
     file.parameters = Ordered(
@@ -281,6 +282,7 @@ fn road(concrete: &Concrete, all: &[EntityInFrame], until_s: f64) -> OwnRoad {
 
 /// Ways of entities that leave the road of the ego.
 fn ways(all: &[EntityInFrame], origins: &mut Vec<(ValuePath, At)>) -> Ordered<RoadFile> {
+    // In the order of the agents, so that equal files give equal texts.
     let mut roads = Ordered::default();
     for it in all {
         let EntityPath::Own(begins, on) = it.path else {

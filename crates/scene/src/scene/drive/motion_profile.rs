@@ -12,6 +12,8 @@ const STEP_S: f64 = 0.01;
 
 /// Lateral speed from which a change is a jump, as no body drives it.
 const JUMP_MPS: f64 = 1000.0;
+/// Lateral speed of a change at once: it takes about a millisecond.
+pub(super) const AT_ONCE_MPS: f64 = 5.0 * JUMP_MPS;
 
 /// Halvings of an interval, after which it is shorter than any time that matters.
 const HALVINGS: u32 = 60;

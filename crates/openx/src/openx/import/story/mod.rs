@@ -355,9 +355,10 @@ impl<'a> StoryWriter<'a> {
             Some(frame) => frame.all.iter().any(|it| it.entity.name == name),
             None => self.ground.placed.contains_key(name),
         };
-        match is_known {
-            true => Ok(named(name)),
-            false => Err(self.no_entity(at, name)),
+        if is_known {
+            Ok(named(name))
+        } else {
+            Err(self.no_entity(at, name))
         }
     }
 

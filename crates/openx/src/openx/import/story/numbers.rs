@@ -79,6 +79,7 @@ impl StoryNumbers {
 
     /// Returns a value that follows from attributes.
     pub(super) fn stated(&self, at: StatedIn<'_>, names: &[&str], value: f64) -> StoryNumber {
+        // Expressions may combine parameters, of which the value is all that a world needs.
         let attributes = names.iter().filter_map(|name| at.node.raw(name));
         let refers = attributes.into_iter().any(|text| text.contains('$'));
         // Places follow from whatever a file says of its entities.
@@ -91,6 +92,7 @@ impl StoryNumbers {
 
     fn parameter(&self, owner: &str, name: &str, value: f64) -> StoryNumber {
         let mut known = self.parameters.borrow_mut();
+        // Readers of a table of starts find the event by this name.
         let first = format!("{}_{}", named(owner), named(name));
         let numbered = (2..).map(|number| format!("{first}_{number}"));
         let mut names = std::iter::once(first.clone()).chain(numbered);

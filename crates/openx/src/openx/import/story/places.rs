@@ -103,14 +103,12 @@ impl StoryWriter<'_> {
             None => self.ground.turns_relative,
         };
         let turn_rad = self.numbers.or(at.at(orientation), "h", 0.0)?;
-        match is_relative || orientation.raw("h").is_none() {
-            true => Ok(Some(turn_rad)),
-            false => {
-                let help = "write type=\"relative\"";
-                let what = "an absolute heading of a relative place is not read here";
-                Err(orientation.refused(what, help))
-            }
+        if is_relative || orientation.raw("h").is_none() {
+            return Ok(Some(turn_rad));
         }
+        let help = "write type=\"relative\"";
+        let what = "an absolute heading of a relative place is not read here";
+        Err(orientation.refused(what, help))
     }
 
     fn in_world(&self, spot: &Pose) -> Pose {
@@ -205,9 +203,10 @@ impl StoryWriter<'_> {
                 y_m: self.numbers.stated(at, &[], spot.y_m),
                 heading_rad: heading.map(|it| self.numbers.stated(at, &[], it)),
                 // Without a timing the file's times mean nothing.
-                time_s: match is_timed {
-                    true => self.time_s(at, "time")?,
-                    false => None,
+                time_s: if is_timed {
+                    self.time_s(at, "time")?
+                } else {
+                    None
                 },
             });
         }

@@ -17,6 +17,7 @@ impl StoryWriter<'_> {
     ) -> Result<Option<EntityCondition>, ImportError> {
         let it = at.node;
         let value = |name: &str| self.numbers.of(at, name, |value| value);
+        // A speed across the heading is none that a plan has.
         let is_along = it.raw("direction").is_none_or(|it| it == "longitudinal");
         Ok(Some(match it.name.as_str() {
             "SpeedCondition" if is_along => EntityCondition::Speed {
@@ -197,6 +198,7 @@ fn along_only(it: &XmlNode) -> Result<(), ImportError> {
 
 /// Entity at the place of a condition, which goes on with the entity.
 fn followed(at: StatedIn<'_>) -> Result<Option<String>, ImportError> {
+    // Only a place at the entity itself is as far away as the entity.
     let position = at.node.child("Position");
     let place = position.and_then(|it| it.children.first());
     let Some(place) = place.filter(|it| it.raw("entityRef").is_some()) else {

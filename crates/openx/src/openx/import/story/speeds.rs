@@ -82,12 +82,13 @@ pub(in super::super) fn speed(
             },
             None => speed_target(at.at(target), numbers, own, names)?,
         },
-        dynamics: match keeps {
-            true => TransitionDynamics {
+        dynamics: if keeps {
+            TransitionDynamics {
                 shape: DynamicsShape::Step,
                 dimension: Dimension::Time(StoryNumber::Number(0.0)),
-            },
-            false => self::dynamics(dynamics, numbers)?,
+            }
+        } else {
+            self::dynamics(dynamics, numbers)?
         },
     })
 }
@@ -120,6 +121,7 @@ fn speed_target(
             let name = at.scope.text(target, "entityRef")?;
             let entity = names(target, &name)?;
             let continuous = target.raw("continuous") == Some("true");
+            // Both kinds of values have another one that changes nothing.
             let is_factor = target.raw("speedTargetValueType") == Some("factor");
             let is_same = value == if is_factor { 1.0 } else { 0.0 };
             // Players let it grow with the speed that it changes.
@@ -183,6 +185,7 @@ impl StoryWriter<'_> {
 
     pub(super) fn profile(&self, at: StatedIn<'_>) -> Result<Effect, ImportError> {
         let it = at.node;
+        // Entries follow each other, so a refused one leaves the rest unread.
         let mut points = Vec::new();
         for entry in it.all("SpeedProfileEntry") {
             let at = at.at(entry);
@@ -222,6 +225,7 @@ impl StoryWriter<'_> {
                 _ => self.numbers.stated(at, &[], speed_mps),
             },
         };
+        // A jump to the speed of a leg, and then as long as the leg at that speed.
         let driven = legs
             .iter()
             .flat_map(|(lasts_s, speed_mps)| [point(0.0, *speed_mps), point(*lasts_s, *speed_mps)]);
@@ -287,6 +291,7 @@ impl StoryWriter<'_> {
         self.ground.catalogs.note(OWN_APPROACH, it);
         let master = self.entity(it, &at.scope.text(it, "masterEntityRef")?)?;
         let end = it.child("FinalSpeed").map(XmlNode::only).transpose()?;
+        // Without a steady part the speed is reached at the place itself.
         let steady = end.and_then(|it| it.children.first());
         Ok(Effect::Synchronize {
             master,

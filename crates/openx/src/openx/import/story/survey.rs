@@ -332,15 +332,17 @@ impl<'a> EntitySurvey<'a, '_> {
         let begin = action.begin;
         self.entity.later.acts = true;
         let is_now = begin.is_known && begin.at_s <= SAME_S && !self.may_be_cut(action);
-        let is_first = self
-            .actions
-            .first()
-            .is_some_and(|it| it.number == action.number);
+        let event = |number: usize| self.parts.0[number].parent;
+        let mut before = self.actions.iter().filter(|it| it.number < action.number);
+        // What begins together with it moves the entity on the path, too.
+        let is_first = before.all(|it| event(it.number) == event(action.number));
         let is_one = self.of_kind(&["FollowTrajectoryAction"]) == 1 && is_alone;
         let begins_s = begin
             .is_known
             .then_some(if is_now { 0.0 } else { begin.at_s });
-        let waits = is_first && self.stands() && !self.may_be_cut(action);
+        // A vehicle goes on behind the end of a path, at a time that only the run knows.
+        let is_timely = begin.is_known || self.entity.body.on_foot;
+        let waits = is_first && self.stands() && is_timely && !self.may_be_cut(action);
         if is_one && (is_now || waits) {
             let followed = self.ground.followed(action.node, scope, begins_s);
             if let Some((way, times)) = followed.ok().filter(|(way, _)| self.is_at(way)) {

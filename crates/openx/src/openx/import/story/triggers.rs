@@ -19,6 +19,7 @@ impl StoryWriter<'_> {
     /// All of its conditions are read, so that each problem is named.
     pub(super) fn trigger(&mut self, number: usize, name: &str) -> Trigger {
         let part = &self.parts.0[number];
+        // An element without a trigger begins with that around it.
         let trigger = part.node.child(name).into_iter();
         let groups = trigger.flat_map(|it| it.all("ConditionGroup"));
         let mut read = Trigger::new();
@@ -159,6 +160,7 @@ impl StoryWriter<'_> {
                 return Err(it.refused(format!("there is no state `{other}`"), help));
             }
         };
+        // The same name may stand for elements of several kinds.
         let kind = PartKind::called(word);
         let found = kind.map(|kind| self.parts.named(kind, &name));
         let element = match found.as_deref() {

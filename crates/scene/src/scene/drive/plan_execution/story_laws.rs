@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::super::along_law::SpeedLimits;
 use super::super::beside_law::BesideRun;
-use super::super::motion_profile::{SAME_S, SpeedRamp, Swing};
+use super::super::motion_profile::{AT_ONCE_MPS, SAME_S, SpeedRamp, Swing};
 use super::super::plan_way::PlanWay;
 use super::super::story_law::{DueLaw, LateralBase, LateralTiming, StoryLaw, greatest_rate};
 use super::{Arrival, PlanRun, SampleSpan};
@@ -77,7 +77,9 @@ impl PlanRun {
                 let from_m = self.base_m(from, span.road);
                 let by_m = from_m + offset_m - self.lateral_m;
                 self.beside = None;
-                let lasts_s = shape.map_or(0.0, |shape| timing.lasts_s(shape, by_m));
+                // A jump, too, has a duration, in which it is seen to happen.
+                let at_once_s = by_m.abs() / AT_ONCE_MPS;
+                let lasts_s = shape.map_or(at_once_s, |shape| timing.lasts_s(shape, by_m));
                 self.swing = Some(Swing {
                     begins_s: at_s,
                     lasts_s,
@@ -235,12 +237,20 @@ fn profile_of(
             begins_s: last.begins_s,
             from_mps,
             to_mps,
-            rate_mps2: (change_mps / wanted_s).min(most_mps2),
+            // A speed in no time is a step, which nothing limits.
+            rate_mps2: if point.time_s == Some(0.0) {
+                f64::INFINITY
+            } else {
+                (change_mps / wanted_s).min(most_mps2)
+            },
             shape: ChangeShape::Linear,
         });
         // Limits make a change last longer, and a speed that stays has a duration, too.
         last = SpeedRamp {
-            begins_s: last.begins_s + wanted_s.max(change_mps / most_mps2),
+            begins_s: match point.time_s {
+                Some(0.0) => last.begins_s,
+                _ => last.begins_s + wanted_s.max(change_mps / most_mps2),
+            },
             ..SpeedRamp::steady(to_mps)
         };
     }
