@@ -392,7 +392,8 @@ fn an_agent_vanishes_and_appears() {
 
 #[test]
 fn friction_and_lights_change() {
-    let ego = "lane: 0, start: At(x_m: -500.0, speed_mps: 40.0), drive: Ego(Coast(accel_mps2: -9.0, lag_s: 0.0))";
+    let ego = "lane: 0, start: At(x_m: -500.0, speed_mps: 40.0), drive: Ego(CurveSpeed(desired_speed_mps: 0.1, cruise_gain_per_s: 20.0, max_accel_mps2: 5.0, max_brake_mps2: 9.0,
+        side_accel_mps2: 1000.0, plan_brake_mps2: 0.0, preview_s: 0.0, lag_s: 0.0))";
     let light = "Light(name: \"light\", line_m: 100.0, phase: Red,
         drive: Schedule([(0.5, Green), (3.0, Yellow)])),";
     let world = World {
@@ -512,7 +513,7 @@ fn mistakes_have_places() {
         "a timing of a trajectory without times"
     );
     let (what, at) = problem(
-        "FollowTrajectory(trajectory: Polyline([(x_m: 1.0, y_m: 0.0, time_s: 1.0), (x_m: 2.0, y_m: 0.0, time_s: 1.0)]))",
+        "FollowTrajectory(trajectory: Polyline([(x_m: 1.0, y_m: 0.0, time_s: 1.0), (x_m: 2.0, y_m: 0.0, time_s: 1.0)]), timing: Relative(scale: 1.0, offset_s: 0.0))",
     );
     assert_eq!(what, "a time of 1 s after one of 1 s");
     assert_eq!(at, "(x_m: 2.0, y_m: 0.0, time_s: 1.0)");

@@ -105,11 +105,11 @@ impl World {
                 assert_eq!((x.element, x.transition), (y.element, y.transition));
                 assert!((x.at_s - y.at_s).abs() < 1e-3, "{x:?} {y:?}");
             }
-            // The last sample of a body is a prediction.
+            // The last sample of a body is a prediction, on a bend to more than 1 cm.
             let (x, y) = (state(&fine, 1), state(other, 1));
-            assert!((x.pose.x_m - y.pose.x_m).abs() < 0.01, "{x:?} {y:?}");
-            assert!((x.pose.y_m - y.pose.y_m).abs() < 0.01, "{x:?} {y:?}");
-            assert!((x.speed_mps - y.speed_mps).abs() < 0.01, "{x:?} {y:?}");
+            assert!((x.pose.x_m - y.pose.x_m).abs() < 0.02, "{x:?} {y:?}");
+            assert!((x.pose.y_m - y.pose.y_m).abs() < 0.02, "{x:?} {y:?}");
+            assert!((x.speed_mps - y.speed_mps).abs() < 0.02, "{x:?} {y:?}");
         }
         Ok(middle)
     }
@@ -322,7 +322,8 @@ fn agents_meet_at_their_places() -> Checked {
 
 #[test]
 fn performance_bounds_every_action() -> Checked {
-    let does = "Speed(target: Absolute(value_mps: 40.0), dynamics: (shape: Step))";
+    let does =
+        "Speed(target: Absolute(value_mps: 40.0), dynamics: (shape: Linear, dimension: Rate(9.0)))";
     let world = World {
         board: "performance: [(entity: \"other\", limits: (max_speed_mps: 16.0, max_accel_mps2: 2.0))],",
         ..World::of(&event("e", 1.0, does))

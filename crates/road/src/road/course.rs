@@ -432,8 +432,13 @@ impl Course {
         } else {
             self.search(pose, &mut nearest);
         }
-        // Without legs, the road is world x.
-        nearest.unwrap_or_else(|| (pose.y_m.abs(), self.locate(pose)))
+        match (nearest, self.legs.first()) {
+            (Some(found), _) => found,
+            // A pose that is no number is near no leg, and any of them says so.
+            (None, Some(leg)) => leg.locate(pose),
+            // Without legs, the road is world x.
+            (None, None) => (pose.y_m.abs(), self.locate(pose)),
+        }
     }
 
     /// Searches the legs that may be nearer than a guess, in their order.

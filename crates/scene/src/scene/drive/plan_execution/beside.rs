@@ -1,7 +1,7 @@
 //! Lateral places that a plan keeps to another agent, in steps that no sample time changes.
 
 use super::super::beside_law::{BesideLaw, BesideTarget};
-use super::super::motion_profile::{SAME_S, Swing, next_step_s};
+use super::super::motion_profile::{AT_ONCE_MPS, SAME_S, Swing, next_step_s};
 use super::{PlanRun, SampleSpan};
 use crate::road::ChangeShape;
 
@@ -55,7 +55,11 @@ impl PlanRun {
         let halves = if jumps { 1.0 } else { 2.0 };
         self.swing = Some(Swing {
             begins_s: time_s,
-            lasts_s: if jumps { 0.0 } else { halves * for_s },
+            lasts_s: if jumps {
+                by_m.abs() / AT_ONCE_MPS
+            } else {
+                halves * for_s
+            },
             by_m: halves * by_m,
             shape: ChangeShape::Linear,
             is_slanted: true,
