@@ -56,8 +56,10 @@ pub(super) fn ends_s(
             until_s = Some(until_s.unwrap_or(0.0).max(encounter_s + BEYOND_S));
         }
     }
+    // Events may come after any encounter with those that have none.
+    let acts = all.iter().any(|it| it.entity.later.acts);
     // A stop time of the file takes precedence.
-    Ok(concrete.stop_s.or(until_s))
+    Ok(concrete.stop_s.or(until_s.filter(|_| !acts)))
 }
 
 /// Time in seconds at which the first entity leaves its road, and that entity.

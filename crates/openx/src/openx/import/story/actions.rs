@@ -111,6 +111,15 @@ impl StoryWriter<'_> {
             Some(TakenAction::Timed { legs, stops }) => return Ok(self.legs(at, legs, *stops)),
             None => {}
         }
+        let is_across = matches!(
+            at.node.name.as_str(),
+            "LaneChangeAction" | "LaneOffsetAction"
+        );
+        if is_across && self.is_triggering(number) {
+            let help = "name the actors by EntityRef, with selectTriggeringEntities=\"false\"";
+            let what = "a lane of actors that trigger their event is not read";
+            return Err(at.node.refused(what, help));
+        }
         let effect = self.private_effect(at, &actors)?;
         Ok(if acts || self.frame.is_none() {
             effect

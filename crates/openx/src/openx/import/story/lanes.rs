@@ -1,6 +1,6 @@
 //! Actions across the path of an entity: lanes, offsets and distances.
 
-use super::numbers::StatedIn;
+use super::numbers::{StatedIn, is_true};
 use super::quantities::coordinate_system;
 use super::speeds::{dynamics, shape};
 use super::{StoryFrame, StoryWriter};
@@ -46,6 +46,7 @@ impl StoryWriter<'_> {
             "AbsoluteTargetLane" => TargetAcross::Line(line.middle_m(it, value)?),
             "RelativeTargetLane" => match self.lane_of(at.at(target), frame, actor)? {
                 Ok(of) => {
+                    same_road(target, &of, &on)?;
                     // Left of an entity that faces against its road is the road's right.
                     let to = lane_beside(&of, value * of.side());
                     TargetAcross::Line(line.middle_m(it, to)?)
@@ -101,7 +102,7 @@ impl StoryWriter<'_> {
         Ok(Effect::LaneOffset {
             target_m: None,
             target: Some(offset_target),
-            continuous: it.raw("continuous") == Some("true"),
+            continuous: is_true(at, "continuous")?,
             shape,
             max_lateral_acc_mps2,
         })
@@ -130,7 +131,10 @@ impl StoryWriter<'_> {
             return Ok(OffsetTarget::Absolute { value_m });
         }
         match self.lane_of(at, frame, actor)? {
-            Ok(other) => Ok(to_line(value * f64::from(other.side()) + other.t_m)),
+            Ok(other) => {
+                same_road(target, &other, &on)?;
+                Ok(to_line(value * f64::from(other.side()) + other.t_m))
+            }
             Err(other) => {
                 self.shares_lanes(target, frame, actor)?;
                 self.shares_lanes(target, frame, other)?;
@@ -156,9 +160,9 @@ impl StoryWriter<'_> {
                     return Err(it.refused(format!("there is no side `{other}`"), help));
                 }
             },
-            freespace: it.raw("freespace") == Some("true"),
+            freespace: is_true(at, "freespace")?,
             coordinate_system: coordinate_system(it)?,
-            continuous: it.raw("continuous") == Some("true"),
+            continuous: is_true(at, "continuous")?,
             limits: self.limits(at)?,
         })
     }
@@ -196,8 +200,21 @@ impl StoryWriter<'_> {
         let later = &other.entity.later;
         let changes = later.lane_changes + later.offsets;
         let is_own = other.entity.name == actor.entity.name;
-        // Its own lane at its only change is that of the start.
-        // Nobody else moves it across, so its lane is known before the run.
+        // The user drives the ego, which need not stay where it starts.
+        if other.entity.is_ego {
+            let first = frame.concrete.lane_at(other.spot.y_m);
+            let by = at.scope.number(at.node, "value")? * f64::from(lane.side());
+            // Lanes beyond those of the world have no number there.
+            let is_lane = (0.0..frame.concrete.lanes as f64).contains(&(first + by));
+            let shared = [other, actor].map(|it| self.shares_lanes(at.node, frame, it).is_ok());
+            if is_lane && shared == [true, true] {
+                return Ok(Err(other));
+            }
+            let kind = "lanes relative to the ego, as it starts";
+            self.ground.catalogs.note(kind, at.node);
+        }
+        // Its own lane at its only change is that of the start. Nobody else moves it
+        // across, so its lane is known before the run.
         if changes == 0 || (is_own && changes == 1 && !self.repeats) {
             Ok(Ok(lane))
         } else {
@@ -219,7 +236,7 @@ impl StoryWriter<'_> {
     }
 
     /// Refuses an entity whose lanes are not those of the world's road.
-    fn shares_lanes(
+    pub(super) fn shares_lanes(
         &self,
         it: &XmlNode,
         frame: &StoryFrame<'_>,
@@ -227,6 +244,7 @@ impl StoryWriter<'_> {
     ) -> Result<(), ImportError> {
         // Only there do lanes of the world and of the file have the same order.
         let is_shared = matches!(entity.path, EntityPath::With | EntityPath::Against);
+        // Lanes of a way over several roads are drawn as those of its first road.
         let has_lanes = !matches!(frame.concrete.frame, RoadFrame::Along(_));
         if is_shared && has_lanes && frame.concrete.has_even_lanes {
             return Ok(());
@@ -246,12 +264,32 @@ fn own_lane(it: &XmlNode, entity: &ImportedEntity) -> Result<OnLane, ImportError
     lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }
 
+/// Refuses a lane of another road, whose lanes have numbers of their own.
+fn same_road(it: &XmlNode, of: &OnLane, on: &OnLane) -> Result<(), ImportError> {
+    if of.road == on.road {
+        return Ok(());
+    }
+    let what = format!(
+        "a lane relative to one of road `{}` is not read on another",
+        of.road
+    );
+    Err(it.refused(what, "name the lane by an absolute target"))
+}
+
 /// Returns a line to the left of a file's reference line, on the road of an actor.
 fn line_m(frame: &StoryFrame<'_>, actor: &EntityInFrame<'_>, t_m: f64) -> f64 {
     let is_against = matches!(actor.path, EntityPath::Against);
     let side = actor.entity.side(is_against);
     let way = actor.entity.placed.way.as_ref().filter(|on| on.is_lane);
+    let on = actor.entity.placed.lane.as_ref();
+    let road = on.and_then(|on| Some((on, frame.concrete.roads.get(&on.road)?)));
     match (way, &actor.path) {
+        // A straight world may hold several roads of the file.
+        (None, _) if matches!(frame.concrete.frame, RoadFrame::Straight(_)) && road.is_some() => {
+            road.map_or(t_m, |(on, line)| {
+                frame.concrete.in_plane(&line.at(on.s_m, t_m)).y_m
+            })
+        }
         (None, _) => t_m - frame.concrete.zero_m(),
         // A way of its own leads through the place of the entity.
         (Some(_), EntityPath::Own(..)) => side * (t_m - actor.start_t_m()),

@@ -376,7 +376,9 @@ impl<'a> StoryWriter<'a> {
             all.find(|it| it.name == element && it.raw("name") == Some(name))
         };
         let variable = declared("VariableDeclarations", "VariableDeclaration");
-        let stated = match variable {
+        // The Init may set it before anything asks.
+        let set = self.set_in_init(name).or(variable);
+        let stated = match set {
             Some(variable) => Some(at.scope.text(variable, "value")?),
             None => at.scope.get(name).map(str::to_owned),
         };
@@ -399,6 +401,19 @@ impl<'a> StoryWriter<'a> {
         self.variables
             .insert(name.to_owned(), StoryNumber::Number(first));
         Ok(name.to_owned())
+    }
+
+    /// Returns the last `SetAction` of the Init for a variable.
+    fn set_in_init(&self, name: &str) -> Option<&'a XmlNode> {
+        let init = self
+            .root
+            .child("Storyboard")?
+            .child("Init")?
+            .child("Actions")?;
+        let global = init.all("GlobalAction");
+        let actions = global.filter_map(|it| it.child("VariableAction"));
+        let of_it = actions.filter(|it| it.raw("variableRef") == Some(name));
+        of_it.filter_map(|it| it.child("SetAction")).last()
     }
 
     /// Returns whether only the user's ego, or a meeting, decides when an element ends.

@@ -65,13 +65,19 @@ impl StoryWriter<'_> {
                 })
             }
             "RelativeRoadPosition" => Ok(StoryPosition::RelativeRoad {
-                entity: other()?,
+                entity: {
+                    self.keeps_direction(inside)?;
+                    other()?
+                },
                 ds_m: or_zero("ds")?,
                 dt_m: or_zero("dt")?,
                 heading_rad: heading_rad?,
             }),
             "RelativeLanePosition" => Ok(StoryPosition::RelativeLane {
-                entity: other()?,
+                entity: {
+                    self.keeps_direction(inside)?;
+                    other()?
+                },
                 lanes: at.scope.lane(it, "dLane")?,
                 ds_m: or_zero(if it.raw("dsLane").is_some() {
                     "dsLane"
@@ -91,6 +97,25 @@ impl StoryWriter<'_> {
                 })
             }
         }
+    }
+
+    /// Refuses a place relative to an entity whose road has another direction, or other
+    /// lanes, in the world than in the file.
+    fn keeps_direction(&self, at: StatedIn<'_>) -> Result<(), ImportError> {
+        let name = at.scope.text(at.node, "entityRef")?;
+        let Some(frame) = &self.frame else {
+            return Ok(());
+        };
+        let Some(of) = frame.all.iter().find(|it| it.entity.name == name) else {
+            return Ok(());
+        };
+        let goes_on = of.entity.placed.lane.as_ref().is_some_and(|on| on.forward);
+        if goes_on && self.shares_lanes(at.node, frame, of).is_ok() {
+            return Ok(());
+        }
+        let help = "place it in the world, on a lane, or relative to the object itself";
+        let what = format!("a place along the road of `{name}` is not read on the way");
+        Err(at.node.refused(what, help))
     }
 
     /// Returns the turn of a place against what it is relative to.

@@ -1,7 +1,7 @@
 //! Conditions of entities: speeds, distances, times and places.
 
 use super::StoryWriter;
-use super::numbers::StatedIn;
+use super::numbers::{StatedIn, is_true};
 use super::triggers::rule;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
@@ -60,7 +60,7 @@ impl StoryWriter<'_> {
                 entity: self.other(at)?,
                 distance_type: distance_type(it, DistanceType::Longitudinal)?,
                 coordinate_system: coordinate_system(it)?,
-                freespace: is_clear(it),
+                freespace: is_true(at, "freespace")?,
                 rule: rule(it)?,
                 value_m: value("value")?,
             },
@@ -69,7 +69,7 @@ impl StoryWriter<'_> {
                 EntityCondition::TimeHeadway {
                     entity: self.other(at)?,
                     coordinate_system: coordinate_system(it)?,
-                    freespace: is_clear(it),
+                    freespace: is_true(at, "freespace")?,
                     rule: rule(it)?,
                     value_s: value("value")?,
                 }
@@ -85,7 +85,7 @@ impl StoryWriter<'_> {
                 EntityCondition::TimeToCollision {
                     entity: self.entity(target, &name)?,
                     coordinate_system: coordinate_system(it)?,
-                    freespace: is_clear(it),
+                    freespace: is_true(at, "freespace")?,
                     rule: rule(it)?,
                     value_s: value("value")?,
                 }
@@ -127,12 +127,12 @@ impl StoryWriter<'_> {
                 entity: self.entity(it, &name)?,
                 distance_type: kind,
                 coordinate_system: coordinate_system(it)?,
-                freespace: is_clear(it),
+                freespace: is_true(at, "freespace")?,
                 rule: rule(it)?,
                 value_m,
             });
         }
-        if is_clear(it) {
+        if is_true(at, "freespace")? {
             let help = "write freespace=\"false\", or wait for a distance to an entity";
             return Err(it.refused("a clear distance to a place is not read", help));
         }
@@ -149,10 +149,6 @@ impl StoryWriter<'_> {
         let name = at.scope.text(at.node, "entityRef")?;
         self.entity(at.node, &name)
     }
-}
-
-fn is_clear(it: &XmlNode) -> bool {
-    it.raw("freespace") == Some("true")
 }
 
 /// Returns the system of a distance. Without one it is that of the entity.

@@ -18,6 +18,10 @@ pub(super) fn relevant(parts: &StoryParts<'_>, moves: impl Fn(usize) -> bool) ->
     for action in parts.all(PartKind::Action).filter(|it| moves(*it)) {
         reader.mark(action);
     }
+    // An event that moves nobody still stops those beside it.
+    while let Some(event) = reader.stopping() {
+        reader.mark(event);
+    }
     reader.is_relevant
 }
 
@@ -51,6 +55,16 @@ impl Relevance<'_> {
                 self.refer(it, trigger);
             }
         }
+    }
+
+    /// Returns an unmarked event that stops the others of a marked maneuver.
+    fn stopping(&self) -> Option<usize> {
+        self.parts.all(PartKind::Event).find(|event| {
+            let part = &self.parts.0[*event];
+            let stops = matches!(part.node.raw("priority"), Some("override" | "overwrite"));
+            let maneuver = part.parent.is_some_and(|it| self.is_relevant[it]);
+            stops && maneuver && !self.is_relevant[*event]
+        })
     }
 
     fn mark_whole(&mut self, number: usize) {

@@ -1,7 +1,7 @@
 //! Actions along the path of an entity: speeds, profiles and distances.
 
 use super::StoryWriter;
-use super::numbers::{StatedIn, StoryNumbers};
+use super::numbers::{StatedIn, StoryNumbers, is_true};
 use super::quantities::coordinate_system;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
@@ -120,7 +120,7 @@ fn speed_target(
         "RelativeTargetSpeed" => {
             let name = at.scope.text(target, "entityRef")?;
             let entity = names(target, &name)?;
-            let continuous = target.raw("continuous") == Some("true");
+            let continuous = is_true(at, "continuous")?;
             // Both kinds of values have another one that changes nothing.
             let is_factor = target.raw("speedTargetValueType") == Some("factor");
             let is_same = value == if is_factor { 1.0 } else { 0.0 };
@@ -279,9 +279,9 @@ impl StoryWriter<'_> {
                     return Err(it.refused(format!("there is no side `{other}`"), help));
                 }
             },
-            freespace: it.raw("freespace") == Some("true"),
+            freespace: is_true(at, "freespace")?,
             coordinate_system: coordinate_system(it)?,
-            continuous: it.raw("continuous") == Some("true"),
+            continuous: is_true(at, "continuous")?,
             limits: self.limits(at)?,
         })
     }

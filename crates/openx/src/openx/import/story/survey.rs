@@ -99,6 +99,7 @@ pub(in super::super) fn survey(
     blockers: &mut Blockers,
 ) -> StorySurvey {
     let begins = earliest_begins(parts, ground.changed);
+    let awaited = awaited_ends(parts);
     let mut found = StorySurvey::default();
     let ego = entities.iter().find(|it| it.is_ego);
     let is_moved = |name: &str| !actions_of(parts, ground, &begins, name).is_empty();
@@ -115,6 +116,7 @@ pub(in super::super) fn survey(
             actions: &actions,
             ego_mps,
             fastest_mps,
+            awaited: &awaited,
             taken: &mut found.taken,
         };
         for action in &actions {
@@ -138,6 +140,36 @@ pub(in super::super) fn survey(
     found.begins = begins;
     found.names = names(parts);
     found
+}
+
+/// Elements for whose end a condition waits.
+fn awaited_ends(parts: &StoryParts<'_>) -> BTreeSet<usize> {
+    fn add(
+        node: &XmlNode,
+        scope: &ParameterScope,
+        parts: &StoryParts<'_>,
+        all: &mut BTreeSet<usize>,
+    ) {
+        let state = node.raw("state").unwrap_or_default();
+        let is_end = ["endTransition", "completeState"].contains(&state);
+        if node.name == "StoryboardElementStateCondition" && is_end {
+            let kind = node.raw("storyboardElementType").and_then(PartKind::called);
+            let name = scope.text(node, "storyboardElementRef").ok();
+            let found = kind.zip(name).map(|(kind, name)| parts.named(kind, &name));
+            all.extend(found.into_iter().flatten());
+        }
+        node.children
+            .iter()
+            .for_each(|child| add(child, scope, parts, all));
+    }
+    let mut all = BTreeSet::new();
+    for part in &parts.0 {
+        let triggers = ["StartTrigger", "StopTrigger"];
+        for trigger in triggers.iter().filter_map(|name| part.node.child(name)) {
+            add(trigger, &part.scope, parts, &mut all);
+        }
+    }
+    all
 }
 
 /// Names of the entities to which actors, conditions and actions refer.
@@ -198,6 +230,8 @@ struct EntitySurvey<'a, 'b> {
     ego_mps: Option<f64>,
     /// Greatest speed that the file states.
     fastest_mps: f64,
+    /// Elements for whose end something waits.
+    awaited: &'b BTreeSet<usize>,
     taken: &'b mut BTreeMap<usize, TakenAction>,
 }
 
@@ -260,7 +294,8 @@ impl<'a> EntitySurvey<'a, '_> {
             "FollowTrajectoryAction" => self.trajectory(action, is_alone)?,
             "AssignRouteAction" | "AcquirePositionAction" => {
                 let is_first = self.of_kind(&["AssignRouteAction", "AcquirePositionAction"]) == 1;
-                if is_first && is_alone && self.entity.route.is_empty() {
+                let is_free = !self.is_awaited(action);
+                if is_first && is_alone && is_free && self.entity.route.is_empty() {
                     let route = self.ground.turns_to(node, scope, &self.entity.placed)?;
                     // Which way a road leads matters at junctions only, which lie ahead.
                     self.entity.route = route;
@@ -277,6 +312,11 @@ impl<'a> EntitySurvey<'a, '_> {
                 let place = self.ground.place(node.inner("Position")?, scope)?;
                 self.entity.placed = place;
                 self.taken.insert(action.number, TakenAction::Start);
+            }
+            "TeleportAction" => {
+                self.entity.later.acts = true;
+                // It may be on another lane from then on.
+                self.entity.later.offsets += 1;
             }
             _ => self.entity.later.acts = true,
         }
@@ -345,13 +385,23 @@ impl<'a> EntitySurvey<'a, '_> {
         let waits = is_first && self.stands() && is_timely && !self.may_be_cut(action);
         if is_one && (is_now || waits) {
             let followed = self.ground.followed(action.node, scope, begins_s);
-            if let Some((way, times)) = followed.ok().filter(|(way, _)| self.is_at(way)) {
+            let found = followed.ok().filter(|(way, _)| self.is_at(way));
+            // Without times only the run knows when it ends.
+            let found = found.filter(|(_, times)| times.is_some() || !self.is_awaited(action));
+            if let Some((way, times)) = found {
                 self.follow(action, way, times.as_deref());
                 return Ok(());
             }
         }
         self.bound(begin, FASTER * self.fastest_mps);
+        self.entity.later.offsets += 1;
         Ok(())
+    }
+
+    /// Returns whether anything waits for the end of an action, or of what holds it.
+    fn is_awaited(&self, action: &MovingAction<'_>) -> bool {
+        let mut around = self.parts.around(action.number);
+        around.any(|it| self.awaited.contains(&it))
     }
 
     /// Returns whether an event of the same maneuver may stop an action.
