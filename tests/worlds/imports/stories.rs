@@ -34,7 +34,8 @@ fn events_come_in_the_order_of_the_run() {
         "a group that repeats":
             [edit(group, group.replace('1', "3")), aims_at(slower_than_ego)]
             => lead([(4.0, 192.0, 0.0), (12.0, 312.0, 0.0)]);
-        "actors that trigger, beside those that are named": [triggering] => lead([(12.0, 228.0, 0.0)]);
+        "actors that trigger their act, beside those that are named":
+            [triggering, act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
         "a falling edge of a time that has come":
             [first(time(2.0, "falling", 0.0))] => lead([(12.0, 270.0, 0.0)]);
         "an edge before the act":
