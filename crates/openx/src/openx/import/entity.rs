@@ -1,7 +1,7 @@
 //! Entities of a scenario, at the start of the run.
 
 use super::bodies::ImportedBody;
-use super::later::LaterMotion;
+use super::later::{LaterMotion, driven_s};
 use super::places::Placed;
 use crate::opendrive::error::At;
 use crate::opendrive::roads::RoadMap;
@@ -79,6 +79,46 @@ impl ImportedEntity {
         let forward = self.placed.lane.as_ref().is_none_or(|at| at.forward);
         let is_left = on_lanes && forward == against;
         if is_left { -1.0 } else { 1.0 }
+    }
+
+    /// Earliest time in seconds at which it may have driven `ahead_m`.
+    ///
+    /// It drives as fast as any action that may have begun by then allows.
+    pub(super) fn leaves_s(&self, ahead_m: f64) -> f64 {
+        if let Some(path) = self.later.path {
+            // Who stops at the end stays on the path.
+            if path.last_mps == 0.0 {
+                return f64::INFINITY;
+            }
+            let beyond_m = (ahead_m - path.way_m).max(0.0);
+            // A path with an end leads that far and no farther.
+            return path.ends_s
+                + if beyond_m > 0.0 {
+                    beyond_m / path.last_mps
+                } else {
+                    0.0
+                };
+        }
+        driven_s(&self.later.speeds, self.first_most_mps(), ahead_m)
+    }
+
+    /// Greatest speed in m/s before the storyboard changes it.
+    fn first_most_mps(&self) -> f64 {
+        let ramp = self.ramp.as_ref();
+        ramp.map_or(0.0, |ramp| ramp.to_mps).max(self.speed_mps)
+    }
+
+    /// Greatest speed in m/s that it may have.
+    pub(super) fn most_mps(&self) -> f64 {
+        let later = self.later.speeds.iter().map(|it| it.most_mps);
+        later.fold(self.first_most_mps(), f64::max)
+    }
+
+    /// Least of its known speeds in m/s.
+    pub(super) fn slowest_mps(&self) -> f64 {
+        let later = self.later.speeds.iter().map(|it| it.most_mps);
+        let ramp = self.ramp.iter().map(|it| it.to_mps);
+        later.chain(ramp).fold(self.speed_mps, f64::min)
     }
 }
 

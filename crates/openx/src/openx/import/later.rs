@@ -1,7 +1,5 @@
 //! Motion of entities after the start, as far as their roads depend on it.
 
-use super::entity::ImportedEntity;
-
 /// Motion of an entity that a storyboard may give it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LaterMotion {
@@ -30,50 +28,8 @@ pub(super) struct TimedPath {
     pub last_mps: f64,
 }
 
-impl ImportedEntity {
-    /// Earliest time in seconds at which it may have driven `ahead_m`.
-    ///
-    /// It drives as fast as any action that may have begun by then allows.
-    pub(super) fn leaves_s(&self, ahead_m: f64) -> f64 {
-        if let Some(path) = self.later.path {
-            // Who stops at the end stays on the path.
-            if path.last_mps == 0.0 {
-                return f64::INFINITY;
-            }
-            let beyond_m = (ahead_m - path.way_m).max(0.0);
-            // A path with an end leads that far and no farther.
-            return path.ends_s
-                + if beyond_m > 0.0 {
-                    beyond_m / path.last_mps
-                } else {
-                    0.0
-                };
-        }
-        driven_s(&self.later.speeds, self.first_most_mps(), ahead_m)
-    }
-
-    /// Greatest speed in m/s before the storyboard changes it.
-    fn first_most_mps(&self) -> f64 {
-        let ramp = self.ramp.as_ref();
-        ramp.map_or(0.0, |ramp| ramp.to_mps).max(self.speed_mps)
-    }
-
-    /// Greatest speed in m/s that it may have.
-    pub(super) fn most_mps(&self) -> f64 {
-        let later = self.later.speeds.iter().map(|it| it.most_mps);
-        later.fold(self.first_most_mps(), f64::max)
-    }
-
-    /// Least of its known speeds in m/s.
-    pub(super) fn slowest_mps(&self) -> f64 {
-        let later = self.later.speeds.iter().map(|it| it.most_mps);
-        let ramp = self.ramp.iter().map(|it| it.to_mps);
-        later.chain(ramp).fold(self.speed_mps, f64::min)
-    }
-}
-
 /// Earliest time in seconds at which a way is driven that begins with a speed.
-fn driven_s(bounds: &[SpeedBound], first_mps: f64, way_m: f64) -> f64 {
+pub(super) fn driven_s(bounds: &[SpeedBound], first_mps: f64, way_m: f64) -> f64 {
     let mut sorted = bounds.to_vec();
     sorted.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     // Speeds only grow here: a slower one need not come, or not for long.
