@@ -33,6 +33,7 @@ mod request;
 mod run_end;
 mod scenario;
 mod seen;
+mod still;
 mod story;
 mod trajectories;
 mod world;

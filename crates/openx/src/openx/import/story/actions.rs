@@ -8,8 +8,9 @@ use super::{StoryWriter, relevant};
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
 use crate::openx::import::lights::{light_name, shown};
-use crate::openx::import::motion::{friction_of, is_still};
+use crate::openx::import::motion::friction_of;
 use crate::openx::import::seen::EntityInFrame;
+use crate::openx::import::still::is_still;
 use crate::story::values::{Action, Effect};
 
 /// Effect of an action without an effect on motion.

@@ -28,9 +28,9 @@ use survey::{TakenAction, content};
 
 use super::concrete::Concrete;
 use super::draft::tidy;
-use super::motion::is_still;
 use super::places::PositionContext;
 use super::seen::{EntityInFrame, named};
+use super::still::is_still;
 use crate::opendrive::error::{At, Blockers, ImportError};
 use crate::opendrive::scope::number;
 use crate::opendrive::tree::XmlNode;

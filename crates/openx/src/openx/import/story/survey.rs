@@ -14,8 +14,8 @@ use crate::opendrive::ways::OnWay;
 use crate::openx::import::entity::ImportedEntity;
 use crate::openx::import::later::{SpeedBound, TimedPath};
 use crate::openx::import::laws::{approached, gap_of};
-use crate::openx::import::motion::is_still;
 use crate::openx::import::places::PositionContext;
+use crate::openx::import::still::is_still;
 
 /// Latest time in seconds of a meeting that counts as prepared from the start.
 ///
