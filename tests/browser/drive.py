@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import signal
+import statistics
 import subprocess
 import time
 from contextlib import contextmanager
@@ -23,7 +24,6 @@ def drive(browser, *arguments, cwd, before="", size=(1280, 800)):
     program = subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         page = browser.new_page(viewport={"width": size[0], "height": size[1]})
-        page.program = program
         if before:
             page.add_init_script(before)
         mistakes = []
@@ -258,7 +258,7 @@ def test_a_body_that_the_ego_does_not_see_is_said_to_be_so(browser, tmp_path):
 
 
 def test_small_windows_show_the_scene_and_all_controls(browser, tmp_path):
-    for size in [(390, 844), (844, 390), (320, 640)]:
+    for size in [(1024, 600), (390, 844), (844, 390), (320, 640)]:
         with drive(browser, "acc", cwd=tmp_path, size=size) as page:
             expect(page.locator("#clock")).to_have_text("0.00 s")
             width, height = size
@@ -267,9 +267,15 @@ def test_small_windows_show_the_scene_and_all_controls(browser, tmp_path):
             assert scene["width"] >= 0.5 * width and scene["height"] >= 0.35 * height, (size, scene)
             # Go is in sight without scrolling, and under nothing.
             assert run["y"] + run["height"] <= height, (size, run)
+            for control in page.locator("#controls button, #controls label").all():
+                box = control.bounding_box()
+                assert box["x"] + box["width"] <= width and box["y"] + box["height"] <= height, (size, box)
+            # The words of the keys are beside the smaller picture, or it is at the top.
+            keys = page.locator("#keys").bounding_box()
+            free = scene["width"] * (0.58 if scene["width"] > 600 else 1.0)
+            assert keys["x"] + keys["width"] <= scene["x"] + free, (size, keys)
             page.locator("#run").click()
             wait_for_time(page, 0.2)
-            page.locator("#keep").scroll_into_view_if_needed()
             page.screenshot(path=tmp_path / f"{width}.png")
 
 
@@ -300,58 +306,56 @@ def test_open_starts_the_opener_with_the_address(tmp_path):
             assert (tmp_path / "opened").read_text().strip() == address
 
 
-# Time that the callbacks of pictures and of messages take.
-SPENT = """
-window.spent = []; window.told = [];
+# Times of the pictures of every run, in ms. SLOW_MS plants a slow picture.
+PICTURES = """
+window.runs = []; window.slowMs = SLOW_MS;
 const raf = window.requestAnimationFrame.bind(window);
+let running = false;
 window.requestAnimationFrame = (act) => raf((now) => {
-  const begun = performance.now();
   act(now);
-  window.spent.push(performance.now() - begun);
+  const until = performance.now() + window.slowMs;
+  while (performance.now() < until);
+  const was = running;
+  running = document.getElementById("run").textContent.includes("Pause");
+  if (running && !was) window.runs.push([]);
+  if (running) window.runs.at(-1).push(now);
 });
-const Source = window.EventSource;
-window.EventSource = class extends Source {
-  set onmessage(act) {
-    super.onmessage = (event) => {
-      const begun = performance.now();
-      act(event);
-      window.told.push(performance.now() - begun);
-    };
-  }
-};
 """
 
 
-def cpu_s(process: int) -> float:
-    """Processor time of a process."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+def pictures_per_second(runs: list[list[float]]) -> list[int]:
+    """Pictures in each whole second of each run."""
+    counts = []
+    for times in runs:
+        seconds = int((times[-1] - times[0]) / 1000)
+        counts += [sum(int((it - times[0]) / 1000) == at for it in times) for at in range(seconds)]
+    return counts
 
 
-def test_real_time_is_kept_on_rigid_bodies_and_a_picture_costs_little(browser, tmp_path):
-    with drive(browser, "acc", "--plant", "rigid", cwd=tmp_path, before=SPENT) as page:
-        page.evaluate("window.spent.length = window.told.length = 0")
-        begun, used, played = time.monotonic(), cpu_s(page.program.pid), 0.0
-        while time.monotonic() - begun < 20:
-            page.keyboard.press("Space")
-            started = time.monotonic()
-            wait_for_time(page, 0.1)
-            expect(page.locator("#run")).to_contain_text("Go", timeout=60_000)
-            took, now = time.monotonic() - started, seconds(page)
-            # Real time, within the time that the browser takes to show the end.
-            assert took > 0.8 * now - 0.2
-            played += now
-            page.keyboard.press("n")
-            expect(page.locator("#clock")).to_have_text("0.00 s")
-        took, used = time.monotonic() - begun, cpu_s(page.program.pid) - used
-        spent, told = page.evaluate("[spent, told]")
-        assert played > 0
-        # Where a graphics card draws, 60 pictures a second leave 16.7 ms for each. The share of
-        # the page and of the program is bounded here, since this machine draws by software.
-        own_ms = (sum(spent) + sum(told) + 1000 * used) / (60 * took)
-        print(
-            f"{len(spent) / took:.0f} pictures per second, {played:.1f} s of the world in {took:.1f} s; "
-            f"per picture at 60 a second: {own_ms:.2f} ms, of which a picture {sum(spent) / len(spent):.2f} ms, "
-            f"a message {sum(told) / len(told):.2f} ms, the program {1000 * used / took / 60:.2f} ms"
-        )
-        assert sum(spent) / len(spent) + (sum(told) + 1000 * used) / (60 * took) <= 4.0
+def driven_pictures(page: Page, for_s: float) -> tuple[list[int], float]:
+    """Pictures of the seconds in which the car is driven, and seconds of the world per second."""
+    begun, played, took = time.monotonic(), 0.0, 0.0
+    while time.monotonic() - begun < for_s:
+        page.keyboard.press("Space")
+        started = time.monotonic()
+        wait_for_time(page, 0.1)
+        expect(page.locator("#run")).to_contain_text("Go", timeout=60_000)
+        took += time.monotonic() - started
+        played += seconds(page)
+        page.keyboard.press("n")
+        expect(page.locator("#clock")).to_have_text("0.00 s")
+    return pictures_per_second(page.evaluate("runs")), played / took
+
+
+def test_real_time_is_kept_on_rigid_bodies_at_60_pictures_a_second(browser, tmp_path):
+    before = PICTURES.replace("SLOW_MS", os.environ.get("SLOW_MS", "0"))
+    with drive(browser, "acc", "--plant", "rigid", cwd=tmp_path, before=before) as page:
+        counts, pace = driven_pictures(page, 20.0)
+        sharp = page.evaluate("document.getElementById('scene').width / document.getElementById('scene').clientWidth")
+    print(f"pictures in {len(counts)} seconds: {sorted(counts)}, world {pace:.2f} s per s, sharpness {sharp:.2f}")
+    # The median of whole seconds, since a test machine does other work in some of them. A page
+    # that is slow is slow in most. A median of single pictures would hide every second one.
+    assert len(counts) >= 10 and statistics.median(counts) >= 58, counts
+    # Within the time that the test takes to see the end.
+    assert pace <= 1.05
+    assert pace >= 0.9

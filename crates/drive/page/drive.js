@@ -18,7 +18,7 @@ let looked = null;
 let replay = null;
 let arrived = performance.now();
 const held = new Set();
-let sent = "", action = null;
+let sent = {}, action = null;
 /** Buttons of the gamepad that were held at the last look. */
 let pressed = [];
 
@@ -85,10 +85,14 @@ events.onmessage = (event) => {
 events.onerror = () => { byId("wheel").textContent = "The program is gone or does not answer."; };
 
 /** Gamepad that is connected, if any. Its order is that of a standard gamepad. */
-const gamepad = () => [...(navigator.getGamepads?.() ?? [])].find((it) => it);
+function gamepad() {
+  for (const it of navigator.getGamepads?.() ?? []) if (it) return it;
+  return null;
+}
 
 /** Does what buttons of the gamepad say that are newly pressed. */
 function pressButtons(pad) {
+  if (!pad && !pressed.length) return;
   const now = pad ? pad.buttons.map((it) => it.pressed) : [];
   const isNew = (at) => now[at] && !pressed[at];
   const own = stage.actions[stage.seat.ado]?.length ?? 0;
@@ -115,11 +119,9 @@ function sendInput() {
     accel += GAS * (pad.buttons[7]?.value ?? 0) - HARD * (pad.buttons[6]?.value ?? 0);
     if (Math.abs(pad.axes[0]) > 0.1) across -= ACROSS * pad.axes[0];
   }
-  const input = { accel_mps2: accel, lateral_mps: across, action };
-  const text = JSON.stringify(input);
-  if (text === sent) return;
-  sent = text;
-  ask({ keys: input });
+  if (sent.accel_mps2 === accel && sent.lateral_mps === across && sent.action === action) return;
+  sent = { accel_mps2: accel, lateral_mps: across, action };
+  ask({ keys: sent });
 }
 
 async function goOn() {
@@ -186,34 +188,57 @@ window.addEventListener("keyup", (event) => { held.delete(NAMES[event.key.toLowe
 // A key that is released elsewhere would stay held.
 window.addEventListener("blur", () => { held.clear(); sendInput(); });
 
+/** Poses of the picture, made once. */
+const poses = [];
 /** Poses between the last two samples, so that motion is smooth. */
 function bodiesNow() {
   const at = shownAt(), now = frames[at], before = frames[at - 1];
   if (looked !== null || !before || !state.running) return now.placements;
   const share = Math.min(1, (performance.now() - arrived) / (1000 * stage.sample_s / state.speed));
-  return now.placements.map((body, i) => body.map((value, k) => {
-    const from = before.placements[i][k];
-    // Opposite quaternions are the same orientation.
-    return k < 3 || from * value > -0.5 ? from + (value - from) * share : value;
-  }));
+  poses.length = now.placements.length;
+  now.placements.forEach((body, i) => {
+    const pose = poses[i] ??= [];
+    for (let k = 0; k < body.length; k++) {
+      const from = before.placements[i][k];
+      // Opposite quaternions are the same orientation.
+      pose[k] = k < 3 || from * body[k] > -0.5 ? from + (body[k] - from) * share : body[k];
+    }
+  });
+  return poses;
 }
 
-/** Time between pictures that is too long, and how many of them in a row count. */
-const LATE_MS = 22, LATE = 12;
-let before = 0, late = 0, sharpness = 1;
-/** Moving pictures have fewer pixels where they come too late, as by software rendering. */
-function pace(now) {
-  const passed = now - before;
-  before = now;
-  // A page in the background draws nothing for a long time.
-  late = passed > LATE_MS && passed < 500 ? late + 1 : 0;
-  if (late < LATE) return;
-  late = 0;
-  sharpness = Math.max(0.35, 0.8 * sharpness);
-}
+/** Time between pictures that is too long. */
+const LATE_MS = 22;
+/** Pictures of which more than a tenth may not be late, and those without one before a try for more. */
+const WINDOW = 60, CALM = 300;
+/** Sharpness of moving pictures: less where they come too late, as on a slow processor. */
+const pace = {
+  before: 0, pictures: 0, late: 0, calm: 0, patience: CALM, sharpness: 1,
+  picture(now) {
+    const passed = now - this.before;
+    this.before = now;
+    // A page in the background draws nothing for a long time.
+    const isLate = passed > LATE_MS && passed < 500;
+    this.late += isLate ? 1 : 0;
+    this.calm = isLate ? 0 : this.calm + 1;
+    if (this.sharpness < 1 && this.calm >= this.patience) {
+      this.calm = 0;
+      this.sharpness = Math.min(1, 1.25 * this.sharpness);
+      // A try that fails is repeated later.
+      this.patience *= 2;
+    }
+    if (++this.pictures < WINDOW) return;
+    if (this.late > WINDOW / 10) this.sharpness = Math.max(0.35, 0.8 * this.sharpness);
+    this.pictures = this.late = 0;
+  },
+};
 
 /** Writes a text that changed: every write costs a layout of the page. */
 const write = (at, text) => { if (at.textContent !== text) at.textContent = text; };
+
+/** Time between two changes of the numbers while they run, which nobody reads faster. */
+const NUMBERS_MS = 100;
+let numbered = 0;
 
 /** What the last picture showed, beside its sample. */
 let painted = "";
@@ -229,26 +254,29 @@ function show(now) {
   }
   write(byId("run"), state.running || replay ? "❚❚ Pause" : "▶ Go");
   const at = shownAt(), frame = frames[at], isMoving = state.running && looked === null;
-  if (isMoving) pace(now);
-  scene.sharpness = isMoving ? sharpness : 1;
+  if (isMoving) pace.picture(now);
+  scene.sharpness = isMoving ? pace.sharpness : 1;
   const canvas = scene.canvas;
   const view = [canvas.clientWidth, canvas.clientHeight, devicePixelRatio, scene.fromAbove, scene.sharpness, isMoving].join();
   if (!isMoving && drawn === frame && painted === view) return;
   painted = view;
+  const isDue = !isMoving || now - numbered >= NUMBERS_MS;
   const places = scene.show(bodiesNow(), frame.phases, frame.seen);
   while (labels.children.length > stage.geometry.agents.length) labels.lastChild.remove();
   stage.geometry.agents.forEach((agent, i) => {
     const label = labels.children[i] ?? labels.appendChild(document.createElement("div"));
-    label.className = agent.role.toLowerCase();
-    label.hidden = !places[i];
+    if (isDue) {
+      label.className = agent.role.toLowerCase();
+      const unseen = frame.seen?.[i] === false ? ", not seen by the ego" : "";
+      write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s${unseen}`);
+    }
+    if (label.hidden !== !places[i]) label.hidden = !places[i];
     if (!places[i]) return;
-    const unseen = frame.seen?.[i] === false ? ", not seen by the ego" : "";
-    write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s${unseen}`);
     label.style.transform = `translate(${places[i][0]}px, ${places[i][1]}px) translate(-50%, -100%)`;
   });
   // The panels change with the samples only.
-  if (drawn === frame) return;
-  drawn = frame;
+  if (drawn === frame || !isDue) return;
+  drawn = frame; numbered = now;
   panel.show(frame, frames);
   byId("timeline").value = at;
   byId("resume").disabled = looked === null || looked >= newest() || state.wheel !== page;

@@ -55,6 +55,7 @@ export class Panel {
       const title = element("h3", stage.seat.ado === ado ? `${name} (you)` : name);
       return stage.ados.length > 1 ? [title, ...this.actions[ado]] : this.actions[ado];
     }));
+    byId("ado").classList.toggle("own", stage.seat.ado !== undefined);
     const count = stage.actions.reduce((product, own) => product * own.length, 1);
     // From the words of a joint action to its number.
     this.joint = new Map(Array.from({ length: count > MOST_JOINT ? 0 : count }, (_, at) => [this.inWords(at), at]));
@@ -128,7 +129,7 @@ export class Panel {
       fill.style.left = isBroken ? `${50 - share}%` : "50%";
     });
     const isAfter = frame.outcome && frame.time_s > frame.outcome.time_s;
-    byId("counts").textContent = isAfter ? "after the verdict, which they do not change" : "above 0 is kept";
+    byId("counts").textContent = isAfter ? "after the verdict" : "above 0 is kept";
     this.curve(frame, frames);
     this.table(frame);
     this.showActions(frame);
@@ -173,6 +174,7 @@ export class Panel {
     }));
     // Joint actions are too many to list: the best eight.
     const ranked = isOne ? [] : frame.values.map((value, at) => [value, at]).sort((a, b) => b[0] - a[0]).slice(0, 8);
+    if (isOne && !byId("values").firstChild) return;
     byId("values").replaceChildren(...(ranked.length ? [element("h3", "best together")] : []), ...ranked.map(([value, at]) => {
       const row = element("div", undefined, at === joint ? "action chosen" : "action");
       row.append(element("span", this.inWords(at)), element("b", value.toFixed(3)));
