@@ -235,6 +235,45 @@ fn what_cannot_be_driven_is_refused_by_name() {
 }
 
 #[test]
+fn straight_roads_are_drawn_as_far_as_you_drive() {
+    let mut straight = 0;
+    for name in Scenario::shipped_names() {
+        let world = Scenario::shipped(name).expect("shipped").expect("sound");
+        if world.drive().is_none() {
+            continue;
+        }
+        let sandbox = Sandbox::new(world, "ego").expect("a driving world");
+        for index in 0..3 {
+            let setup = sandbox.first_setup(0, index).expect("a start");
+            let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
+            let stage = episode.stage();
+            let border = &stage.lane_borders_m[0];
+            if border.iter().any(|point| point[1] != border[0][1]) {
+                continue;
+            }
+            straight += 1;
+            let reach = border[0][0]..border[border.len() - 1][0];
+            let ego = stage.agents.iter().position(|it| it.name == "ego");
+            while episode
+                .advance(DriveInput {
+                    accel_mps2: 9.0,
+                    ..DriveInput::default()
+                })
+                .is_some()
+            {}
+            for frame in episode.frames() {
+                let [x_m, ..] = frame.shown.frame.placements[ego.expect("an ego")].centre_m;
+                assert!(
+                    reach.contains(&x_m),
+                    "{name}, start {index}: {x_m} m of {reach:?}"
+                );
+            }
+        }
+    }
+    assert!(straight > 30, "{straight}");
+}
+
+#[test]
 fn the_page_gets_which_bodies_the_ego_sees() {
     let text = include_str!("../../../worlds/acc.ron");
     let near = text.replacen(

@@ -401,9 +401,6 @@ impl Course {
             let pose = self.pose(s_m, lateral_m);
             [pose.x_m, pose.y_m, 0.0]
         };
-        let Some(last) = self.legs.last() else {
-            return vec![point(-100.0), point(900.0)];
-        };
         let mut stations_m = vec![used_m.start.min(0.0) - DRAWN_BEYOND_M];
         // The run-in has negative s and is covered by the first station.
         for leg in self.legs.iter().filter(|leg| leg.from_s_m >= 0.0) {
@@ -416,7 +413,7 @@ impl Course {
             let step_m = leg.length_m / points as f64;
             stations_m.extend((0..points).map(|i| leg.from_s_m + i as f64 * step_m));
         }
-        stations_m.push(last.from_s_m.max(used_m.end) + DRAWN_BEYOND_M);
+        stations_m.push(self.end_s_m().max(used_m.end) + DRAWN_BEYOND_M);
         stations_m.into_iter().map(point).collect()
     }
 }

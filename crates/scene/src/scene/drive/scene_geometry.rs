@@ -1,8 +1,10 @@
 //! Static content of a driving scene, for viewers.
 
 use super::layout::DriveLayout;
-use super::spec::{Drive, StartPlace};
-use super::surface::polyline_m;
+use super::range::Range;
+use super::spec::{Drive, DriveSpec, StartPlace};
+use super::surface::{polyline_m, reach_m};
+use crate::road::Road;
 use crate::scene::{AgentDescription, LightPost, Role, SceneGeometry};
 
 /// Returns the cast, the lanes and the lights.
@@ -52,7 +54,7 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
         lane_borders_m: borders
             .map(|lateral_m| {
                 let (course, profile) = (layout.network.main(), spec.profile_of(0));
-                polyline_m(course, &profile, lateral_m, (0.0, 0.0))
+                polyline_m(course, &profile, lateral_m, used_m(layout, 0))
             })
             .collect(),
         side_roads_m: side_roads.collect(),
@@ -60,22 +62,44 @@ pub(super) fn stage(layout: &DriveLayout) -> SceneGeometry {
     }
 }
 
-/// Returns the used part of a named road: its starts, crossings and stop lines.
+/// Returns the used part of a road: its starts, crossings and stop lines.
+///
+/// On the world's own road it goes on as far as a body may drive.
 fn used_m(layout: &DriveLayout, road: usize) -> (f64, f64) {
-    let agents = layout.spec.agents.iter().enumerate();
-    let on_it = agents.filter(|(_, agent)| agent.road == road);
-    let places = on_it.flat_map(|(i, agent)| {
-        let starts = match agent.place {
-            StartPlace::At { x_m, .. } => vec![x_m.lo, x_m.hi],
-            // A relative start has no fixed place on the road.
-            StartPlace::Ahead { .. } => Vec::new(),
-        };
-        let others = 0..layout.spec.agents.len();
+    let spec = &layout.spec;
+    let starts_m = starts_m(spec);
+    let on_it = (0..spec.agents.len()).filter(|i| spec.agents[*i].road == road);
+    let places = on_it.flat_map(|i| {
+        let others = 0..spec.agents.len();
         let crossings = others.flat_map(move |other| layout.network.crossings(i, other));
-        starts.into_iter().chain(crossings.map(|it| it.s_m))
+        let Range { lo, hi } = starts_m[i];
+        [lo, hi].into_iter().chain(crossings.map(|it| it.s_m))
     });
-    let lines = layout.spec.lights_of(road).map(|(_, light)| light.line_m);
-    places.chain(lines).fold((0.0, 0.0), |(from_m, to_m), it| {
+    let lines = spec.lights_of(road).map(|(_, light)| light.line_m);
+    let (from_m, to_m) = places.chain(lines).fold((0.0, 0.0), |(from_m, to_m), it| {
         (f64::min(from_m, it), f64::max(to_m, it))
-    })
+    });
+    // A road of a map ends where the map does, and an ado lays its road piece by piece.
+    let goes_on = road == 0
+        && spec.road_ado.is_none()
+        && matches!(spec.road, Road::Straight { .. } | Road::Curved { .. });
+    let beyond_m = if goes_on { reach_m(spec) } else { 0.0 };
+    (from_m, to_m + beyond_m)
+}
+
+/// Returns where along its road each agent may start, in file order.
+fn starts_m(spec: &DriveSpec) -> Vec<Range> {
+    let mut starts_m: Vec<Range> = Vec::with_capacity(spec.agents.len());
+    for agent in &spec.agents {
+        let start_m = match agent.place {
+            StartPlace::At { x_m, .. } => x_m,
+            // The agent ahead precedes in file order, which loading ensures.
+            StartPlace::Ahead { of, headway_m, .. } => Range {
+                lo: starts_m[of].lo + headway_m.lo,
+                hi: starts_m[of].hi + headway_m.hi,
+            },
+        };
+        starts_m.push(start_m);
+    }
+    starts_m
 }

@@ -11,12 +11,17 @@ const BEYOND_M: f64 = 300.0;
 /// Points on a line of sight at which the road may rise above it.
 const SIGHT_POINTS: u32 = 24;
 
+/// Returns the distance that no body exceeds in an episode.
+pub(super) fn reach_m(spec: &DriveSpec) -> f64 {
+    FASTEST_MPS * spec.clock.horizon_s + BEYOND_M
+}
+
 /// Returns the surface of all roads, `None` on the kinematic plant and if all are flat.
 pub(super) fn surface_of(spec: &DriveSpec, network: &RoadNetwork) -> Option<GroundSurface> {
     if spec.plant == PlantKind::Kinematic || !spec.has_slopes() {
         return None;
     }
-    let reach_m = FASTEST_MPS * spec.clock.horizon_s + BEYOND_M;
+    let reach_m = reach_m(spec);
     let mut mesh = SurfaceMesh::default();
     for (road, course) in network.courses().iter().enumerate() {
         let lanes = spec.road_at(road);
@@ -45,11 +50,6 @@ pub(super) fn polyline_m(
         reach_m.0.min(0.0) - 100.0,
         reach_m.1.max(course.end_s_m()) + 100.0,
     );
-    let to_m = if course.pieces().is_empty() {
-        to_m.max(900.0)
-    } else {
-        to_m
-    };
     let mut last_m = f64::NEG_INFINITY;
     let mut stations_m = stations_m(course, profile, &(from_m..to_m));
     // A facet of a metre suffices for a picture.
