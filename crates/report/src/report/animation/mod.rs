@@ -10,6 +10,8 @@
 //! script of a page. `looping` is the same picture as one SVG that plays
 //! without a script.
 
+#[cfg(test)]
+mod aftermath_tests;
 mod bodies;
 mod camera;
 mod data;

@@ -19,6 +19,9 @@ use crate::world::Scenario;
 /// Deceleration in m/s² above which brake lamps are lit.
 pub(super) const BRAKES_MPS2: f64 = 0.8;
 
+/// Time in seconds for which the star of a contact lies above bodies that roll on.
+pub(super) const STAR_S: f64 = 0.4;
+
 /// Content of an example's picture.
 pub(super) struct Picture<'a> {
     pub example: &'a Example,
@@ -126,7 +129,9 @@ impl<'a> Picture<'a> {
                     use href={ "#" (self.part("ground")) } {}
                     g class="trails" { (trails(&self.film, &self.classes)) }
                     (lights(&self.shown.stage, &self.phases(i)))
-                    g class="ghosts" { (self.ghosts()) }
+                    g class="ghosts" { (self.outlines(self.violated_s)) }
+                    // Shown by play.js, since the large still is that of the contact.
+                    g class="met" style="display:none" { (self.past_contact(camera.scale)) }
                     @for who in 0..self.shown.stage.agents.len() { (self.placed(who, i)) }
                 }
                 @if let Some([x, y]) = self.contact_m().map(|at| camera.at(at)) { (burst(x, y)) }
@@ -141,14 +146,17 @@ impl<'a> Picture<'a> {
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
         let end_s = self.film.recorded_end_s();
-        // The contact is only drawn on stills from the end of the record on.
-        let touched = self.contact_m().filter(|_| end_s <= moment.time_s + 1e-9);
+        let is_past = end_s + 1e-9 < moment.time_s;
+        let touched = self
+            .contact_m()
+            .filter(|_| !is_past && end_s <= moment.time_s + 1e-9);
         html! {
             button type="button" class={ "thumb " (moment.class) } data-t=(n(moment.time_s, 3)) {
                 svg viewBox=(format!("0 0 {width_px} {height_px}")) aria-hidden="true" {
                     g class="world" transform=(camera.transform()) {
                         use href={ "#" (self.part("ground")) } {}
                         (lights(&self.shown.stage, &self.phases(i)))
+                        @if is_past { (self.past_contact(camera.scale)) }
                         @for who in 0..self.shown.stage.agents.len() { (self.placed(who, i)) }
                     }
                     @for who in 0..self.shown.stage.agents.len() { (self.beyond(who, i, &camera)) }
@@ -197,15 +205,32 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// Outlines of the ego and the encountered agent at the violation of ψ_ego.
-    fn ghosts(&self) -> Markup {
-        let i = self.film.at(self.violated_s);
+    /// Outlines of the ego and the encountered agent at a time.
+    fn outlines(&self, time_s: f64) -> Markup {
+        let i = self.film.at(time_s);
         let (ego, _) = self.ego();
         html! {
             @for who in std::iter::once(ego).chain(self.film.opponent).filter(|_| !self.on_cells) {
                 @let [length_m, width_m, _] = self.shown.stage.agents[who].size_m;
                 g transform=(self.film.pose(who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
+                }
+            }
+        }
+    }
+
+    /// Place of the contact, to be drawn below bodies that have rolled on from it.
+    ///
+    /// It has the outlines of that instant and a faded star, whose size is constant at
+    /// `scale` pixels per metre. Empty if nothing moves after the contact.
+    pub(super) fn past_contact(&self, scale: f64) -> Markup {
+        let played_on = self.example.after.is_some();
+        let touch = self.example.episode.contact.as_ref().filter(|_| played_on);
+        html! {
+            @if let Some(touch) = touch {
+                (self.outlines(touch.time_s))
+                g transform=(format!("translate({} {})", n(touch.point_m[0], 2), n(touch.point_m[1], 2))) {
+                    g class="past" transform=(format!("scale({})", n(1.0 / scale, 5))) { (burst(0.0, 0.0)) }
                 }
             }
         }

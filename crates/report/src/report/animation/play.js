@@ -5,7 +5,8 @@ for (const figure of document.querySelectorAll(".film")) {
   const film = JSON.parse(figure.dataset.film);
   const find = (what) => figure.querySelector(what);
   const all = (what) => [...figure.querySelectorAll(what)];
-  const [stage, world, ghosts, burst] = [".stage", ".world", ".ghosts", ".stage .burst"].map(find);
+  const [stage, world, ghosts, met, past, burst] =
+    [".stage", ".world", ".ghosts", ".met", ".met .past", ".stage > .burst"].map(find);
   const [bodies, labels, lights] = [".stage .body", ".stage .label", ".stage .light"].map(all);
   const [button, back, on, slider, rate, clock, event, ending] =
     [".play", ".back", ".on", "input", ".rate", ".clock", ".event", ".ending"].map(find);
@@ -141,8 +142,11 @@ for (const figure of document.querySelectorAll(".film")) {
     if (burst) {
       const [x, y] = view.to(film.contact);
       burst.setAttribute("transform", `translate(${x} ${y})`);
-      burst.style.display = over ? "" : "none";
+      // Bodies that roll on cover the place of the contact.
+      burst.style.display = over && !(past && film.still + 0.4 < time) ? "" : "none";
     }
+    met.style.display = over ? "" : "none";
+    past?.setAttribute("transform", `scale(${1 / scale})`);
     clock.textContent = `${time.toFixed(2)} s`;
     const touching = over && film.contact;
     event.className = `event ${touching ? "k-contact" : "k-broken"}`;

@@ -61,7 +61,7 @@ pub(in crate::report) fn shown(scenario: &Scenario, episode: Episode) -> Example
 }
 
 /// A shipped world that plays on after a contact for a time.
-fn playing_on(text: &str, after_s: f64) -> Scenario {
+pub(super) fn playing_on(text: &str, after_s: f64) -> Scenario {
     world(&text.replace(
         "plant: Rigid,",
         &format!("plant: Rigid, after_contact_s: {after_s:?},"),
@@ -69,12 +69,12 @@ fn playing_on(text: &str, after_s: f64) -> Scenario {
 }
 
 /// Following, up to the contact.
-fn acc() -> Scenario {
+pub(super) fn acc() -> Scenario {
     playing_on(include_str!("../../../../../worlds/acc.ron"), 0.0)
 }
 
 /// Value of a list at a time, interpolated as in play.js.
-fn at(times: &[f64], values: &Value, time_s: f64) -> f64 {
+pub(super) fn at(times: &[f64], values: &Value, time_s: f64) -> f64 {
     let value = |i: usize| values[i].as_f64().expect("a number");
     let high = times
         .iter()
@@ -86,7 +86,7 @@ fn at(times: &[f64], values: &Value, time_s: f64) -> f64 {
     value(high - 1) + share * (value(high) - value(high - 1))
 }
 
-fn numbers(values: &Value) -> Vec<f64> {
+pub(super) fn numbers(values: &Value) -> Vec<f64> {
     let values = values.as_array().expect("a list");
     values.iter().filter_map(Value::as_f64).collect()
 }
@@ -349,7 +349,7 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
 }
 
 /// Values of every list of keyframes, with their percentages.
-fn keyframes(svg: &str) -> Vec<Vec<(f64, String)>> {
+pub(super) fn keyframes(svg: &str) -> Vec<Vec<(f64, String)>> {
     let lists = svg.split("@keyframes ").skip(1);
     let list = |text: &str| -> Vec<(f64, String)> {
         let frames = text
@@ -422,6 +422,7 @@ fn the_script_moves_shapes_as_the_stills_were_drawn() {
         format!("const margin = wide ? [{across_px}, {along_px}]"),
         format!("const foot = wide ? {foot_px}"),
         format!("pose.a < -{}", super::picture::BRAKES_MPS2),
+        format!("film.still + {} < time", super::picture::STAR_S),
         format!("room[1] / {}", SCREEN.least_height_m),
         "${body.name} ${pose.v.toFixed(1)} m/s".to_owned(),
         "Math.min(0.1, (now - before) / 1000)".to_owned(),
@@ -429,71 +430,4 @@ fn the_script_moves_shapes_as_the_stills_were_drawn() {
     for words in same {
         assert!(SCRIPT.contains(&words), "{words}");
     }
-}
-
-/// The world of `acc`, which plays on after a contact.
-fn acc_with_aftermath() -> Scenario {
-    playing_on(include_str!("../../../../../worlds/acc.ron"), 1.5)
-}
-
-#[test]
-fn a_page_goes_on_after_the_contact_and_names_the_collision() {
-    let scenario = acc_with_aftermath();
-    let example = crash(&scenario);
-    let contact_s = example.episode.contact.as_ref().expect("a contact").time_s;
-    let after = example.after.as_ref().expect("played on");
-    let picture = Picture::of(&scenario, &example, 0);
-    let data: Value = serde_json::from_str(&json(&picture)).expect("JSON");
-    let times = numbers(&data["t"]);
-    let last_s = times.last().copied().expect("samples");
-    assert!((last_s - contact_s - 1.5).abs() < 1e-3, "{last_s}");
-    // The large still and its star stay those of the contact.
-    let still_s = data["still"].as_f64().expect("a time");
-    assert!((still_s - contact_s).abs() < 1e-3, "{still_s}");
-    let ends = &after.frames[after.frames.len() - 1].placements;
-    for (who, end) in ends.iter().enumerate() {
-        let track = &picture.film.tracks[who];
-        let shown_m = at(&times, &data["bodies"][who]["x"], last_s);
-        assert!((shown_m - end.centre_m[0]).abs() < 0.01, "{shown_m}");
-        let touched = picture.film.recorded - 1;
-        assert!((shown_m - track.x_m[touched]).abs() > 1.0, "it moves on");
-        // Speeds after the contact are those of the places.
-        let (from, to) = (track.x_m.len() - 3, track.x_m.len() - 1);
-        let mean_mps = (track.x_m[to] - track.x_m[from]) / (times[to] - times[from]);
-        assert!((track.speed_mps[to - 1] - mean_mps.abs()).abs() < 0.2);
-    }
-    let [of_ego, of_ado] = after.motion.collisions[0].delta_v_mps.into();
-    let caption =
-        format!("After the contact: ego and ado collide, Δv {of_ego:.1} and {of_ado:.1} m/s");
-    assert_eq!(data["after"][0][1], caption);
-    let said_s = data["after"][0][0].as_f64().expect("a time");
-    assert!((said_s - after.motion.collisions[0].time_s).abs() < 1e-3);
-    assert!(SCRIPT.contains("film.after"));
-    // A world may end its pages at the contact.
-    assert!(!json(&Picture::of(&acc(), &crash(&acc()), 0)).contains("\"after\""));
-}
-
-#[test]
-fn a_looping_picture_goes_on_after_the_contact_and_names_the_collision() {
-    let scenario = acc_with_aftermath();
-    let example = crash(&scenario);
-    let picture = Picture::of(&scenario, &example, 0);
-    let svg = looping_picture(&scenario, &example, "mine", None, None).svg();
-    let film = &picture.film;
-    for track in &film.tracks {
-        let last = film.times_s.len() - 1;
-        let turn_deg = write::n(track.heading_rad[last].to_degrees(), 1);
-        let [x, y] = [track.x_m[last], track.y_m[last]].map(|it| write::n(it, 2));
-        let pose = format!("transform:translate({x}px,{y}px) rotate({turn_deg}deg)");
-        let ends = keyframes(&svg);
-        assert!(
-            ends.iter().any(|frames| frames[frames.len() - 1].1 == pose),
-            "{pose}"
-        );
-    }
-    assert!(film.end_s() - film.recorded_end_s() > 1.0);
-    let touch = example.episode.contact.as_ref().expect("a contact");
-    // The collision of the contact is said once, in words that fit the panel.
-    let caption = format!(">Contact at {:.1} m/s<", touch.closing_speed_mps);
-    assert!(svg.contains(&caption), "no {caption}");
 }

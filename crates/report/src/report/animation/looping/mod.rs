@@ -249,7 +249,11 @@ pub(super) fn strokes(scale: f64) -> String {
         let width_m = n(width_px / scale, 4);
         format!("{shapes}{{vector-effect:none;stroke-width:{width_m}}}")
     });
-    rules.concat()
+    let [gap_m, dash_m, width_m] = [3.0, 4.0, 1.5].map(|px| n(px / scale, 4));
+    let outline = format!(
+        ".ghost{{vector-effect:none;stroke-width:{width_m};stroke-dasharray:{dash_m} {gap_m}}}"
+    );
+    rules.into_iter().chain([outline]).collect()
 }
 
 /// Time as a bar with a hand and the moments of the crash.

@@ -10,7 +10,7 @@ use crate::report::animation::labels::{
     LabelContent, PlacedLabel, SampleLabels, labels_over_time, size_of,
 };
 use crate::report::animation::moves::Move;
-use crate::report::animation::picture::{BRAKES_MPS2, Picture, burst};
+use crate::report::animation::picture::{BRAKES_MPS2, Picture, STAR_S, burst};
 use crate::report::animation::write::n;
 
 /// Time between shown samples, and duration of a label's text, in seconds.
@@ -104,6 +104,10 @@ impl LoopPanel<'_> {
                     g transform=(format!("rotate({turn_deg})")) {
                         use xlink:href={ "#" (self.picture.part("ground")) } {}
                         (self.lights(keyframes))
+                        @if self.goes_on() {
+                            @let turns = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
+                            g class=(keyframes.seen(&turns)) { (self.picture.past_contact(scale)) }
+                        }
                         @for who in everybody.clone() { (self.body(keyframes, who, &shown)) }
                     }
                 }
@@ -169,7 +173,12 @@ impl LoopPanel<'_> {
         }
     }
 
-    /// Star of a contact.
+    /// Returns whether bodies move on after the contact.
+    fn goes_on(&self) -> bool {
+        self.contact_m.is_some() && self.ending.end_s < self.until_s
+    }
+
+    /// Star of a contact, above the bodies that touch.
     fn star(&self, keyframes: &mut Keyframes, shown: &[usize], cameras: &[Camera<'_>]) -> Markup {
         let places: Vec<[f64; 2]> = self
             .contact_m
@@ -180,11 +189,13 @@ impl LoopPanel<'_> {
         let Some([x, y]) = places.last().copied() else {
             return html! {};
         };
-        let turns = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
-        let star = html! { g class=(keyframes.seen(&turns)) { (burst(x, y)) } };
-        if self.until_s <= self.ending.end_s {
-            return star;
+        let begins = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
+        if !self.goes_on() {
+            return html! { g class=(keyframes.seen(&begins)) { (burst(x, y)) } };
         }
+        let ends = ((self.ending.end_s + STAR_S).min(self.until_s), false);
+        let turns = [begins.as_slice(), &[ends]].concat();
+        let star = html! { g class=(keyframes.seen(&turns)) visibility="hidden" { (burst(x, y)) } };
         // The camera moves on after the contact, and the place of the contact does not.
         let moves = shown.iter().zip(&places).map(|(&i, [then_x, then_y])| {
             let moved = format!("translate({}px,{}px)", n(then_x - x, 1), n(then_y - y, 1));
