@@ -17,6 +17,7 @@ from brakecheck.worlds import World
 __all__ = ["Env"]
 
 Observation = NDArray[np.float32]
+Frame = NDArray[np.uint8]
 
 #: What `Env.reset` takes as options.
 OPTIONS = {"purpose", "index", "start", "noise", "aftermath"}
@@ -46,11 +47,15 @@ class Env(gymnasium.Env[Observation, np.int64]):
         ego: who is tested, as `World` takes it.
         seed: of the stream of starts, where `reset` is given none.
         allow_programs: start the programs that the file names as egos.
-        render_mode: `"rgb_array"` lets `render` draw the current sample. A frame per
-            decision at `metadata["render_fps"]` plays in real time.
+        render_mode: `"rgb_array"` lets `render` draw the current sample, and
+            `"rgb_array_list"` every sample since its last call. A frame per decision,
+            or all of a list, play in real time at `metadata["render_fps"]`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 2.0}
+    metadata: dict[str, Any] = {
+        "render_modes": ["rgb_array", "rgb_array_list"],
+        "render_fps": 2.0,
+    }
 
     def __init__(
         self,
@@ -62,12 +67,12 @@ class Env(gymnasium.Env[Observation, np.int64]):
         allow_programs: bool = False,
         render_mode: str | None = None,
     ) -> None:
-        self.render_mode = checked_render_mode(render_mode)
+        self.render_mode = checked_render_mode(render_mode, self.metadata)
         changes = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
         self.world = World.of(world, **changes)
-        self._bench = RawBench(self.world._raw)
+        self._bench = RawBench(self.world._raw, render_mode == "rgb_array_list")
         self._stream = ("train", seed, 0)
-        self.metadata = rendered_in_real_time(self.metadata, self.world)
+        self.metadata = rendered_in_real_time(self.metadata, self.world, render_mode)
         box, actions = spaces_of(self.world)
         self.observation_space: spaces.Box = box  # type: ignore[assignment]
         self.action_space = actions
@@ -121,11 +126,14 @@ class Env(gymnasium.Env[Observation, np.int64]):
         info = self._bench.info() if terminated or truncated else {}
         return obs, reward, terminated, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> Frame | list[Frame] | None:  # type: ignore[override]
         """The current sample from above, `[288, 896, 3]`; None without a `render_mode`.
 
+        With `"rgb_array_list"`, every sample since the last call or the last `reset`.
         The ego drives to the right, at one place of the picture and one scale.
         """
+        if self.render_mode == "rgb_array_list":
+            return self._bench.render_samples()
         return None if self.render_mode is None else self._bench.render()
 
     def trace(self) -> dict[str, NDArray[np.float64]]:
@@ -136,17 +144,20 @@ class Env(gymnasium.Env[Observation, np.int64]):
         return f"<brakecheck.Env {self.world.name!r}: {self.action_space}, {self.observation_space}>"
 
 
-def checked_render_mode(mode: str | None) -> str | None:
+def checked_render_mode(mode: str | None, metadata: dict[str, Any]) -> str | None:
     """A render mode that there is."""
-    known = Env.metadata["render_modes"]
+    known = metadata["render_modes"]
     if mode is not None and mode not in known:
         raise ValueError(f"`render_mode={mode!r}` is not known; known: {', '.join(known)}")
     return mode
 
 
-def rendered_in_real_time(metadata: dict[str, Any], world: World) -> dict[str, Any]:
-    """The metadata with the rate at which a frame per decision plays in real time."""
-    return {**metadata, "render_fps": 1.0 / float(world.about["decision_s"])}
+def rendered_in_real_time(
+    metadata: dict[str, Any], world: World, mode: str | None
+) -> dict[str, Any]:
+    """The metadata with the rate at which frames of a mode play in real time."""
+    between = "sample_s" if mode == "rgb_array_list" else "decision_s"
+    return {**metadata, "render_fps": 1.0 / float(world.about[between])}
 
 
 def spaces_of(world: World) -> tuple[spaces.Box, spaces.Discrete]:

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from brakecheck.envs import OPTIONS, Env
+from brakecheck.envs import OPTIONS, Env, Frame
 from brakecheck.worlds import World
 
 try:
@@ -107,8 +107,8 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         """The samples of the episode so far."""
         return self._env.trace()
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """The current sample, as `Env.render` draws it."""
+    def render(self) -> Frame | list[Frame] | None:
+        """The current sample, or a list, as `Env.render` draws it."""
         return self._env.render()
 
     def close(self) -> None:

@@ -63,7 +63,7 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         jobs: threads; 1 steps them in the thread that calls, 0 takes one per core.
         copy: whether `step` gives arrays of its own; without, it gives the same
             buffers every time, written anew.
-        render_mode: as for `brakecheck.Env`.
+        render_mode: `"rgb_array"`, as for `brakecheck.Env`.
     """
 
     metadata: dict[str, Any] = {
@@ -85,12 +85,12 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         allow_programs: bool = False,
         render_mode: str | None = None,
     ) -> None:
-        self.render_mode = checked_render_mode(render_mode)
+        self.render_mode = checked_render_mode(render_mode, self.metadata)
         if num_envs < 1:
             raise ValueError("a vector environment has one environment at least")
         changes = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
         self.world = World.of(world, **changes)
-        self.metadata = rendered_in_real_time(self.metadata, self.world)
+        self.metadata = rendered_in_real_time(self.metadata, self.world, render_mode)
         self.num_envs = num_envs
         self._raw = RawVector(self.world._raw, num_envs, jobs)
         self._copy = copy

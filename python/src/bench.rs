@@ -41,6 +41,14 @@ pub(crate) struct Playing {
     start: Start,
     actions: Vec<usize>,
     scratch: Scratch,
+    film: Option<SampleFilm>,
+}
+
+/// Pictures of every sample that nobody has rendered yet.
+struct SampleFilm {
+    world: Scenario,
+    /// As SVG, which is a hundredth of its pixels.
+    pictures: Vec<String>,
 }
 
 impl Playing {
@@ -51,6 +59,19 @@ impl Playing {
             start: Start(Vec::new()),
             actions: Vec::new(),
             scratch: Scratch::new(),
+            film: None,
+        }
+    }
+
+    /// Returns the same, with a picture of every sample.
+    fn filmed(self, world: Scenario) -> Playing {
+        let film = SampleFilm {
+            world,
+            pictures: Vec::new(),
+        };
+        Playing {
+            film: Some(film),
+            ..self
         }
     }
 
@@ -64,14 +85,36 @@ impl Playing {
         (self.start, self.noise) = (start, noise);
         self.actions.clear();
         self.bench.begin(&self.start, noise, aftermath);
+        if let Some(film) = &mut self.film {
+            film.pictures.clear();
+        }
+        self.film_sample();
+    }
+
+    /// Draws the current sample, if every sample is wanted.
+    fn film_sample(&mut self) {
+        let Some(film) = &self.film else {
+            return;
+        };
+        let picture = self.picture(&film.world);
+        if let (Some(film), Some(picture)) = (&mut self.film, picture) {
+            film.pictures.push(picture);
+        }
     }
 
     /// Takes a decision: the reward it is paid, and whether the episode ended
     /// as an episode does, and whether it ended in a fault.
     pub(crate) fn decide(&mut self, action: usize) -> (f64, bool, bool) {
         let before = self.bench.verdict();
-        self.bench.decide(action);
         self.actions.push(action);
+        if self.film.is_some() {
+            self.bench.decide_only(action);
+            while !self.bench.is_decision_due() && self.bench.play_sample() {
+                self.film_sample();
+            }
+        } else {
+            self.bench.decide(action);
+        }
         let done = self.bench.is_done();
         // The reward is paid once, with the verdict.
         let fell = self.bench.verdict().filter(|_| before.is_none());
@@ -95,13 +138,18 @@ impl Playing {
 
     /// The current sample from above, as pixels; `None` before the first episode.
     pub(crate) fn pixels(&self, world: &Scenario) -> Option<Result<PixelImage, RasterError>> {
+        let svg = self.picture(world)?;
+        Some(PixelImage::of(&svg, 1.0))
+    }
+
+    /// The current sample from above, as SVG; `None` before the first episode.
+    fn picture(&self, world: &Scenario) -> Option<String> {
         if self.bench.trace().is_empty() {
             return None;
         }
         let actions = self.actions.clone();
         let episode = self.bench.episode(&self.start, self.noise, actions);
-        let svg = running_picture(world, &self.bench, &episode);
-        Some(PixelImage::of(&svg, 1.0))
+        Some(running_picture(world, &self.bench, &episode))
     }
 
     /// What there is to say of the episode so far.
@@ -135,17 +183,19 @@ impl Playing {
     }
 }
 
+fn nothing_to_render() -> PyErr {
+    wrong(
+        "there is no episode to render",
+        "call `reset` before `render`",
+    )
+}
+
 /// Red, green and blue of an image, `[height, width, 3]`.
 pub(crate) fn rgb<'py>(
     py: Python<'py>,
     drawn: Option<Result<PixelImage, RasterError>>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-    let drawn = drawn.ok_or_else(|| {
-        wrong(
-            "there is no episode to render",
-            "call `reset` before `render`",
-        )
-    })?;
+    let drawn = drawn.ok_or_else(nothing_to_render)?;
     let image = drawn.map_err(|error| raised("FaultError", error.to_string()))?;
     let shape = [image.height_px(), image.width_px(), 3];
     PyArray1::from_vec(py, image.rgb()).reshape(shape)
@@ -176,10 +226,13 @@ pub(crate) struct RawBench {
 #[pymethods]
 impl RawBench {
     #[new]
-    fn new(py: Python<'_>, world: &RawWorld) -> PyResult<RawBench> {
+    fn new(py: Python<'_>, world: &RawWorld, every_sample: bool) -> PyResult<RawBench> {
         let spaces = world.0.world().spaces();
-        let playing = py.detach(|| Playing::new(&world.0));
+        let mut playing = py.detach(|| Playing::new(&world.0));
         check_interrupted()?;
+        if every_sample {
+            playing = playing.filmed(world.0.clone());
+        }
         Ok(RawBench {
             observation: spaces.observation,
             actions: spaces.actions,
@@ -274,6 +327,22 @@ impl RawBench {
         let world = self.world.clone();
         let drawn = self.play(py, move |playing| playing.pixels(&world))?;
         rgb(py, drawn)
+    }
+
+    /// All samples since the last call or the start, `[height, width, 3]` each.
+    fn render_samples<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<u8>>>> {
+        let mut playing = self.lock()?;
+        if playing.bench.trace().is_empty() {
+            return Err(nothing_to_render());
+        }
+        let film = playing.film.as_mut();
+        let pictures = film.map(|it| std::mem::take(&mut it.pictures));
+        drop(playing);
+        let images = pictures.into_iter().flatten().map(|svg| {
+            check_interrupted()?;
+            rgb(py, Some(py.detach(|| PixelImage::of(&svg, 1.0))))
+        });
+        images.collect()
     }
 
     /// The samples so far, by signal.

@@ -194,6 +194,35 @@ def test_a_video_plays_in_real_time(tmp_path):
 
 
 @pytest.mark.parametrize("plant", ["rigid", "kinematic"])
+def test_a_list_of_frames_has_every_sample(tmp_path, plant):
+    env = gymnasium.make("brakecheck/acc-v0", plant=plant, render_mode="rgb_array_list")
+    about = env.unwrapped.world.about
+    assert env.metadata["render_fps"] == pytest.approx(1 / about["sample_s"])
+    by_decision = Env("acc", plant=plant, render_mode="rgb_array")
+    env.reset(seed=3)
+    by_decision.reset(seed=3)
+    [first] = env.render()
+    assert np.array_equal(first, by_decision.render()) and env.render() == []
+    frames, over = [], False
+    per_decision = round(about["decision_s"] / about["sample_s"])
+    while not over:
+        both = [it.step(1) for it in (env, by_decision)]
+        assert np.array_equal(both[0][0], both[1][0]) and both[0][1:] == both[1][1:]
+        over = both[0][2] or both[0][3]
+        new = env.render()
+        assert len(new) == per_decision or (over and len(new) <= per_decision)
+        assert np.array_equal(new[-1], by_decision.render())
+        assert all(not np.array_equal(a, b) for a, b in zip(new, new[1:]))
+        frames += new
+    assert len(frames) + 1 == len(env.unwrapped.trace()["time"])
+    save_video([first, *frames], str(tmp_path), fps=env.metadata["render_fps"])
+    assert [file.suffix for file in tmp_path.iterdir()] == [".mp4"]
+    # A new episode begins a new list.
+    env.reset(seed=4)
+    assert len(env.render()) == 1
+
+
+@pytest.mark.parametrize("plant", ["rigid", "kinematic"])
 def test_a_vector_environment_renders_as_single_ones(plant):
     vector = VectorEnv("acc", 2, plant=plant, render_mode="rgb_array")
     singles = [Env("acc", plant=plant, render_mode="rgb_array") for _ in range(2)]
