@@ -10,11 +10,14 @@ use serde_json::json;
 use super::common::{load_world, one_of, open_run, placed, print_json};
 use super::failure::{Exit, Failure, plain_theme};
 use super::number_args::count;
+use super::progress;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
 use crate::drive::{DriveSettings, Reload, Sandbox, WatchedWorld, serve};
+use crate::rl::Policy;
 use crate::sim::PlantKind;
+use crate::training::{TrainRequest, TrainSession};
 use crate::world::Scenario;
 
 #[derive(Args, Debug)]
@@ -22,6 +25,17 @@ pub(super) struct DriveArgs {
     /// A world file, the name of a shipped world, or a run directory with a trained ado.
     #[arg(value_name = "WORLD|RUN")]
     what: PathBuf,
+    /// Train an ado before, for N decisions on the kinematic plant, and drive against it
+    /// [default: 20,000].
+    #[arg(
+        long,
+        value_name = "N",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "20_000",
+        value_parser = count(1..=u64::MAX)
+    )]
+    train: Option<u64>,
     /// Your seat: the ego, or an ado, whose actions you choose.
     #[arg(long = "as", value_name = "ego|ADO", default_value = "ego")]
     seat: String,
@@ -68,7 +82,10 @@ impl DriveArgs {
 }
 
 pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
-    let sandbox = sandbox(args)?.with_program(&args.program);
+    let Some(sandbox) = sandbox(args)? else {
+        return Ok(Exit::Interrupted);
+    };
+    let sandbox = sandbox.with_program(&args.program);
     let settings = DriveSettings {
         keep: args.keep.clone(),
         seed: args.seed,
@@ -89,16 +106,58 @@ pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn sandbox(args: &DriveArgs) -> Result<Sandbox, Failure> {
+/// Returns the world with its players, or `None` if the training was interrupted.
+fn sandbox(args: &DriveArgs) -> Result<Option<Sandbox>, Failure> {
     let common = args.common();
     if is_world(&args.what) || !args.what.is_dir() {
-        let world = placed(load_world(&args.what, &common)?, args.plant)?;
-        return Ok(Sandbox::new(world, &args.seat)?);
+        let world = load_world(&args.what, &common)?;
+        let placed = placed(world.clone(), args.plant)?;
+        let sandbox = Sandbox::new(placed, &args.seat)?;
+        let Some(decisions) = args.train else {
+            return Ok(Some(sandbox));
+        };
+        let policy = trained(&world, decisions, &common)?;
+        return Ok(policy.map(|policy| sandbox.with_trained(policy)));
+    }
+    if args.train.is_some() {
+        let what = args.what.display();
+        return Err(Failure::input(
+            format!("`--train` requires a world, and `{what}` is a run with a trained ado"),
+            "leave `--train` out",
+        ));
     }
     let run = open_run(&args.what, &common)?;
     let world = placed(run.scenario()?, args.plant)?;
     let policy = Arc::from(run.policy()?);
-    Ok(Sandbox::new(world, &args.seat)?.with_trained(policy))
+    let sandbox = Sandbox::new(world, &args.seat)?;
+    Ok(Some(sandbox.with_trained(policy)))
+}
+
+/// Trains an ado for this drive only. `None`: interrupted.
+fn trained(
+    world: &Scenario,
+    decisions: u64,
+    common: &Common,
+) -> Result<Option<Arc<dyn Policy>>, Failure> {
+    let scratch = tempfile::tempdir().map_err(|error| {
+        Failure::input(
+            format!("cannot create a directory for the training: {error}"),
+            "make room in the directory for temporary files",
+        )
+    })?;
+    let request = TrainRequest {
+        decisions: Some(decisions),
+        plant: Some(PlantKind::Kinematic),
+        ..TrainRequest::default()
+    };
+    let mut session = TrainSession::begin(world, &scratch.path().join("run"), &request)?;
+    let bar = progress::bar(common, "");
+    let trained = session.train(&bar.watch())?;
+    drop(bar);
+    if trained.interrupted {
+        return Ok(None);
+    }
+    Ok(Some(Arc::from(session.run().policy()?)))
 }
 
 /// Returns the world's file to watch, if that is requested.
