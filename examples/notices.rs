@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release --example notices > THIRD_PARTY.txt` reads `cargo metadata` and
 //! the licence files of the packages. Run it again after a change of `Cargo.lock`.
+//! It fails if a dependency has a licence that is not allowed, comes from elsewhere than
+//! the registry, or has no version.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -24,8 +26,55 @@ This file is the output of `cargo run --release --example notices`.
 /// Licence files of data inside of packages: package and path.
 const OF_DATA: [[&str; 2]; 1] = [["dejavu", "assets/dejavu-fonts-ttf-2.37/LICENSE"]];
 
+/// Licences of which each package needs one.
+const ALLOWED: [&str; 13] = [
+    "MIT",
+    "Apache-2.0",
+    "Apache-2.0 WITH LLVM-exception",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "BSL-1.0",
+    "CC0-1.0",
+    "CDLA-Permissive-2.0",
+    "ISC",
+    "MPL-2.0",
+    "Unicode-3.0",
+    "Unlicense",
+    "Zlib",
+];
+
 fn main() {
-    print!("{}", notices());
+    let metadata = metadata();
+    let wrong = wrong(&metadata);
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+    print!("{}", notices(&metadata));
+}
+
+/// Returns the faults of all packages, those of tests and builds included.
+fn wrong(metadata: &Value) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for package in metadata["packages"].as_array().expect("packages") {
+        let name = text_of(&package["name"]);
+        let Some(source) = package["source"].as_str() else {
+            // Its own packages name versions of all others.
+            let dependencies = package["dependencies"].as_array().expect("a list");
+            let any = dependencies
+                .iter()
+                .filter(|it| it["req"] == "*" && it["path"].is_null());
+            wrong.extend(any.map(|it| format!("{name}: no version of {}", it["name"])));
+            continue;
+        };
+        if !source.starts_with("registry+") {
+            wrong.push(format!("{name}: from {source}"));
+        }
+        let licence = package["license"].as_str().unwrap_or("none");
+        let is_allowed = spdx::Expression::parse_mode(licence, spdx::ParseMode::LAX)
+            .is_ok_and(|it| it.evaluate(|licence| ALLOWED.contains(&&*licence.to_string())));
+        if !is_allowed {
+            wrong.push(format!("{name}: licence {licence}"));
+        }
+    }
+    wrong
 }
 
 /// Package with its licence.
@@ -35,8 +84,8 @@ struct Package {
     texts: Vec<String>,
 }
 
-fn notices() -> String {
-    let packages = packages();
+fn notices(metadata: &Value) -> String {
+    let packages = packages(metadata);
     let mut page = String::from(HEAD);
     for package in &packages {
         page += &format!("\n{}: {}", package.title, package.licence);
@@ -55,9 +104,8 @@ fn notices() -> String {
 }
 
 /// Returns the packages that the program links, by name.
-fn packages() -> Vec<Package> {
-    let metadata = metadata();
-    let linked = linked(&metadata);
+fn packages(metadata: &Value) -> Vec<Package> {
+    let linked = linked(metadata);
     let list = metadata["packages"].as_array().expect("packages");
     let mut packages: Vec<Package> = list
         .iter()

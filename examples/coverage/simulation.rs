@@ -3,7 +3,8 @@
 
 use brakecheck::seed::generator;
 use brakecheck::stats::{
-    Outcomes, StartOutcome, mean_difference, paired_difference, seeds_interval,
+    Outcomes, StartOutcome, mean_difference, normal_cdf, normal_quantile, paired_difference,
+    seeds_interval,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -130,7 +131,7 @@ impl Cell {
             let marks = starts.iter().map(|start| {
                 let chance = match self.shared {
                     0.0 => rate,
-                    _ => normal_share((threshold - difficult * start) / luck),
+                    _ => normal_cdf((threshold - difficult * start) / luck),
                 };
                 if dice.random::<f64>() < chance {
                     StartOutcome::Solved
@@ -235,23 +236,4 @@ fn gamma(shape: f64, dice: &mut ChaCha8Rng) -> f64 {
             return d * v;
         }
     }
-}
-
-/// Share of the standard normal distribution below x.
-fn normal_share(x: f64) -> f64 {
-    0.5 * libm::erfc(-x * core::f64::consts::FRAC_1_SQRT_2)
-}
-
-/// Where that share lies below, by bisection.
-fn normal_quantile(share: f64) -> f64 {
-    let (mut low, mut high) = (-9.0, 9.0);
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        if normal_share(middle) < share {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
-    0.5 * (low + high)
 }

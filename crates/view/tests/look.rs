@@ -233,15 +233,15 @@ fn a_margin_that_comes_from_its_limit_is_shown_where_it_has_a_value() {
 
 /// Ends of the plots' time axes in seconds, of those with an absolute one.
 fn time_axes(bytes: &[u8]) -> Vec<f64> {
-    use rerun::Loggable as _;
+    use re_sdk_types::Loggable as _;
     let mut ends_s = Vec::new();
     for chunk in chunks(bytes) {
         let Some(column) = chunk.raw_component_array("TimeAxis:view_range".into()) else {
             continue;
         };
-        let ranges = rerun::datatypes::TimeRange::from_arrow(column).unwrap();
+        let ranges = re_sdk_types::datatypes::TimeRange::from_arrow(column).unwrap();
         for range in ranges {
-            if let rerun::datatypes::TimeRangeBoundary::Absolute(end) = range.end {
+            if let re_sdk_types::datatypes::TimeRangeBoundary::Absolute(end) = range.end {
                 ends_s.push(1e-9 * end.0 as f64);
             }
         }

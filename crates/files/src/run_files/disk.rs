@@ -4,7 +4,7 @@
 //! that tests can make any step fail (`disk_faults`). After a function returns, its
 //! effect is on the disk: files and their directories are flushed.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -156,10 +156,13 @@ fn unfinished(dir: &Path) -> io::Result<(File, PathBuf)> {
             .tempfile_in(dir)?
             .into_parts();
         let path = path.to_path_buf();
-        // Between creation and locking, a sweep may take the file for a
-        // leftover.
-        if fs4::FileExt::try_lock(&file).is_ok() && path.exists() {
-            return Ok((file, path));
+        match file.try_lock() {
+            // Between creation and locking, a sweep may take the file for a
+            // leftover.
+            Ok(()) if path.exists() => return Ok((file, path)),
+            Ok(()) | Err(TryLockError::WouldBlock) => {}
+            // Without locks on this disk, the next file would fail, too.
+            Err(TryLockError::Error(error)) => return Err(error),
         }
     }
 }
@@ -256,7 +259,7 @@ pub fn sweep(dir: &Path) {
             };
             // The lock is held until the file is gone. Otherwise its writer could lock it
             // in between and lose it.
-            if fs4::FileExt::try_lock(&file).is_ok() {
+            if file.try_lock().is_ok() {
                 // The next sweep tries again.
                 let _ = remove(&path);
             }
@@ -332,9 +335,10 @@ pub fn lock(path: &Path) -> Result<File, RunError> {
         return Err(failed(io::Error::other("it is no ordinary file")));
     }
     let file = File::create(&file_path).map_err(&failed)?;
-    match fs4::FileExt::try_lock(&file) {
+    match file.try_lock() {
         Ok(()) => Ok(file),
-        Err(_) => Err(RunError::Locked { path: path.into() }),
+        Err(TryLockError::WouldBlock) => Err(RunError::Locked { path: path.into() }),
+        Err(TryLockError::Error(error)) => Err(failed(error)),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Cameras of the spatial views: their positions and their visible entities.
 
 use nalgebra::Point2;
-use rerun::blueprint::archetypes::{EyeControls3D, LineGrid3D};
-use rerun::blueprint::components::Eye3DKind;
+use re_sdk_types::blueprint::archetypes::{EyeControls3D, LineGrid3D};
+use re_sdk_types::blueprint::components::Eye3DKind;
 
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, BlueprintNode};

@@ -37,7 +37,7 @@ pub enum ViewError {
     },
     /// Rejection of a value by the viewer's library.
     #[error("the recording could not be assembled: {0}")]
-    Value(#[from] rerun::SerializationError),
+    Value(#[from] re_sdk_types::SerializationError),
     /// Rejection of rows by the viewer's library.
     #[error("the recording could not be assembled: {0}")]
     Rows(#[from] re_chunk::ChunkError),

@@ -3,9 +3,9 @@
 //! A vehicle whose body file lists the parts of its collision shape is drawn as these
 //! parts, and the outline of a car has the corner radius of its shape.
 
-use rerun::AsComponents;
-use rerun::archetypes::{Capsules3D, Cylinders3D, Points3D};
-use rerun::components::FillMode;
+use re_sdk_types::AsComponents;
+use re_sdk_types::archetypes::{Capsules3D, Cylinders3D, Points3D};
+use re_sdk_types::components::FillMode;
 
 use super::camera::ViewExtent;
 use super::entity::agent_path;
@@ -236,7 +236,7 @@ fn wheels(figure: BodyFigure, body: &Scale) -> Option<Cylinders3D> {
     let centres: Vec<[f32; 3]> = axles.into_iter().flat_map(on_axle).collect();
     // A cylinder is upright along z. A quarter turn about x makes it roll.
     let quarter = std::f32::consts::FRAC_1_SQRT_2;
-    let rolling = rerun::datatypes::Quaternion::from_xyzw([quarter, 0.0, 0.0, quarter]);
+    let rolling = re_sdk_types::datatypes::Quaternion::from_xyzw([quarter, 0.0, 0.0, quarter]);
     let wheels = Cylinders3D::from_lengths_and_radii(
         vec![breadth_m; centres.len()],
         vec![radius_m; centres.len()],

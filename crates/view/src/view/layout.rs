@@ -3,15 +3,15 @@
 //! It is written archetype by archetype, because the library's builder reaches
 //! neither the 3D camera nor the axes of plots.
 
-use rerun::AsComponents;
-use rerun::blueprint::archetypes::{
+use re_sdk_types::AsComponents;
+use re_sdk_types::blueprint::archetypes::{
     ContainerBlueprint, PanelBlueprint, PlotLegend, ScalarAxis, TimeAxis, TimePanelBlueprint,
     ViewBlueprint, ViewContents, ViewportBlueprint,
 };
-use rerun::blueprint::components::{
+use re_sdk_types::blueprint::components::{
     ContainerKind, Corner2D, IncludedContent, PanelState, PlayState,
 };
-use rerun::datatypes::{self, Range1D};
+use re_sdk_types::datatypes::{self, Range1D};
 
 use super::error::ViewError;
 use super::log_writer::{LogWriter, SHOWN_TIME, nanos};
@@ -188,7 +188,7 @@ impl<'a> BlueprintBuilder<'a> {
         contents: &[&str],
     ) -> Result<BlueprintNode, ViewError> {
         let view = self.node("view");
-        let class = rerun::blueprint::components::ViewClass(class.into());
+        let class = re_sdk_types::blueprint::components::ViewClass(class.into());
         let about = ViewBlueprint::new(class)
             .with_display_name(title)
             .with_space_origin(origin);
@@ -197,7 +197,7 @@ impl<'a> BlueprintBuilder<'a> {
             .iter()
             .copied()
             .map(String::from)
-            .map(|query| rerun::blueprint::components::QueryExpression(query.into()));
+            .map(|query| re_sdk_types::blueprint::components::QueryExpression(query.into()));
         self.property(&view, "ViewContents", &ViewContents::new(queries))?;
         Ok(view)
     }

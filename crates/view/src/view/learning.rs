@@ -1,8 +1,8 @@
 //! Learning curves of a training, in a stream.
 
 use re_chunk::{TimePoint, Timeline};
-use rerun::AsComponents;
-use rerun::archetypes::{Scalars, SeriesLines};
+use re_sdk_types::AsComponents;
+use re_sdk_types::archetypes::{Scalars, SeriesLines};
 
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, Views};

@@ -1,9 +1,9 @@
 //! Traffic lights: a post beside the stop line, and its phases over time.
 
-use rerun::archetypes::Transform3D;
-use rerun::archetypes::{Boxes3D, LineStrips3D, Points3D, StateConfiguration};
-use rerun::components::Color;
-use rerun::components::FillMode;
+use re_sdk_types::archetypes::Transform3D;
+use re_sdk_types::archetypes::{Boxes3D, LineStrips3D, Points3D, StateConfiguration};
+use re_sdk_types::components::Color;
+use re_sdk_types::components::FillMode;
 
 use super::entity::{agent_path, path};
 use super::error::ViewError;

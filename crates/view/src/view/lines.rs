@@ -2,8 +2,8 @@
 
 use re_chunk::TimeColumn;
 use re_log_types::EntityPath;
-use rerun::archetypes::{Scalars, SeriesLines, StateChange};
-use rerun::components::Color;
+use re_sdk_types::archetypes::{Scalars, SeriesLines, StateChange};
+use re_sdk_types::components::Color;
 
 use super::entity::path;
 use super::error::ViewError;

@@ -7,7 +7,7 @@
 
 use re_chunk::{Chunk, ChunkId, RowId, TimeColumn, TimePoint, Timeline};
 use re_log_types::{EntityPath, LogMsg, SetStoreInfo, StoreId, StoreInfo, StoreKind, StoreSource};
-use rerun::{AsComponents, SerializationError, SerializedComponentColumn};
+use re_sdk_types::{AsComponents, SerializationError, SerializedComponentColumn};
 
 use super::error::ViewError;
 use crate::experiment::SampleInstant;

@@ -1,6 +1,6 @@
 //! Surfaces of bodies as meshes of flat faces.
 
-use rerun::archetypes::Mesh3D;
+use re_sdk_types::archetypes::Mesh3D;
 
 use super::palette::Rgb;
 use crate::sim::BodyPart;

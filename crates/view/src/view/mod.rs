@@ -97,7 +97,7 @@ use std::path::{Path, PathBuf};
 
 use re_log_encoding::{EncodeError, Encoder};
 use re_log_types::{BlueprintActivationCommand, EntityPath, LogMsg, StoreKind};
-use rerun::archetypes::RecordingInfo;
+use re_sdk_types::archetypes::RecordingInfo;
 
 use crate::testbench::Episode;
 use crate::world::Scenario;

@@ -1,6 +1,6 @@
 //! Road: surface, verges, lane markings and a post every 10 m.
 
-use rerun::archetypes::{LineStrips3D, Mesh3D};
+use re_sdk_types::archetypes::{LineStrips3D, Mesh3D};
 
 use super::error::ViewError;
 use super::log_writer::LogWriter;

@@ -1,6 +1,6 @@
 //! Sight of the ego: which bodies it sees, as lanes and as frames around hidden bodies.
 
-use rerun::archetypes::{Boxes3D, Clear, StateConfiguration};
+use re_sdk_types::archetypes::{Boxes3D, Clear, StateConfiguration};
 
 use super::entity::{agent_path, path};
 use super::error::ViewError;

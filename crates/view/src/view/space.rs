@@ -9,8 +9,10 @@ pub(super) fn lifted(point: [f64; 3], by_m: f64) -> [f32; 3] {
 }
 
 /// Rotation of a placement in the viewer's precision.
-pub(super) fn quaternion(place: &Placement) -> rerun::datatypes::Quaternion {
-    rerun::datatypes::Quaternion::from_xyzw(place.rotation.coords.map(|part| part as f32).into())
+pub(super) fn quaternion(place: &Placement) -> re_sdk_types::datatypes::Quaternion {
+    re_sdk_types::datatypes::Quaternion::from_xyzw(
+        place.rotation.coords.map(|part| part as f32).into(),
+    )
 }
 
 pub(super) use crate::scene::ground::distance;

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use re_log_encoding::rrd::CrateVersion;
 use re_log_encoding::{EncodeError, Encoder, EncodingOptions};
 use re_log_types::{BlueprintActivationCommand, EntityPath, LogMsg, StoreKind};
-use rerun::archetypes::{Clear, RecordingInfo, TextLog};
+use re_sdk_types::archetypes::{Clear, RecordingInfo, TextLog};
 
 use super::error::ViewError;
 use super::learning;

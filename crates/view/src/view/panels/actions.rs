@@ -1,6 +1,6 @@
 //! Chosen actions of the ados and phases of lights, as coloured lanes.
 
-use rerun::archetypes::StateConfiguration;
+use re_sdk_types::archetypes::StateConfiguration;
 
 use crate::experiment::action_runs;
 use crate::scene::drive::{Actions, Maneuver, PhaseAction};

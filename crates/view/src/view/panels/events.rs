@@ -1,9 +1,9 @@
 //! Log of events, in the order of time.
 
-use rerun::archetypes::TextLog;
-use rerun::blueprint::archetypes::TextLogColumns;
-use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
-use rerun::components::TextLogLevel;
+use re_sdk_types::archetypes::TextLog;
+use re_sdk_types::blueprint::archetypes::TextLogColumns;
+use re_sdk_types::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
+use re_sdk_types::components::TextLogLevel;
 
 use crate::experiment::{action_runs, phase_word};
 use crate::view::error::ViewError;

@@ -2,11 +2,11 @@
 //!
 //! Pictures have y downward and maps have it upward, so rows are mirrored here.
 
-use rerun::AsComponents;
-use rerun::archetypes::{Arrows2D, Boxes2D, LineStrips2D, Points2D};
-use rerun::blueprint::archetypes::{Background, VisualBounds2D};
-use rerun::blueprint::components::BackgroundKind;
-use rerun::datatypes::{Range1D, Range2D};
+use re_sdk_types::AsComponents;
+use re_sdk_types::archetypes::{Arrows2D, Boxes2D, LineStrips2D, Points2D};
+use re_sdk_types::blueprint::archetypes::{Background, VisualBounds2D};
+use re_sdk_types::blueprint::components::BackgroundKind;
+use re_sdk_types::datatypes::{Range1D, Range2D};
 
 use crate::experiment::SampleInstant;
 use crate::rulebook::Verdict;
@@ -57,7 +57,7 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
     };
     let view = layout.view("2D", "map", MAP, &["$origin/**"])?;
     let dark = Background::new(BackgroundKind::SolidColor)
-        .with_color(rerun::components::Color::from_rgb(17, 20, 26));
+        .with_color(re_sdk_types::components::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &dark)?;
     let size = f64::from(arena.size);
     // The walls lie on the border of the map, and would be cut in half there.

@@ -12,7 +12,7 @@ mod scene;
 mod signals;
 mod verdict;
 
-use rerun::blueprint::components::ContainerKind;
+use re_sdk_types::blueprint::components::ContainerKind;
 
 use super::error::ViewError;
 use super::layout::{BlueprintBuilder, Views};

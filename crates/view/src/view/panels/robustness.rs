@@ -1,7 +1,7 @@
 //! Running robustness of ψ_ego and of every rule over time.
 
 use re_chunk::TimeColumn;
-use rerun::blueprint::components::ContainerKind;
+use re_sdk_types::blueprint::components::ContainerKind;
 
 use crate::rulebook::Verdict;
 use crate::view::entity::path;

@@ -1,9 +1,9 @@
 //! World in space: moving bodies, paths and the place of contact.
 
 use re_log_types::EntityPath;
-use rerun::archetypes::{Arrows3D, LineStrips3D, Points3D, Transform3D};
-use rerun::blueprint::archetypes::Background;
-use rerun::blueprint::components::BackgroundKind;
+use re_sdk_types::archetypes::{Arrows3D, LineStrips3D, Points3D, Transform3D};
+use re_sdk_types::blueprint::archetypes::Background;
+use re_sdk_types::blueprint::components::BackgroundKind;
 
 use crate::experiment::SampleInstant;
 use crate::rulebook::Verdict;
@@ -65,7 +65,7 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
     let around = ViewExtent::of(story);
     let view = layout.view("3D", "scene", FOLLOW, &SPACE)?;
     let sky = Background::new(BackgroundKind::SolidColor)
-        .with_color(rerun::components::Color::from_rgb(17, 20, 26));
+        .with_color(re_sdk_types::components::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &sky)?;
     let (eye_m, at_m) = around.seen_aslant();
     look(layout, &view, eye_m, at_m, [0.0, 0.0, 1.0])?;

@@ -1,7 +1,7 @@
 //! Signals by unit. The most informative groups have plots of their own.
 
 use re_log_types::EntityPath;
-use rerun::blueprint::components::ContainerKind;
+use re_sdk_types::blueprint::components::ContainerKind;
 
 use crate::road::Road;
 use crate::view::entity::path;

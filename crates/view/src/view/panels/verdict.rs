@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use rerun::archetypes::TextDocument;
+use re_sdk_types::archetypes::TextDocument;
 
 use crate::experiment::action_runs;
 use crate::rulebook::Verdict;
