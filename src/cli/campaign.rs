@@ -10,7 +10,7 @@ use super::failure::{Exit, Failure};
 use super::terminal::{self, Common};
 use super::{examples, progress};
 use crate::campaign::{
-    COLUMNS, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow, UnitGate,
+    COLUMNS, Merged, PIECE_S, Partition, PieceDone, Plan, PlanCost, PlanDir, SummaryRow, UnitGate,
 };
 
 /// Rows and gates that are printed, at most.
@@ -35,7 +35,7 @@ enum CampaignVerb {
     /// Cut a campaign file into pieces, with files for engines that run them.
     #[command(after_help = examples::CAMPAIGN_PLAN)]
     Plan(PlanArgs),
-    /// Make all missing pieces, or a single piece.
+    /// Make all missing pieces, a partition of them, or a single piece.
     #[command(after_help = examples::CAMPAIGN_RUN)]
     Run(RunArgs),
     /// Check all pieces and write them as one file, with a summary and a page.
@@ -69,6 +69,9 @@ struct RunArgs {
     /// Make only this piece, counted from 0, as engines do.
     #[arg(long, value_name = "I")]
     piece: Option<usize>,
+    /// Make only the I-th of N parts, counted from 1, with the trainings it needs.
+    #[arg(long, value_name = "I/N", conflicts_with = "piece")]
+    partition: Option<Partition>,
     #[command(flatten)]
     common: Common,
 }
@@ -207,7 +210,8 @@ fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
 fn all(args: &RunArgs) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
     let bar = progress::bar(&args.common, "campaign");
-    let ran = dir.run(&bar.watch())?;
+    let partition = args.partition.unwrap_or(Partition::WHOLE);
+    let ran = dir.run_partition(partition, &bar.watch())?;
     drop(bar);
     let (done, all) = (ran.done, ran.all);
     if args.common.json {
@@ -218,7 +222,11 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
             .collect();
         print_json(&json!({ "pieces": all, "done": done, "failed": failed }))?;
     } else {
-        terminal::data(&format!("{done} of {all} pieces are there"))?;
+        let of = match args.partition {
+            Some(partition) => format!(" of partition {partition}"),
+            None => String::new(),
+        };
+        terminal::data(&format!("{done} of {all} pieces{of} are there"))?;
     }
     let more = ran.failed.len().saturating_sub(1);
     if let Some((piece, error)) = ran.failed.into_iter().next() {

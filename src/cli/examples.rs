@@ -44,7 +44,7 @@ pub(super) const LSP: &str =
 
 pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/guide/campaigns.md";
 pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/guide/campaigns.md";
-pub(super) const CAMPAIGN_RUN: &str = "Examples:\n  brakecheck campaign run plan\n  brakecheck campaign run plan --piece 7\n\nDocuments: docs/guide/campaigns.md";
+pub(super) const CAMPAIGN_RUN: &str = "Examples:\n  brakecheck campaign run plan\n  brakecheck campaign run plan --partition 2/8\n  brakecheck campaign run plan --piece 7\n\nDocuments: docs/guide/campaigns.md";
 pub(super) const CAMPAIGN_MERGE: &str = "Examples:\n  brakecheck campaign merge plan\n  brakecheck campaign merge plan --with copy-of-another-machine\n\nDocuments: docs/guide/campaigns.md";
 
 #[cfg(test)]

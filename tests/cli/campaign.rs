@@ -22,7 +22,7 @@ const SMALL: &str = r#"Campaign(
 )"#;
 
 /// Writes a campaign file and plans it, with pieces of about so many seconds.
-fn plan(dir: &tempfile::TempDir, name: &str, text: &str, piece_s: &str) -> String {
+pub(super) fn plan(dir: &tempfile::TempDir, name: &str, text: &str, piece_s: &str) -> String {
     let file = path(dir, &format!("{name}.ron"));
     fs::write(&file, text).expect("written");
     let planned = path(dir, name);
@@ -41,7 +41,7 @@ fn plan(dir: &tempfile::TempDir, name: &str, text: &str, piece_s: &str) -> Strin
     planned
 }
 
-fn run(plan: &str) {
+pub(super) fn run(plan: &str) {
     let output = brakecheck(&["campaign", "run", plan, "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let ran = json(&output);
@@ -49,7 +49,7 @@ fn run(plan: &str) {
 }
 
 /// The SHA-256 and the rows of a merged campaign.
-fn merged(plan: &str) -> (String, Vec<Value>) {
+pub(super) fn merged(plan: &str) -> (String, Vec<Value>) {
     let output = brakecheck(&["campaign", "merge", plan, "--json"]);
     let told = json(&output);
     let file = told["file"].as_str().expect("a file");
@@ -64,7 +64,7 @@ fn merged(plan: &str) -> (String, Vec<Value>) {
 }
 
 /// What a merge that refuses says.
-fn refused(args: &[&str]) -> String {
+pub(super) fn refused(args: &[&str]) -> String {
     let output = brakecheck(&[&["campaign", "merge"], args].concat());
     assert_eq!(code(&output), 2, "{}", stderr(&output));
     stderr(&output)
@@ -74,7 +74,7 @@ fn refused(args: &[&str]) -> String {
 }
 
 /// The files of the pieces, in order.
-fn pieces(plan: &str) -> Vec<PathBuf> {
+pub(super) fn pieces(plan: &str) -> Vec<PathBuf> {
     let mut all = Vec::new();
     // Where none was made yet, there is no directory either.
     let dirs = fs::read_dir(Path::new(plan).join("pieces"));

@@ -16,6 +16,7 @@ mod log;
 mod lsp;
 mod memory;
 mod natural;
+mod partition;
 mod picture;
 mod points;
 mod program;

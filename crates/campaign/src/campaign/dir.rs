@@ -4,11 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::PoisonError;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
 use cpu_time::ThreadTime;
-use rayon::prelude::*;
 use serde_json::json;
 
 use super::error::CampaignError;
@@ -54,17 +52,6 @@ pub enum PieceDone {
     Now,
     /// The run was stopped.
     Stopped,
-}
-
-/// Result of running all pieces.
-#[derive(Debug, Default)]
-pub struct Ran {
-    /// Number of existing pieces.
-    pub done: usize,
-    /// Number of pieces in the plan.
-    pub all: usize,
-    /// Pieces that could not be made, with their errors.
-    pub failed: Vec<(usize, CampaignError)>,
 }
 
 impl PlanDir {
@@ -144,21 +131,6 @@ impl PlanDir {
         &self.dir
     }
 
-    /// Returns the pieces that are missing or unusable.
-    ///
-    /// # Errors
-    /// Returns an error if a file cannot be read.
-    pub(crate) fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
-        let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
-        let is_missing = |piece| Ok(self.read(piece)?.is_err());
-        // Reading includes the hash of each file, so it is done in parallel.
-        let missing: Result<Vec<bool>, RunError> = pieces.par_iter().map(is_missing).collect();
-        let pairs = pieces.into_iter().zip(missing?);
-        Ok(pairs
-            .filter_map(|(piece, missing)| missing.then_some(piece))
-            .collect())
-    }
-
     /// Reads the file of a piece, if it exists and is valid.
     pub(super) fn read(
         &self,
@@ -201,7 +173,7 @@ impl PlanDir {
     ///
     /// # Errors
     /// Returns an error if a program has another content than that of earlier pieces.
-    fn bind_programs(&self, watch: &Watch<'_>) -> Result<(), CampaignError> {
+    pub(super) fn bind_programs(&self, watch: &Watch<'_>) -> Result<(), CampaignError> {
         let mut contents = ProgramContents::new();
         for unit in &self.plan.units {
             let name = self.program_name(unit);
@@ -251,81 +223,12 @@ impl PlanDir {
         self.make(&piece, watch)
     }
 
-    /// Makes every missing piece on all threads, trainings first.
-    ///
-    /// A piece that cannot be made does not stop the remaining pieces.
-    ///
-    /// # Errors
-    /// Returns an error if the existing pieces cannot be read.
-    pub fn run(&self, watch: &Watch<'_>) -> Result<Ran, CampaignError> {
-        self.bind_programs(watch)?;
-        let left = self.left()?;
-        let all = self.plan.len();
-        let done = AtomicU64::new((all - left.len()) as u64);
-        let failed = Mutex::new(Vec::new());
-        let (trainings, starts): (Vec<&CampaignPiece>, Vec<&CampaignPiece>) = left
-            .iter()
-            .partition(|piece| matches!(piece.work, Work::Training(_)));
-        (watch.progress)(done.load(Ordering::Relaxed), all as u64);
-        // Pieces of a trained ado need its training, so all trainings come first.
-        for (phase, pieces) in [("training", trainings), ("playing", starts)] {
-            if !pieces.is_empty() {
-                watch.phase(phase);
-                (watch.progress)(done.load(Ordering::Relaxed), all as u64);
-            }
-            in_turn(&pieces, |piece| {
-                if watch.interrupted() {
-                    return;
-                }
-                // The progress counts pieces, so the episodes within a piece stay silent.
-                match self.make(piece, &watch.quiet()) {
-                    Ok(PieceDone::Stopped) => {}
-                    Ok(_) => {
-                        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                        (watch.progress)(done, all as u64);
-                    }
-                    Err(error) => {
-                        let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
-                        failed.push((piece.number, error));
-                    }
-                }
-            })?;
-        }
-        self.note_warnings(watch);
-        let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
-        // Threads finish in any order, so failures are sorted by piece.
-        failed.sort_by_key(|(number, _)| *number);
-        Ok(Ran {
-            done: done.into_inner() as usize,
-            all,
-            failed,
-        })
-    }
-
-    /// Notes every trained ado of the campaign that has not learned its world.
-    fn note_warnings(&self, watch: &Watch<'_>) {
-        let given = self.plan.ados.iter().map(|run| self.dir.join(&run.dir));
-        let own = self
-            .plan
-            .trainings
-            .iter()
-            .map(|planned| training::dir_of(&self.dir, &self.plan, planned));
-        // A run that cannot be opened has already failed in its pieces.
-        for run in given
-            .chain(own)
-            .filter_map(|path| training::finished(&path).ok())
-        {
-            if let Some(warning) = run.warning() {
-                watch.note(&format!(
-                    "warning: {}: {}",
-                    run.path().display(),
-                    warning.what
-                ));
-            }
-        }
-    }
-
-    fn make(&self, piece: &CampaignPiece, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
+    /// Plays or trains a piece and writes its file.
+    pub(super) fn make(
+        &self,
+        piece: &CampaignPiece,
+        watch: &Watch<'_>,
+    ) -> Result<PieceDone, CampaignError> {
         let began = Instant::now();
         // Faults are counted per piece, so an ego that does not run spoils only its own pieces.
         let own = Watch {
@@ -466,35 +369,4 @@ impl PlanDir {
             other => other.into(),
         })
     }
-}
-
-/// Processes every item in order, on all threads.
-///
-/// Each worker has its own pool. A thread that waits inside an item therefore cannot begin
-/// another item. When a campaign is killed, at most one piece per thread is unfinished.
-fn in_turn<T: Sync>(items: &[T], work: impl Fn(&T) + Sync) -> Result<(), CampaignError> {
-    let threads = rayon::current_num_threads();
-    let workers = threads.min(items.len()).max(1);
-    let pool = || {
-        // With fewer items than threads the spare threads work within the items.
-        let pool = rayon::ThreadPoolBuilder::new().num_threads((threads / workers).max(1));
-        pool.build()
-            .map_err(|error| CampaignError::Fault(error.to_string()))
-    };
-    let pools: Result<Vec<rayon::ThreadPool>, CampaignError> =
-        (0..workers).map(|_| pool()).collect();
-    let next = AtomicUsize::new(0);
-    let (next, work) = (&next, &work);
-    std::thread::scope(|scope| {
-        for pool in pools? {
-            scope.spawn(move || {
-                pool.install(|| {
-                    while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        work(item);
-                    }
-                });
-            });
-        }
-        Ok(())
-    })
 }

@@ -18,11 +18,15 @@ pub(super) fn snakefile(plan: &Plan) -> String {
 #
 # A piece is one file and is made again only if it is not there; the merge runs
 # each time and believes no file. Executors take the same rules to Slurm and
-# Kubernetes: `snakemake --executor slurm --jobs 100 ...`.
+# Kubernetes: `snakemake --executor slurm --jobs 100 ...`. With `--config container=IMAGE
+# --software-deployment-method apptainer` they run in an image that has brakecheck.
 
 PROGRAM = config.get("brakecheck", "brakecheck")
 # Such as --allow-programs.
 OPTIONS = config.get("options", "")
+if "container" in config:
+    container: config["container"]
+
 PIECES = {pieces}
 # Pieces from, to, and the training that they wait for: pieces 0 to {trainings}.
 NEEDS = [
