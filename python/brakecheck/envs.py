@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any, SupportsInt
+from typing import Any, SupportsIndex
 
 import gymnasium
 import numpy as np
@@ -119,9 +119,13 @@ class Env(gymnasium.Env[Observation, np.int64]):
         return [float(given[name]) for name in names]
 
     def step(
-        self, action: SupportsInt
+        self, action: SupportsIndex
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Takes one joint action and plays to the next decision or the verdict."""
+        """Takes one joint action and plays to the next decision or the verdict.
+
+        Raises:
+            InputError: the action is no integer of `action_space`, or no episode began.
+        """
         obs, reward, terminated, truncated = self._bench.step(action)
         info = self._bench.info() if terminated or truncated else {}
         return obs, reward, terminated, truncated, info

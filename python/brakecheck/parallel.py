@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import warnings
 from typing import Any
@@ -11,6 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from brakecheck.envs import OPTIONS, Env, Frame
+from brakecheck.errors import InputError
 from brakecheck.worlds import World
 
 try:
@@ -58,11 +60,27 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         return self.action_spaces[agent]
 
     def joint(self, actions: dict[str, int]) -> int:
-        """The joint action of `Env` that is made of these."""
+        """The joint action of `Env` that is made of these.
+
+        Raises:
+            InputError: an action is missing, or no integer of its `action_space`.
+        """
         joint, weight = 0, 1
         for name in self.possible_agents:
-            joint += weight * int(actions[name])
-            weight *= int(self.action_spaces[name].n)
+            if name not in actions:
+                raise InputError(f"no action of: {name}")
+            count = int(self.action_spaces[name].n)
+            try:
+                action = operator.index(actions[name])
+            except TypeError:
+                action = -1
+            if not 0 <= action < count:
+                raise InputError(
+                    f"{actions[name]!r} is no action of {name}: "
+                    f"its actions are the integers 0 to {count - 1}"
+                )
+            joint += weight * action
+            weight *= count
         return joint
 
     def reset(
@@ -88,9 +106,6 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         dict[str, dict[str, Any]],
     ]:
         """Takes one action of every ado."""
-        missing = [name for name in self.agents if name not in actions]
-        if missing:
-            raise ValueError(f"no action of: {', '.join(missing)}")
         obs, reward, terminated, truncated, info = self._env.step(self.joint(actions))
         agents = self.agents
         if terminated or truncated:

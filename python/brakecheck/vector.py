@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from brakecheck._brakecheck import RawEpisode, RawVector
 from brakecheck.envs import checked_render_mode, rendered_in_real_time, spaces_of
+from brakecheck.errors import InputError
 from brakecheck.worlds import World
 
 __all__ = ["VectorEnv"]
@@ -133,8 +134,18 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         NDArray[np.bool_],
         dict[str, Any],
     ]:
-        """Takes one joint action in each environment, `[num_envs]`."""
-        chosen = np.ascontiguousarray(actions, np.int64)
+        """Takes one joint action in each environment, `[num_envs]`.
+
+        Raises:
+            InputError: they are no integers of `single_action_space`, or too many or few.
+        """
+        given = np.asarray(actions)
+        # A cast would cut off what floats have behind the point.
+        if given.dtype.kind not in "iu":
+            raise InputError(f"actions of type {given.dtype} are no actions: give integers")
+        if given.shape != (self.num_envs,):
+            raise InputError(f"actions of shape {given.shape}: give one for each of {self.num_envs}")
+        chosen = np.ascontiguousarray(given, np.int64)
         buffers = (self._obs, self._rewards, self._terminated, self._truncated)
         ended = self._raw.step(chosen, buffers)
         info = self._ended(ended) if ended else {}

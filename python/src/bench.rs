@@ -1,5 +1,6 @@
 //! One test bench, played decision by decision from Python.
 
+use std::fmt::Display;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use brakecheck::raster::{PixelImage, RasterError};
@@ -296,14 +297,13 @@ impl RawBench {
     fn step<'py>(
         &self,
         py: Python<'py>,
-        action: usize,
+        action: &Bound<'py, PyAny>,
     ) -> PyResult<(Bound<'py, PyArray1<f32>>, f64, bool, bool)> {
-        if self.actions <= action {
-            return Err(wrong(
-                format!("{action} is no action of {}", self.actions),
-                format!("actions are 0 to {}", self.actions - 1),
-            ));
-        }
+        // `extract` takes what has `__index__`, which a float has not.
+        let action = match action.extract::<usize>() {
+            Ok(number) if number < self.actions => number,
+            _ => return Err(no_action(action.repr()?, self.actions)),
+        };
         let playing = self.lock()?;
         let is_over = playing.bench.trace().is_empty() || playing.bench.is_done();
         drop(playing);
@@ -367,6 +367,14 @@ fn after(aftermath: bool) -> Aftermath {
     } else {
         Aftermath::Skip
     }
+}
+
+/// The error of an action that a world with so many actions has not.
+pub(crate) fn no_action(action: impl Display, actions: usize) -> PyErr {
+    wrong(
+        format!("{action} is no action of {actions}"),
+        format!("actions are the integers 0 to {}", actions - 1),
+    )
 }
 
 /// Somebody else has the lock, which is never waited for: whoever holds it may

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::bench::{columns, in_use, purpose_of, rgb};
+use crate::bench::{columns, in_use, no_action, purpose_of, rgb};
 use crate::error::{raised, wrong};
 use crate::interrupt::check_interrupted;
 use crate::python_thread::stopped_by;
@@ -59,7 +59,7 @@ pub(crate) struct RawVector {
     count: usize,
     /// This thread does not hear of Ctrl-C by itself: other threads play, or a program.
     waits: bool,
-    actions: i64,
+    actions: usize,
     observation: usize,
 }
 
@@ -93,7 +93,7 @@ impl RawVector {
                 purpose: Purpose::Train,
                 pool,
             })),
-            actions: spaces.actions as i64,
+            actions: spaces.actions,
             observation: spaces.observation,
             world,
             count,
@@ -138,11 +138,9 @@ impl RawVector {
     ) -> PyResult<Vec<usize>> {
         let (mut obs, mut rewards, mut terminated, mut truncated) = buffers;
         let actions = actions.as_slice()?.to_vec();
-        if let Some(wrong_one) = actions.iter().find(|a| !(0..self.actions).contains(*a)) {
-            return Err(wrong(
-                format!("{wrong_one} is no action of {}", self.actions),
-                format!("actions are 0 to {}", self.actions - 1),
-            ));
+        let is_action = |action: &i64| usize::try_from(*action).is_ok_and(|it| it < self.actions);
+        if let Some(action) = actions.iter().find(|action| !is_action(action)) {
+            return Err(no_action(action, self.actions));
         }
         let (obs, rewards) = (obs.as_slice_mut()?, rewards.as_slice_mut()?);
         let (terminated, truncated) = (terminated.as_slice_mut()?, truncated.as_slice_mut()?);

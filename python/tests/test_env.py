@@ -94,6 +94,27 @@ def test_mistakes_are_refused_with_their_cure(play, says):
         play(Env("acc"))
 
 
+@pytest.mark.parametrize("action", [-1, 99, 1.0, 0.5, np.float32(1), np.nan, None, "1", [0, 1]])
+def test_what_is_no_integer_of_the_action_space_is_refused(action):
+    env = Env("acc")
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=r"is no action of 3[\s\S]*the integers 0 to 2"):
+        env.step(action)
+    several = ParallelEnv("sandwich")
+    several.reset(seed=1)
+    first, second = several.possible_agents
+    with pytest.raises(InputError, match=f"is no action of {second}: .* integers 0 to"):
+        several.step({first: 0, second: action})
+    with pytest.raises(InputError, match=f"no action of: {second}"):
+        several.step({first: 0})
+    vector = VectorEnv("acc", 2)
+    vector.reset(seed=1)
+    with pytest.raises(InputError, match=r"no action|give one for each of 2|give integers"):
+        vector.step(np.array([0, action] if np.ndim(action) == 0 else [action, action]))
+    # What was refused was not played.
+    assert [len(env.trace()["time"]), len(several.trace()["time"])] == [1, 1]
+
+
 def test_a_world_keeps_its_ego_where_something_else_is_changed():
     def timid(percept):
         return -1.0
