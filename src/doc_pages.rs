@@ -13,6 +13,10 @@ pub mod verbs {}
 #[doc = include_str!("../docs/reference/json.md")]
 pub mod json {}
 
+/// Jobs for GitHub Actions, GitLab CI and pre-commit.
+#[doc = include_str!("../docs/guide/ci.md")]
+pub mod ci {}
+
 /// Recorded traffic: lanes, rules on it, worlds from it, naturalness models.
 #[doc = include_str!("../docs/guide/recordings.md")]
 pub mod recordings {}

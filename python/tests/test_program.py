@@ -4,7 +4,8 @@ import json
 import re
 import subprocess
 import sys
-from importlib.metadata import version
+from pathlib import Path
+from importlib.metadata import metadata, version
 
 import brakecheck
 import pytest
@@ -21,6 +22,21 @@ def test_the_version_is_the_package_s():
     done = program("--version")
     assert (done.returncode, done.stdout) == (0, f"brakecheck {version('brakecheck')}\n")
     assert brakecheck.__version__ == version("brakecheck")
+
+
+def test_the_wheel_has_its_documents():
+    described = metadata("brakecheck")
+    text = described.get("Description") or described.get_payload()
+    assert text == (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    assert described["License-Expression"] == "MIT" and "LICENSE" in described.get_all("License-File")[0]
+    named = {name: getattr(brakecheck, name) for name in brakecheck.__all__}
+    members = {
+        f"{name}.{key}": value
+        for name, it in named.items() if isinstance(it, type)
+        for key, value in vars(it).items() if callable(value) and not key.startswith("_")
+    }
+    silent = [name for name, it in (named | members).items() if not (it.__doc__ or "").strip()]
+    assert not silent and len(members) > 30
 
 
 def test_every_verb_is_there_and_shows_itself_as_the_program():
