@@ -390,6 +390,7 @@ pub(crate) fn report_run(
             with: &[],
             given: &GivenRows::default(),
             starts,
+            ego: None,
             reuse_starts: None,
         };
         let Some(report) = request.report(watch)? else {

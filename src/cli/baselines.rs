@@ -67,10 +67,11 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     if test.common.json {
         print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
     } else {
-        test.live.data(&table::rows(&baselines.rows))?;
+        let mut answer = table::rows(&baselines.rows);
         for why in &baselines.in_the_way {
-            test.live.data(&why.to_string())?;
+            answer.table.push_str(&format!("\n{why}"));
         }
+        test.live.data(&answer.text(test.answer))?;
     }
     Ok(exit_of(&baselines.rows, args.fail_on_counterexample))
 }

@@ -1,10 +1,11 @@
 //! `brakecheck campaign`: many worlds, egos, ados and starts, in pieces.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use serde_json::json;
 
+use super::answer::{Answer, AnswerArgs};
 use super::common::{finished, print_json, table_of};
 use super::failure::{Exit, Failure};
 use super::terminal::{self, Common};
@@ -13,10 +14,11 @@ use crate::campaign::{
     COLUMNS, Merged, PIECE_S, Partition, PieceDone, Plan, PlanCost, PlanDir, SummaryRow, UnitGate,
 };
 
-/// Rows and gates that are printed, at most.
-const SHOWN: usize = 40;
+/// Rows that are printed, at most, and rows and gates of the details.
+const SHOWN: usize = 10;
+const SHOWN_IN_DETAILS: usize = 40;
 
-/// Legend below a table of rates.
+/// Legend of the columns of rates.
 const EXPLAINED: &str = "
 fails %  share of the starts from which the ego fails, every rule kept; 95 %: its interval
 recall   of the starts that search solves, the share solved here too; –: no search against this ego
@@ -84,6 +86,8 @@ struct MergeArgs {
     /// several.
     #[arg(long, value_name = "DIR")]
     with: Vec<PathBuf>,
+    #[command(flatten)]
+    answer: AnswerArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -273,17 +277,7 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
             "summary": merged.summary,
         }))?;
     } else {
-        terminal::data(&rates(&merged.summary.rows))?;
-        if !merged.summary.gates.is_empty() {
-            terminal::data(&gates(&merged.summary.gates))?;
-        }
-        terminal::data(&format!(
-            "\n{} rows in {}\nSHA-256 {}\npage: {}",
-            merged.rows,
-            merged.path.display(),
-            merged.sha256,
-            page.display()
-        ))?;
+        terminal::data(&answer(&merged, &page).text(args.answer))?;
     }
     ended(args, &merged)
 }
@@ -314,21 +308,55 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     })
 }
 
+/// Returns the numbers of closed gates and of failing egos, with the worst rates.
+fn answer(merged: &Merged, page: &Path) -> Answer {
+    let (rows, all) = (&merged.summary.rows, &merged.summary.gates);
+    let worst = rows.iter().reduce(|a, b| {
+        if b.success_rate > a.success_rate {
+            b
+        } else {
+            a
+        }
+    });
+    let worst = worst.map(|row| {
+        format!(
+            "highest rate: `{}` fails from {} of {} starts of {} against {}",
+            row.ego, row.successes, row.starts, row.world, row.ado
+        )
+    });
+    let mut details = rates(rows, SHOWN_IN_DETAILS);
+    if !all.is_empty() {
+        details.push_str(&gates(all));
+    }
+    let verdict = (!all.is_empty()).then(|| open_gates(all));
+    Answer {
+        verdict: verdict.into_iter().chain(worst).collect(),
+        table: format!(
+            "{}{} rows in {}\npage: {}",
+            rates(rows, SHOWN),
+            merged.rows,
+            merged.path.display(),
+            page.display()
+        ),
+        details: format!("{details}\nSHA-256 {}", merged.sha256),
+        legend: EXPLAINED.to_owned(),
+    }
+}
+
 /// Formats the first rows, world by world. The page has all of them.
-fn rates(rows: &[SummaryRow]) -> String {
+fn rates(rows: &[SummaryRow], most: usize) -> String {
     let mut text = String::new();
     let of_one_world =
         |a: &SummaryRow, b: &SummaryRow| (&a.world, &a.plant) == (&b.world, &b.plant);
-    for world in rows[..rows.len().min(SHOWN)].chunk_by(of_one_world) {
+    for world in rows[..rows.len().min(most)].chunk_by(of_one_world) {
         let (name, plant) = (&world[0].world, &world[0].plant);
         let table = table_of(COLUMNS, world.iter().map(SummaryRow::cells));
         text.push_str(&format!("{name}, {plant}\n{table}\n{}", remarks(world)));
     }
-    let more = match rows.len().saturating_sub(SHOWN) {
-        0 => String::new(),
-        more => format!("{more} more rows are in the page and in summary.json\n"),
-    };
-    format!("{text}{more}{}", EXPLAINED.trim_start())
+    match rows.len().saturating_sub(most) {
+        0 => text,
+        more => format!("{text}{more} more rows are in the page and in summary.json\n"),
+    }
 }
 
 /// Formats remarks that do not fit into the table, on starts without a result.
@@ -349,32 +377,39 @@ fn remarks(rows: &[SummaryRow]) -> String {
     text
 }
 
-/// Gates that are closed, and how many are not.
+/// Gates that are closed, and open ones that need a look.
 fn gates(gates: &[UnitGate]) -> String {
     let (closed, open): (Vec<&UnitGate>, Vec<&UnitGate>) =
         gates.iter().partition(|gate| gate.decided.is_closed());
     let mut lines: Vec<String> = closed
         .iter()
-        .take(SHOWN)
+        .take(SHOWN_IN_DETAILS)
         .map(|gate| gate.to_string())
         .collect();
-    if closed.len() > SHOWN {
-        lines.push(format!("and {} more that are closed", closed.len() - SHOWN));
+    if closed.len() > SHOWN_IN_DETAILS {
+        let more = closed.len() - SHOWN_IN_DETAILS;
+        lines.push(format!("and {more} more that are closed"));
     }
     // Open gates are shown too where something needs a look.
     let noted = open.iter().filter(|gate| gate.is_noteworthy());
-    lines.extend(noted.take(SHOWN).map(|gate| gate.to_string()));
-    let unanswered = open.iter().filter(|gate| gate.is_unanswered()).count();
-    let answered = open.len() - unanswered;
-    let without = match unanswered {
+    lines.extend(noted.take(SHOWN_IN_DETAILS).map(|gate| gate.to_string()));
+    lines.join("\n")
+}
+
+/// Returns the number of gates that are open.
+fn open_gates(gates: &[UnitGate]) -> String {
+    let open = gates.iter().filter(|gate| !gate.decided.is_closed());
+    let (unanswered, answered): (Vec<&UnitGate>, Vec<&UnitGate>) =
+        open.partition(|gate| gate.is_unanswered());
+    let without = match unanswered.len() {
         0 => String::new(),
         some => format!(", {some} without an answer"),
     };
-    lines.push(format!(
-        "{answered} of {} gates are open{without}",
+    format!(
+        "{} of {} gates are open{without}",
+        answered.len(),
         gates.len()
-    ));
-    lines.join("\n")
+    )
 }
 
 /// Kept beside the option's help, which names it.

@@ -30,7 +30,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let result = theorems.as_ref().map(|theorems| Supplement {
         key: "theorems",
         value: json!(theorems),
-        text: theorems::text(theorems),
+        answer: theorems::answer(theorems),
     });
     tested.show(&evaluated, result)?;
     tested.keep(&evaluated, egos.len())?;

@@ -5,14 +5,25 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::answer::Answer;
 use super::common::{exit_of, interrupted_early, one_of};
 use super::failure::{Exit, Failure};
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
-use crate::evaluation::{DecidedGate, GateOn};
+use crate::evaluation::{DecidedGate, GateOn, gate_table};
 use crate::experiment::EgoUnderTest;
+use crate::report::junit;
+use crate::run_dir::write_file;
 use crate::world::Scenario;
+
+/// Legend of the columns of gates.
+const EXPLAINED: &str = "
+newly failing  starts from which the ego fails and the baseline ego does not, every rule kept
+newly fixed    starts from which the baseline ego fails and the ego does not
+more severe    starts that fail on both, with Δv of the ego up by more than 20 %
+closing there  median closing speed of the contacts on starts that fail on both, before and now
+McNemar p      exact two-sided p-value of the starts that fail on one of the two only";
 
 #[derive(Args, Debug)]
 pub(super) struct GateArgs {
@@ -33,6 +44,9 @@ pub(super) struct GateArgs {
         default_value = "unless-unavoidable"
     )]
     on: Vec<GateOn>,
+    /// Write the gate and every start as test cases of JUnit XML to this file, too.
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
     #[command(flatten)]
     pub(super) test: TestArgs,
 }
@@ -55,13 +69,14 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
     let result = (!gates.is_empty()).then(|| Supplement {
         key: "gates",
         value: json!(gates),
-        text: gates
-            .iter()
-            .map(ToString::to_string)
-            .collect::<Vec<_>>()
-            .join("\n\n"),
+        answer: answer(&gates),
     });
     tested.show(&evaluated, result)?;
+    if let Some(file) = &args.junit {
+        let suites = gates.iter().map(|gate| gate.suite(tested.nominal.name()));
+        let suites: Vec<_> = suites.collect();
+        write_file(file, junit(&suites).as_bytes())?;
+    }
     tested.keep(&evaluated, egos.len())?;
     let exit = exit_of(&rows_of(evaluated)?, false);
     if exit != Exit::Done {
@@ -73,6 +88,37 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
     } else {
         Exit::Done
     })
+}
+
+/// Gates whose remarks are below the table. The details have all of them.
+const REMARKED: usize = 2;
+
+/// Returns the decision, with a line per ego.
+fn answer(gates: &[DecidedGate]) -> Answer {
+    let closed = gates.iter().filter(|gate| gate.is_closed());
+    let names: Vec<String> = closed.map(|it| format!("`{}`", it.gate.ego)).collect();
+    let verdict = match gates {
+        [gate] => gate.verdict(),
+        _ if names.is_empty() => format!("all {} gates are open", gates.len()),
+        _ => format!(
+            "{} of {} gates closed: {}",
+            names.len(),
+            gates.len(),
+            names.join(", ")
+        ),
+    };
+    let remarks: Vec<String> = gates.iter().flat_map(DecidedGate::remarks).collect();
+    let decisions: Vec<String> = gates.iter().map(ToString::to_string).collect();
+    let mut table = gate_table(gates).to_terminal();
+    if gates.len() <= REMARKED {
+        table = [vec![table], remarks].concat().join("\n");
+    }
+    Answer {
+        verdict: vec![verdict],
+        table,
+        details: decisions.join("\n\n"),
+        legend: EXPLAINED.to_owned(),
+    }
 }
 
 /// Refuses a gate that compared nothing, so that CI never passes without an answer.

@@ -5,15 +5,20 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::answer::AnswerArgs;
 use super::failure::Failure;
 use super::number_args::whole_number;
 use super::progress;
 use super::terminal::{self, Common};
-use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings};
+use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings, KeptFiles, case_name};
 use crate::experiment::Watch;
+use crate::report::TextTable;
+use crate::run_dir::About;
 
 /// Default number of kept counterexamples per ego.
 const USUAL: usize = 10;
+/// Kept files in the printed table.
+const SHOWN: usize = 10;
 
 /// Text of `--help`.
 const SETTINGS: &str = "\
@@ -32,6 +37,65 @@ pub(super) struct KeepArgs {
     /// Write the worst distinct and persistent counterexamples into a directory.
     #[arg(long, value_name = "DIR[,SETTING]...", value_parser = request, long_help = SETTINGS)]
     keep: Option<KeepRequest>,
+}
+
+/// Last step of a command, which keeps counterexamples.
+#[derive(Clone, Copy)]
+pub(super) struct KeepStep {
+    /// Number of egos, each of which was a step before.
+    pub(super) egos: usize,
+    pub(super) answer: AnswerArgs,
+}
+
+/// Notes a line per kept file, or with `--details` all of its labels.
+pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
+    let files: Vec<&(PathBuf, About)> = kept.iter().flat_map(|it| &it.files).collect();
+    if answer.details {
+        for (file, about) in files {
+            let about = about.to_string().replace('\n', "\n  ");
+            terminal::note(&format!("{}:\n  {about}", file.display()));
+        }
+    } else if !files.is_empty() {
+        let lines = files
+            .into_iter()
+            .take(SHOWN)
+            .map(|(file, about)| line(file, about));
+        let columns = [
+            "kept crash",
+            "kind",
+            "closing",
+            "Δv",
+            "avoided by",
+            "variations",
+        ];
+        let table = TextTable::new(columns, lines).numbers_from(2);
+        terminal::note(&table.to_terminal());
+    }
+}
+
+/// Returns a kept file with its severity, the drivers that avoid it, and its persistence.
+fn line(file: &Path, about: &About) -> [String; 6] {
+    let severity = about.severity.as_ref();
+    let dash = || "–".to_owned();
+    let of = |part: usize, whole: usize| match whole {
+        0 => dash(),
+        _ => format!("{part} of {whole}"),
+    };
+    let drivers = about
+        .preventability
+        .as_ref()
+        .map(|it| it.drivers().map(|names| names.len()));
+    let persistence = about.persistence.as_ref();
+    [
+        case_name(file),
+        severity
+            .map_or("no contact", |it| it.impact.kind.word())
+            .to_owned(),
+        severity.map_or_else(dash, |it| format!("{:.1} m/s", it.closing_speed_mps)),
+        severity.map_or_else(dash, |it| format!("{:.1} m/s", it.impact.ego_delta_v_mps)),
+        drivers.map_or_else(dash, |[avoid, others]| of(avoid, avoid + others)),
+        persistence.map_or_else(dash, |it| of(it.failing(), it.answered())),
+    ]
 }
 
 /// Directory and its settings.
@@ -121,15 +185,16 @@ impl KeepArgs {
     }
 
     /// Keeps counterexamples, by default the worst, as the step after those of the egos.
-    pub(super) fn last_step<T, E>(
+    pub(super) fn last_step<E>(
         &self,
         common: &Common,
-        egos: usize,
-        keep: impl FnOnce(&Path, KeepSettings, &Watch<'_>) -> Result<T, E>,
+        step: KeepStep,
+        keep: impl FnOnce(&Path, KeepSettings, &Watch<'_>) -> Result<Vec<KeptFiles>, E>,
     ) -> Result<(), Failure>
     where
         Failure: From<E>,
     {
+        let egos = step.egos;
         let Some(dir) = self.dir() else {
             return Ok(());
         };
@@ -138,16 +203,18 @@ impl KeepArgs {
         let settings = self.settings_of(CrashSelection::Worst(USUAL));
         // A second Ctrl-C ends the process, so this step needs no stop of its own.
         let go_on = AtomicBool::new(false);
-        if terminal::stopped() {
+        let kept = if terminal::stopped() {
             let watch = Watch {
                 stop: &go_on,
                 ..watch
             };
             watch.note("interrupted: counterexamples are kept as found, without minimization");
-            keep(dir, settings.as_found().runs(0), &watch)?;
+            keep(dir, settings.as_found().runs(0), &watch)?
         } else {
-            keep(dir, settings, &watch)?;
-        }
+            keep(dir, settings, &watch)?
+        };
+        drop(bar);
+        note_kept(&kept, step.answer);
         Ok(())
     }
 

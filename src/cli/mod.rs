@@ -2,6 +2,7 @@
 //!
 //! stdout has data. stderr has messages and progress bars. [`Exit`] lists the exit codes.
 
+mod answer;
 mod baselines;
 mod campaign;
 mod check;
@@ -9,6 +10,7 @@ mod common;
 mod crashes;
 #[cfg(feature = "drive")]
 mod drive;
+mod egos_table;
 mod eval;
 mod eval_args;
 mod examples;
@@ -34,6 +36,7 @@ mod population;
 mod progress;
 mod replay;
 mod report;
+mod report_results;
 mod risk;
 mod run_under_test;
 mod search;
@@ -48,6 +51,7 @@ mod test_args;
 mod theorems;
 mod traffic_args;
 mod train;
+mod verdict;
 mod view;
 
 use std::ffi::OsString;
@@ -104,7 +108,7 @@ enum Verb {
     /// Read recorded traffic: lanes, situations and rarity.
     #[command(after_help = examples::LOG)]
     Log(log::LogArgs),
-    /// Write one page, and JUnit XML, about a run.
+    /// Write one page, and JUnit XML, about a run, kept crashes, a gate or a risk.
     #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
     /// Play many worlds, egos, ados and starts in resumable pieces.

@@ -4,9 +4,11 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::answer::Answer;
 use super::common::{interrupted_early, print_json, table_of};
 use super::eval_args::EvalArgs;
 use super::failure::{Exit, Failure};
+use super::keep::note_kept;
 use super::live::Live;
 use super::terminal;
 use super::test_args::note_program_costs;
@@ -16,7 +18,10 @@ use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::TextTable;
 use crate::world::Scenario;
 
-/// Legend below the tables.
+/// Points in the printed table. The details have all of them.
+const SHOWN: usize = 8;
+
+/// Legend of the columns.
 const EXPLAINED: &str = "
 passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
@@ -73,9 +78,12 @@ fn played(args: &EvalArgs, egos: &[EgoUnderTest], live: &Live) -> Vec<PointsTabl
 
 fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failure> {
     let bar = progress::bar(&args.test.common, "");
+    let mut kept = Vec::new();
     for table in tables {
-        table.keep(dir, args.test.keep.settings_of_points(), &bar.watch())?;
+        kept.extend(table.keep(dir, args.test.keep.settings_of_points(), &bar.watch())?);
     }
+    drop(bar);
+    note_kept(&kept, args.test.answer);
     Ok(())
 }
 
@@ -84,18 +92,28 @@ fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(),
         let rows: Vec<_> = tables.iter().flat_map(|table| &table.rows).collect();
         return print_json(&json!({ "rows": rows, "points": tables }));
     }
-    args.test.live.data(&text(args, world, tables))
+    let answer = answer(args, world, tables);
+    args.test.live.data(&answer.text(args.test.answer))
 }
 
-fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
+fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Answer {
     let points = tables.first().map_or(0, |table| table.points.len());
-    let mut text = format!(
-        "{} on the {} plant, {points} points, each played by the ego under test\n{}\n{}{EXPLAINED}",
+    let verdict = match tables {
+        [table] => format!("`{}`: {}", table.ego, table.summary()),
+        _ => {
+            let failing = tables.iter().filter(|table| table.fails()).count();
+            format!(
+                "{failing} of {} egos fail at a point or a variation",
+                tables.len()
+            )
+        }
+    };
+    let origin = format!(
+        "{} on the {} plant, {points} points, each played by the ego under test",
         world.name(),
         world.plant(),
-        by_point(world, tables),
-        in_all(tables),
     );
+    let mut text = String::new();
     for table in tables {
         if let Some(switches) = table.switches {
             text.push_str(&format!(
@@ -107,19 +125,51 @@ fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
         }
         text.push_str(&table::remarks(&table.rows));
     }
+    // Many points would hide the table of the egos.
+    let mut table = if points <= SHOWN {
+        by_point(world, tables)
+    } else {
+        text = format!("{}{text}", by_point(world, tables));
+        failing(world, tables)
+    };
+    table = [table, in_all(tables)].join("\n");
+    table.extend(tables.iter().map(|table| table::warnings(&table.rows)));
     // Imported scenes have a placeholder as their ego, so a user should replace it.
     if tables.iter().all(|table| table.ego == "nominal") && world.judges_each_ego() {
-        text.push_str(&format!(
+        table.push_str(&format!(
             "\nThat was the world's own ego. Yours: `brakecheck eval {} -- COMMAND`, or `--ego \
              FILE.ron`",
             args.run.display()
         ));
     }
-    text
+    Answer {
+        verdict: vec![verdict, origin],
+        table,
+        details: text,
+        legend: EXPLAINED.to_owned(),
+    }
 }
 
 /// A line per point, a column per ego.
 fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
+    points_table(world, tables, |_| true, usize::MAX)
+}
+
+/// The first points at which an ego fails, also under a variation, or did not run.
+fn failing(world: &Scenario, tables: &[PointsTable]) -> String {
+    let is_shown = |nth: usize| {
+        let mut all = tables.iter().map(|table| &table.points[nth]);
+        all.any(|point| outcome(point) != "passed")
+    };
+    points_table(world, tables, is_shown, SHOWN)
+}
+
+fn points_table(
+    world: &Scenario,
+    tables: &[PointsTable],
+    is_shown: impl Fn(usize) -> bool,
+    most: usize,
+) -> String {
     let axes = world.axes();
     let axis_names = axes.iter().map(|axis| match axis.unit {
         "" => axis.name.clone(),
@@ -135,13 +185,19 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
         .map(|table| table.points.as_slice())
         .unwrap_or_default()
         .iter()
-        .enumerate();
+        .enumerate()
+        .filter(|(nth, _)| is_shown(*nth))
+        .take(most);
     let rows = points.map(|(nth, point)| {
         let values = point.start.values().map(|value| format!("{:.3}", value));
         let outcomes = tables.iter().map(move |table| outcome(&table.points[nth]));
         let cells = std::iter::once(point.point.to_string());
         cells.chain(values).chain(outcomes)
     });
+    let rows: Vec<Vec<String>> = rows.map(Iterator::collect).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
     TextTable::new(columns, rows).to_terminal()
 }
 

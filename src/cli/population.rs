@@ -108,9 +108,12 @@ pub(super) fn eval(args: &EvalArgs, most: usize) -> Result<Exit, Failure> {
     if test.common.json {
         print_json(&json!(results))?;
     } else {
-        test.live.data(&table::rows(&rows))?;
-        test.live
-            .data(&format!("\n{}", text(&results, ego.scenario())))?;
+        let mut answer = table::rows(&rows);
+        let cells = text(&results);
+        answer.table.push_str(&format!("\n{}", cells.join("\n")));
+        let table = cell_table(&results, ego.scenario());
+        answer.details.push_str(&format!("\n{table}"));
+        test.live.data(&answer.text(test.answer))?;
     }
     Ok(exit_of(&rows, args.fail_on_counterexample))
 }
@@ -175,8 +178,8 @@ fn all_rows(results: &PopulationResults) -> Vec<Row> {
     rows.chain(search).collect()
 }
 
-/// Formats the cells below the rows, in the words of their world.
-fn text(results: &PopulationResults, world: &Scenario) -> String {
+/// Returns the numbers of cells in sentences.
+fn text(results: &PopulationResults) -> Vec<String> {
     let mut lines = Vec::new();
     for member in &results.members {
         lines.push(format!(
@@ -225,9 +228,10 @@ fn text(results: &PopulationResults, world: &Scenario) -> String {
         "next {} runs: {:.1} new cells expected [{lo:.0}, {hi:.0}]",
         results.next.runs, new.expected,
     ));
-    format!("{}\n\n{}", lines.join("\n"), cell_table(results, world))
+    lines
 }
 
+/// Formats the cells in the words of their world.
 fn cell_table(results: &PopulationResults, world: &Scenario) -> String {
     let listed = results.cells.iter().take(LISTED);
     let rows = listed.map(|count| [count.cell.in_words(world), count.failures.to_string()]);

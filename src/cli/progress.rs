@@ -18,6 +18,10 @@ use crate::visible::visible_line;
 
 /// Between two lines of progress, where there is no terminal.
 const EVERY: Duration = Duration::from_secs(30);
+/// Between two looks whether a new phase is long enough to be announced.
+const LOOK: Duration = Duration::from_secs(2);
+/// Remaining seconds from which a phase is announced before [`EVERY`] is over.
+const LONG_S: u64 = 10;
 /// Share of a phase below which its rate is unreliable.
 const TELLING: u64 = 20;
 
@@ -108,6 +112,8 @@ struct Present {
     phase: ProgressPhase,
     began: Instant,
     last: Instant,
+    /// True if the phase has a line already.
+    announced: bool,
     ended: bool,
 }
 
@@ -120,6 +126,7 @@ impl Present {
             },
             began: Instant::now(),
             last: Instant::now(),
+            announced: false,
             ended: false,
         }
     }
@@ -139,6 +146,13 @@ impl Present {
             ..ProgressPhase::default()
         };
         (self.began, self.last) = (Instant::now(), Instant::now());
+        self.announced = false;
+    }
+
+    /// Returns whether a phase is new and has long to go.
+    fn is_long(&self, at_once: u64) -> bool {
+        let left_s = self.phase.left_s(self.spent(), at_once);
+        !self.announced && left_s.is_some_and(|left_s| left_s > LONG_S)
     }
 
     fn count(&mut self, done: u64, total: u64) {
@@ -176,16 +190,20 @@ impl SharedProgress {
         self.present.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes a line now and then, also while nothing is done.
+    /// Writes a line for each long phase, and now and then, also while nothing is done.
     fn write_lines(&self) {
         let mut present = self.present();
+        let mut written = Instant::now();
         // Asked before it is waited for: a short command may be over already.
         while !present.ended {
-            let waited = self.ended.wait_timeout(present, EVERY);
+            let waited = self.ended.wait_timeout(present, LOOK);
             let (now, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
             present = now;
-            if timeout.timed_out() && !present.ended {
+            let is_due = written.elapsed() >= EVERY || present.is_long(self.at_once);
+            if timeout.timed_out() && !present.ended && is_due {
                 terminal::note(&present.phase.line(present.spent(), self.at_once));
+                present.announced = true;
+                written = Instant::now();
             }
         }
     }

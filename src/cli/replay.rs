@@ -1,18 +1,21 @@
 //! `brakecheck replay`: kept counterexamples.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::common::{finite_or_word, print_json, table_of};
+use super::answer::{Answer, AnswerArgs};
+use super::common::{finite_or_word, print_json};
 use super::failure::{Exit, Failure};
 use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
-use crate::crashes::{Regressions, ReplayCounts, ReplayOutcome, Replayed};
-use crate::report::{ReplayCase, ReplayResult, replayed_junit};
+use crate::crashes::{
+    Regressions, ReplayCounts, ReplayOutcome, ReplayQuestion, Replayed, case_name,
+};
+use crate::report::{TextTable, junit};
 use crate::rulebook::RulesUntilContact;
 use crate::run_dir::{About, StartRepeated, write_file};
 use crate::stats::wilson;
@@ -45,8 +48,21 @@ pub(super) struct ReplayArgs {
     #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
     program: Vec<String>,
     #[command(flatten)]
+    answer: AnswerArgs,
+    #[command(flatten)]
     pub(super) common: Common,
 }
+
+/// Replays in the printed table. The details have all of them.
+const SHOWN: usize = 12;
+
+/// Legend of the columns.
+const EXPLAINED: &str = "
+outcome        still fails: the ego fails, every rule kept; no answer: an ado broke its rule first
+ρ(ψ)           robustness of the ego's specification; below 0 it is violated
+contact        its time and closing speed
+rules          of the ados, until the contact
+bits           identical: every sample is as recorded; otherwise the time of the first difference";
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum Expect {
@@ -71,6 +87,15 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&args.common, &regressions, &mut replayed)?;
     }
+    if let Some(file) = &args.junit {
+        let question = if recorded {
+            ReplayQuestion::AsRecorded
+        } else {
+            ReplayQuestion::StillFails
+        };
+        let suite = regressions.suite(&replayed, question);
+        write_file(file, junit(&[suite]).as_bytes())?;
+    }
     show(args, recorded, &replayed)?;
     if regressions.is_recorded_ego() && !recorded {
         note_absent_egos(&regressions);
@@ -84,53 +109,41 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// Prints the replays, and writes them as JUnit XML if requested.
+/// Prints the replays.
 fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), Failure> {
     // Labels of another run are computed by replays, so they run in parallel.
-    let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
-    let rows: Vec<_> = replayed
-        .iter()
-        .zip(&known)
-        .map(|(it, about)| row(it, about))
-        .collect();
+    let known = || -> Vec<About> { replayed.par_iter().map(Replayed::known).collect() };
     let in_all = ReplayCounts::of(replayed);
-    let summary = if recorded {
-        as_recorded(&in_all, replayed)
-    } else {
-        in_all.to_string()
-    };
-    if let Some(file) = &args.junit {
-        write_file(file, junit(replayed).as_bytes())?;
-    }
     if args.common.json {
+        let rows: Vec<_> = replayed
+            .iter()
+            .zip(&known())
+            .map(|(it, about)| row(it, about))
+            .collect();
         return print_json(&json!({ "rows": rows, "in_all": in_all }));
     }
-    let (table, remarks) = (table(replayed), remarks(replayed, &known));
-    terminal::data(&format!("{table}{remarks}\n{summary}"))
-}
-
-/// Returns the replays as JUnit XML, each as a test case.
-fn junit(replayed: &[Replayed]) -> String {
-    let case = |one: &Replayed| ReplayCase {
-        file: one.path.display().to_string(),
-        world: one.scenario.name().to_owned(),
-        result: match one.outcome() {
-            ReplayOutcome::StillFails => ReplayResult::StillFails(one.in_words()),
-            ReplayOutcome::Fixed => ReplayResult::Fixed,
-            ReplayOutcome::NoAnswer => {
-                let why = one.no_answer().map(|why| why.to_string());
-                ReplayResult::NoAnswer(format!("no answer: {}", why.unwrap_or_default()))
-            }
-            ReplayOutcome::Invalid => {
-                let fault = one.fault();
-                ReplayResult::Invalid {
-                    kind: fault.map_or("fault", |fault| fault.kind.word()),
-                    message: fault.map(ToString::to_string).unwrap_or_default(),
-                }
-            }
-        },
+    // The labels of a single replay fit below it. Those of many take replays of their own,
+    // so they are computed on request only.
+    let (below, details) = match replayed {
+        [_] => (labels(replayed, &known()), String::new()),
+        _ if args.answer.details => (String::new(), labels(replayed, &known())),
+        _ => (String::new(), "labels".to_owned()),
     };
-    replayed_junit(&replayed.iter().map(case).collect::<Vec<_>>())
+    let answer = Answer {
+        verdict: vec![if recorded {
+            as_recorded(&in_all, replayed)
+        } else {
+            in_all.to_string()
+        }],
+        table: format!(
+            "{}{}{below}",
+            table(replayed, args.answer.details),
+            faults(replayed)
+        ),
+        details,
+        legend: EXPLAINED.to_owned(),
+    };
+    terminal::data(&answer.text(args.answer))
 }
 
 /// Notes egos of records that are not here, so that the world's ego is not taken for them.
@@ -231,14 +244,11 @@ fn runs(repeated: &StartRepeated) -> serde_json::Value {
     })
 }
 
-/// Formats differences, faults and egos that are not deterministic.
-fn remarks(replayed: &[Replayed], known: &[About]) -> String {
+/// Formats faults, egos that are not deterministic, and records that are not repeated.
+fn faults(replayed: &[Replayed]) -> String {
     let mut text = String::new();
-    for (one, about) in replayed.iter().zip(known) {
+    for one in replayed {
         let file = one.path.display();
-        if let Some(departure) = one.departure() {
-            text.push_str(&format!("\n{file}: {departure}"));
-        }
         if let Some(fault) = one.fault() {
             text.push_str(&format!("\n{file}: {}: {fault}", fault.kind.word()));
         }
@@ -254,19 +264,36 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
                 }
             ));
         }
-        // An invalid run has no outcome to describe.
-        if one.fault().is_none() {
-            let about = if *about == About::default() {
-                String::new()
-            } else {
-                format!("\n{about}").replace('\n', "\n  ")
-            };
-            text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
-            if let Some(why) = one.no_answer() {
-                text.push_str(&format!("\n{file}: no answer, because {why}"));
-            }
+        if let Some(why) = one.no_answer().filter(|_| one.fault().is_none()) {
+            text.push_str(&format!("\n{file}: no answer, because {why}"));
         }
-        if one.ego_as_recorded == Some(false) && one.fault().is_none() {
+        if let Some(departure) = one.departure().filter(|_| !one.is_reproduced()) {
+            text.push_str(&format!("\n{file}: {departure}"));
+        }
+    }
+    text
+}
+
+/// Formats the runs with their labels, and their differences from the recorded runs.
+fn labels(replayed: &[Replayed], known: &[About]) -> String {
+    let mut text = String::new();
+    // An invalid run has no outcome to describe.
+    let ran = replayed
+        .iter()
+        .zip(known)
+        .filter(|(one, _)| one.fault().is_none());
+    for (one, about) in ran {
+        let file = one.path.display();
+        let about = if *about == About::default() {
+            String::new()
+        } else {
+            format!("\n{about}").replace('\n', "\n  ")
+        };
+        text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
+        if let Some(departure) = one.departure().filter(|_| one.is_reproduced()) {
+            text.push_str(&format!("\n{file}: {departure}"));
+        }
+        if one.ego_as_recorded == Some(false) {
             text.push_str(&format!(
                 "\n{file}: the ego commands otherwise than recorded"
             ));
@@ -286,64 +313,51 @@ fn rules_until_contact(episode: &Episode) -> serde_json::Value {
     }
 }
 
-/// The name of a file in the directory of all, its path if there is none.
-fn file_in(directory: Option<&Path>, file: &Path) -> String {
-    let name = file.file_name().filter(|_| directory.is_some());
-    let path = name.map_or(file, Path::new);
-    path.display().to_string()
-}
-
-fn table(replayed: &[Replayed]) -> String {
+/// Draws the replays, of which the first are those that still fail or have no answer.
+fn table(replayed: &[Replayed], all: bool) -> String {
     let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
     let first = directories.next().flatten();
     // A common directory is printed once, above the table.
     let directory = first.filter(|_| directories.all(|other| other == first));
-    let lines = replayed.iter().map(|replayed| {
-        let contact = replayed
-            .episode
-            .contact
-            .as_ref()
-            .map_or("–".to_owned(), |touch| {
-                format!("{:.3} s, {:.2} m/s", touch.time_s, touch.closing_speed_mps)
-            });
-        let bits = if replayed.identical {
-            "identical".to_owned()
-        } else {
-            match &replayed.first_difference {
-                Some(difference) => format!("differ from {:.2} s", difference.time_s),
-                None => "differ, see below".to_owned(),
-            }
-        };
-        let rules = replayed.episode.rules_until_contact.as_ref();
-        [
-            file_in(directory, &replayed.path),
-            replayed.episode.verdict.word().to_owned(),
-            format!("{:.6}", replayed.episode.robustness),
-            contact,
-            rules.map_or("–".to_owned(), ToString::to_string),
-            bits,
-        ]
-    });
-    let header = [
-        "file",
-        "verdict",
-        "ρ(ψ)",
-        "contact",
-        "rules until it",
-        "bits",
-    ];
+    let mut shown: Vec<&Replayed> = replayed.iter().collect();
+    let most = if all { shown.len() } else { SHOWN };
+    if most < shown.len() {
+        // Stable, so that equal outcomes keep the order of the files.
+        shown.sort_by_key(|one| one.identical || one.outcome() == ReplayOutcome::Fixed);
+    }
+    let lines = shown.iter().take(most).map(|replayed| line(replayed));
+    let header = ["file", "outcome", "ρ(ψ)", "contact", "rules", "bits"];
     let place = match directory {
         Some(directory) if !directory.as_os_str().is_empty() => {
             format!("in {}\n", directory.display())
         }
         _ => String::new(),
     };
-    format!(
-        "{place}{}\nverdict        counterexample: the ego failed, every rule kept; foul: one was broken first, so there is no answer; held: neither\
-         \nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
-         \ncontact        its time and closing speed; –: no contact\
-         \nrules until it the rules of the ados until the contact; –: no contact, or not known\
-         \nbits           identical: every sample is as recorded; otherwise the time of the first difference",
-        table_of(header, lines)
-    )
+    let table = TextTable::new(header, lines).to_terminal();
+    let more = match shown.len().saturating_sub(most) {
+        0 => String::new(),
+        more => format!("\n{more} more files"),
+    };
+    format!("{place}{table}{more}")
+}
+
+fn line(replayed: &Replayed) -> [String; 6] {
+    let contact = replayed.episode.contact.as_ref();
+    let contact = contact.map_or("–".to_owned(), |touch| {
+        format!("{:.2} s, {:.1} m/s", touch.time_s, touch.closing_speed_mps)
+    });
+    let bits = match &replayed.first_difference {
+        _ if replayed.identical => "identical".to_owned(),
+        Some(difference) => format!("differ from {:.2} s", difference.time_s),
+        None => "differ, see below".to_owned(),
+    };
+    let rules = replayed.episode.rules_until_contact.as_ref();
+    [
+        case_name(&replayed.path),
+        replayed.outcome().words().to_owned(),
+        format!("{:.6}", replayed.episode.robustness),
+        contact,
+        rules.map_or("–".to_owned(), ToString::to_string),
+        bits,
+    ]
 }

@@ -9,48 +9,51 @@ use super::common::{finished, interrupted_early, load_world, open_run, print_jso
 use super::failure::{Exit, Failure};
 use super::number_args::{STARTS, count, start_count};
 use super::progress;
+use super::report_results;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
+use super::verdict::verdict;
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::Report;
 use crate::run_dir::{RunDir, make_dir, write_file};
+use crate::world::Scenario;
 
-/// Failures that the page of a world's points shows moving.
-const MOST_EXAMPLES: usize = 12;
+/// Episodes that the page of points or of kept crashes shows moving.
+pub(super) const MOST_EXAMPLES: usize = 12;
 
 #[derive(Args, Debug)]
 pub(super) struct ReportArgs {
-    /// The run directory that `train` made; or a world with points.
-    #[arg(value_name = "RUN|WORLD.ron")]
-    run: PathBuf,
+    /// A run, a world with points, kept crashes, or the JSON of `gate` or `risk`.
+    #[arg(value_name = "RUN|WORLD.ron|DIR|FILE.json")]
+    pub(super) run: PathBuf,
     /// The page to write; JUnit XML goes beside it [default: RUN/report.html].
     #[arg(short, long, value_name = "FILE.html")]
-    output: Option<PathBuf>,
+    pub(super) output: Option<PathBuf>,
     /// Another run of the same world, to show beside it; repeat for several.
     #[arg(long, value_name = "RUN", num_args = 1..)]
-    with: Vec<PathBuf>,
+    pub(super) with: Vec<PathBuf>,
     /// Rows to show, from `eval`, `gate`, `sweep` or `search` with `--json`; repeat for several.
     #[arg(long, value_name = "FILE.json")]
-    rows: Vec<PathBuf>,
+    pub(super) rows: Vec<PathBuf>,
     /// Test starts for the nominal ego.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// Test starts for every changed ego, without `--rows` [default: as many as
     /// 1000 episodes allow, 20 to 100].
     #[arg(long, value_name = "N", value_parser = start_count())]
-    reuse_starts: Option<usize>,
+    pub(super) reuse_starts: Option<usize>,
     /// Also write each counterexample of the page as OpenSCENARIO, into a directory
     /// beside it, and link it.
     #[arg(long)]
-    scenarios: bool,
-    /// Ego of a world with points: nominal, a name under `reuse`, or a RON file.
+    pub(super) scenarios: bool,
+    /// Ego of the page: nominal, a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
-    ego: Option<String>,
-    /// Program to run as the ego of a world with points, after `--` (`lag_s` is 0).
+    pub(super) ego: Option<String>,
+    /// Program to run as the ego of the page, after `--` (`lag_s` is 0).
     #[arg(last = true, value_name = "COMMAND")]
-    program: Vec<String>,
+    pub(super) program: Vec<String>,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
@@ -59,14 +62,15 @@ pub(super) struct ReportArgs {
 }
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
+    let is_json = args.run.extension().is_some_and(|it| it == "json");
+    if is_json && args.run.is_file() {
+        return report_results::of_file(args);
+    }
     if is_world(&args.run) {
         return of_points(args);
     }
-    if args.ego.is_some() || !args.program.is_empty() {
-        return Err(Failure::input(
-            "the page of a run shows all egos of its world, so it takes no `--ego` and no program",
-            "leave it out, or add rows by `--rows` from `brakecheck eval RUN --ego E --json`",
-        ));
+    if report_results::is_kept(&args.run) {
+        return report_results::of_crashes(args);
     }
     of_run(args)
 }
@@ -75,6 +79,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
 fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
     let scenario = run.scenario()?;
+    let ego = ego(args, &scenario)?;
     let others = args.with.iter().map(|other| open_run(other, &args.common));
     let mut given = GivenRows::default();
     for file in &args.rows {
@@ -86,6 +91,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
         with: &others.collect::<Result<Vec<_>, _>>()?,
         given: &given,
         starts: (args.starts, args.seed),
+        ego: ego.as_ref(),
         reuse_starts: args.reuse_starts,
     };
     let bar = progress::bar(&args.common, "");
@@ -102,11 +108,33 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
     if args.scenarios {
         write_scenarios(&html, &mut report, args.seed)?;
     }
-    write(args, &html, &report)?;
+    let rows = report.nominal.as_ref().map(|nominal| nominal.row.clone());
+    let pages = Pages {
+        verdict: rows.map_or(Vec::new(), |row| verdict(&[row])),
+        html: report.html(),
+        junit: report.junit(),
+    };
+    pages.write(args, &html)?;
     match unheeded(args, &report) {
         // Faults of this evaluation are reported with all details at the end.
         Some(failure) if args.common.faults().complaint().is_none() => Err(failure),
         _ => Ok(Exit::Done),
+    }
+}
+
+/// Returns the ego of the page, if one is named.
+fn ego(args: &ReportArgs, world: &Scenario) -> Result<Option<EgoUnderTest>, Failure> {
+    if args.ego.is_none() && args.program.is_empty() {
+        return Ok(None);
+    }
+    let requested = args.ego.as_deref().unwrap_or("nominal");
+    match &EgoUnderTest::find_or_program(world, requested, &args.program)?[..] {
+        [ego] if ego.is_nominal() => Ok(None),
+        [ego] => Ok(Some(ego.clone())),
+        _ => Err(Failure::input(
+            "`--ego all` is more than one ego",
+            "name one: a page is about one ego",
+        )),
     }
 }
 
@@ -128,18 +156,12 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
             "leave them out",
         ));
     }
-    let requested = args.ego.as_deref().unwrap_or("nominal");
-    let egos = EgoUnderTest::find_or_program(&world, requested, &args.program)?;
-    let [ego] = &egos[..] else {
-        return Err(Failure::input(
-            "`--ego all` is more than one ego",
-            "name one: a page is about one ego",
-        ));
-    };
-    consent_to(&egos)?;
+    let named = ego(args, &world)?;
+    let ego = named.unwrap_or_else(|| EgoUnderTest::nominal(&world));
+    consent_to(std::slice::from_ref(&ego))?;
     let bar = progress::bar(&args.common, "");
     let request = PointsRequest {
-        ego,
+        ego: &ego,
         starts: (args.starts, args.seed),
         switches: None,
     };
@@ -152,29 +174,38 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     let name = args.run.file_stem().unwrap_or_default();
     let usual = Path::new(name).with_extension("html");
     let html = args.output.clone().unwrap_or(usual);
-    write_files(args, &html, (page.html(), page.junit()))?;
-    if !args.common.json {
-        terminal::data(&table.summary())?;
-    }
+    let pages = Pages {
+        verdict: vec![table.summary()],
+        html: page.html(),
+        junit: page.junit(),
+    };
+    pages.write(args, &html)?;
     Ok(finished(Exit::Done))
 }
 
-/// Writes the page and the JUnit file, and prints their paths.
-fn write(args: &ReportArgs, html: &Path, report: &Report<'_>) -> Result<(), Failure> {
-    write_files(args, html, (report.html(), report.junit()))
+/// Texts of a page and of its JUnit file.
+pub(super) struct Pages {
+    /// Verdict to print.
+    pub(super) verdict: Vec<String>,
+    pub(super) html: String,
+    pub(super) junit: String,
 }
 
-fn write_files(args: &ReportArgs, html: &Path, texts: (String, String)) -> Result<(), Failure> {
-    let junit = html.with_extension("junit.xml");
-    write_file(html, texts.0.as_bytes())?;
-    write_file(&junit, texts.1.as_bytes())?;
-    if args.common.json {
-        print_json(&json!({
-            "report": html.display().to_string(),
-            "junit": junit.display().to_string(),
-        }))
-    } else {
-        terminal::data(&format!("{}\n{}", html.display(), junit.display()))
+impl Pages {
+    /// Writes the page and the JUnit file, and prints the verdict and their paths.
+    pub(super) fn write(&self, args: &ReportArgs, html: &Path) -> Result<(), Failure> {
+        let junit = html.with_extension("junit.xml");
+        write_file(html, self.html.as_bytes())?;
+        write_file(&junit, self.junit.as_bytes())?;
+        if args.common.json {
+            print_json(&json!({
+                "report": html.display().to_string(),
+                "junit": junit.display().to_string(),
+            }))
+        } else {
+            let paths = [html, &junit].map(|path| path.display().to_string());
+            terminal::data(&[&self.verdict[..], &paths].concat().join("\n"))
+        }
     }
 }
 
@@ -189,7 +220,8 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
     };
     make_dir(&dir)?;
     for example in &mut nominal.highlights {
-        let name = file_stem(scenario, &nominal.row.ego, seed, example.start);
+        let Some(start) = example.start else { continue };
+        let name = file_stem(scenario, &nominal.row.ego, seed, start);
         match openx(scenario, &example.episode, &name, &nominal.row.ego) {
             Ok(files) => {
                 let written = write_openx(&files, &dir, &name)?;
@@ -268,7 +300,7 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
 }
 
 /// The command that makes this very page, with every option that it depends on.
-fn this_page(args: &ReportArgs) -> String {
+pub(super) fn this_page(args: &ReportArgs) -> String {
     let mut words = vec![quoted(&shown(&args.run))];
     let mut option = |name: &str, values: Vec<String>| {
         words.push(name.to_owned());

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::answer::{Answer, AnswerArgs};
 use super::common::{
     finished, interrupted_early, load_world, one_of, open_run, placed, print_json,
 };
@@ -14,9 +15,10 @@ use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::EgoArgs;
 use crate::experiment::{EgoUnderTest, consent_to};
+use crate::report::junit;
 use crate::risk::{KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic};
 use crate::rl::Policy;
-use crate::run_dir::RunDir;
+use crate::run_dir::{RunDir, write_file};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -75,6 +77,11 @@ pub(super) struct RiskArgs {
     /// Keep the likeliest lawful failure of each kind as a file.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
+    /// Write the estimates and the limit as test cases of JUnit XML to this file, too.
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
+    #[command(flatten)]
+    answer: AnswerArgs,
     /// Seed of all draws.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
@@ -112,6 +119,9 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
         return stopped_early(args);
     };
     show(args, &report)?;
+    if let Some(file) = &args.junit {
+        write_file(file, junit(&[report.suite(args.at_most)]).as_bytes())?;
+    }
     if let Some(dir) = &args.keep {
         for line in request.keep(&report, dir)? {
             terminal::note(&line);
@@ -218,7 +228,13 @@ fn show(args: &RiskArgs, report: &RiskReport) -> Result<(), Failure> {
     if args.common.json {
         return print_json(&json!(report));
     }
-    terminal::data(&report.to_string())?;
+    let answer = Answer {
+        verdict: report.verdict(),
+        table: report.readings(),
+        details: report.details(),
+        ..Answer::default()
+    };
+    terminal::data(&answer.text(args.answer))?;
     for ego in &report.egos {
         for Refusal { reason, fix } in ego.refusals() {
             terminal::note(&format!(
@@ -235,9 +251,7 @@ fn exit_of(args: &RiskArgs, report: &RiskReport) -> Exit {
     if !report.is_result() {
         return Exit::Fault;
     }
-    // The upper end decides, so that neither chance nor a fault of the ego passes the limit.
-    let above = |limit: f64| report.greatest_ratio().is_none_or(|ratio| limit < ratio);
-    if args.at_most.is_some_and(above) {
+    if args.at_most.is_some_and(|limit| report.is_above(limit)) {
         Exit::Counterexample
     } else {
         Exit::Done

@@ -4,11 +4,13 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::answer::Answer;
 use super::common::{open_run, placed, print_json};
 use super::failure::Failure;
+use super::keep::KeepStep;
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
-use super::{progress, table};
+use super::{egos_table, progress};
 use crate::adversary::{AdoGroup, GridPolicy};
 use crate::evaluation::{Evaluation, EvaluationTable, summarise};
 use crate::experiment::{EgoUnderTest, Watch};
@@ -35,11 +37,12 @@ pub(super) fn refuse_world(path: &Path, verb: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Result of a verb below the rows: its key in JSON, and its text.
+/// Result of a verb beside the rows: its key in JSON, and its answer.
 pub(super) struct Supplement {
     pub(super) key: &'static str,
     pub(super) value: Value,
-    pub(super) text: String,
+    /// Its verdict and table come before those of the rows.
+    pub(super) answer: Answer,
 }
 
 /// Run and its world, on the plant to test on, with the requested ados.
@@ -108,7 +111,7 @@ impl<'a> RunUnderTest<'a> {
         Ok(evaluated)
     }
 
-    /// Prints the rows, and the result of the verb below them.
+    /// Prints the rows, with the result of the verb before them.
     pub(super) fn show(
         &self,
         evaluated: &EvaluationTable<'_>,
@@ -131,28 +134,30 @@ impl<'a> RunUnderTest<'a> {
             }
             return print_json(&object);
         }
-        self.test
-            .live
-            .data(&table::reuse(&evaluated.egos, &summary))?;
+        let mut answer = egos_table::reuse(&evaluated.egos, &summary);
         for adapted in &evaluated.adapted_to {
-            self.test.live.data(&format!("\n{adapted}"))?;
+            answer.details.push_str(&format!("\n{adapted}"));
         }
         for why in &evaluated.reasons {
-            self.test.live.data(&format!(
+            answer.details.push_str(&format!(
                 "\nwhy `{}` fails from start {}, the first of them: {}",
                 why.ego, why.start, why.explanation
-            ))?;
+            ));
         }
-        match result {
-            Some(result) => self.test.live.data(&format!("\n{}", result.text)),
-            None => Ok(()),
+        if let Some(result) = result {
+            answer = result.answer.before(answer);
         }
+        self.test.live.data(&answer.text(self.test.answer))
     }
 
     /// Keeps counterexamples if asked to: the step after as many as there are egos.
     pub(super) fn keep(&self, evaluated: &EvaluationTable<'_>, egos: usize) -> Result<(), Failure> {
         let keep = |dir: &Path, settings, watch: &Watch<'_>| evaluated.keep(dir, settings, watch);
-        self.test.keep.last_step(&self.test.common, egos, keep)
+        let step = KeepStep {
+            egos,
+            answer: self.test.answer,
+        };
+        self.test.keep.last_step(&self.test.common, step, keep)
     }
 }
 

@@ -7,9 +7,10 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
+use super::answer::AnswerArgs;
 use super::common::{exit_of, interrupted_early, load_world, one_of, open_run, placed, print_json};
 use super::failure::{Exit, Failure};
-use super::keep::KeepArgs;
+use super::keep::{KeepArgs, KeepStep};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::terminal::Common;
@@ -18,7 +19,8 @@ use super::traffic_args::TrafficArgs;
 use super::{progress, table};
 use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
 use crate::experiment::{EgoUnderTest, Watch};
-use crate::run_dir::{Row, RunDir, Stored};
+use crate::report::junit;
+use crate::run_dir::{Row, RunDir, Stored, write_file};
 use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings, usual_switches};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
@@ -52,6 +54,11 @@ pub(super) struct SearchArgs {
     keep: KeepArgs,
     #[command(flatten)]
     live: RerunArgs,
+    #[command(flatten)]
+    answer: AnswerArgs,
+    /// Write every start as a test case of JUnit XML to this file, too.
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -106,8 +113,15 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     drop(bar);
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
+    if let Some(file) = &args.junit {
+        write_file(file, junit(&[searched.suite()]).as_bytes())?;
+    }
     let keep = |dir: &Path, settings, watch: &Watch<'_>| searched.keep(dir, settings, watch);
-    args.keep.last_step(&args.common, egos.len(), keep)?;
+    let step = KeepStep {
+        egos: egos.len(),
+        answer: args.answer,
+    };
+    args.keep.last_step(&args.common, step, keep)?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
 }
 
@@ -131,12 +145,11 @@ fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     if args.common.json {
         print_json(&json!({ "rows": rows, "break_even": evens }))
     } else {
-        args.live.data(&format!(
-            "{}{}{}",
-            table::rows(rows),
-            anytime_lines(rows),
-            evens.iter().map(in_words).collect::<String>()
-        ))
+        let mut answer = table::rows(rows);
+        answer.details.push_str(&anytime_lines(rows));
+        // The cost is the question of a search of a run.
+        answer.table.extend(evens.iter().map(in_words));
+        args.live.data(&answer.text(args.answer))
     }
 }
 

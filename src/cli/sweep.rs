@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::answer::Answer;
 use super::common::{exit_of, interrupted_early, table_of};
 use super::failure::{Exit, Failure};
 use super::progress;
@@ -53,7 +54,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     let result = Supplement {
         key: "swept",
         value: json!(swept),
-        text: in_words(&swept),
+        answer: answer(&swept),
     };
     tested.show(&evaluated, Some(result))?;
     if let Some(file) = &args.curve {
@@ -64,7 +65,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     Ok(exit_of(&rows_of(evaluated)?, false))
 }
 
-fn in_words(swept: &Swept) -> String {
+fn answer(swept: &Swept) -> Answer {
     let parameter = &swept.parameter;
     let lines = swept.points.iter().map(|point| {
         let SweepPoint {
@@ -92,8 +93,12 @@ fn in_words(swept: &Swept) -> String {
         ]
     });
     let header = [parameter.as_str(), "failing", "95 % interval", "in 40ths"];
-    let table = table_of(header, lines);
-    format!("{table}{EXPLAINED}\n{}", safety(swept))
+    Answer {
+        verdict: vec![safety(swept)],
+        table: table_of(header, lines),
+        legend: EXPLAINED.to_owned(),
+        ..Answer::default()
+    }
 }
 
 /// From where on, or up to where, no start fails.

@@ -5,6 +5,7 @@ use std::num::NonZeroU64;
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
+use super::answer::AnswerArgs;
 use super::common::one_of;
 use super::keep::KeepArgs;
 use super::live::RerunArgs;
@@ -110,6 +111,8 @@ pub(super) struct TestArgs {
     pub(super) keep: KeepArgs,
     #[command(flatten)]
     pub(super) live: RerunArgs,
+    #[command(flatten)]
+    pub(super) answer: AnswerArgs,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     pub(super) seed: u64,

@@ -1,5 +1,6 @@
 //! Output of `eval --theorems`.
 
+use super::answer::Answer;
 use super::common::table_of;
 use crate::evaluation::TheoremsChecked;
 use crate::theorems::{
@@ -7,11 +8,20 @@ use crate::theorems::{
     TheoremOutcome,
 };
 
-/// Tables and sentences.
-pub(super) fn text(checked: &TheoremsChecked) -> String {
-    match checked {
-        TheoremsChecked::Grid(checked) => on_a_grid(checked),
-        TheoremsChecked::CarryOver(carried) => on_the_road(carried),
+/// Returns the verdict, with tables and sentences as details.
+pub(super) fn answer(checked: &TheoremsChecked) -> Answer {
+    let verdict = if checked.is_refuted() {
+        "a theorem is refuted"
+    } else {
+        "no theorem is refuted"
+    };
+    Answer {
+        verdict: vec![verdict.to_owned()],
+        details: match checked {
+            TheoremsChecked::Grid(checked) => on_a_grid(checked),
+            TheoremsChecked::CarryOver(carried) => on_the_road(carried),
+        },
+        ..Answer::default()
     }
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::answer::AnswerArgs;
 use super::common::{
     finished, interrupted_early, load_world, note_warnings, one_of, open_run, print_json,
     refuse_program,
@@ -81,6 +82,8 @@ pub(super) struct TrainArgs {
     traffic: TrafficArgs,
     #[command(flatten)]
     live: RerunArgs,
+    #[command(flatten)]
+    answer: AnswerArgs,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -207,6 +210,10 @@ fn print_trained(trained: &TrainingOutcome) {
         done.cpu_s,
         rate(trained)
     ));
+}
+
+/// Notes dropped episodes, an early end, and an ado that is not reliable.
+fn note_end(trained: &TrainingOutcome) {
     if trained.aborted > 0 {
         terminal::note(&format!(
             "{} episodes were dropped for faults of the ego or the physics",
@@ -241,7 +248,9 @@ fn show(
     rows: &[Row],
 ) -> Result<(), Failure> {
     if !args.common.json {
-        return args.live.data(&table::rows(rows));
+        args.live.data(&table::rows(rows).text(args.answer))?;
+        note_end(trained);
+        return Ok(());
     }
     let (run, world) = (session.run(), session.world());
     print_json(&json!({

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 use super::{brakecheck, code, copy, json, path, scratch, stderr};
 
 /// Two egos, four ados, a few starts: about a second.
-const SMALL: &str = r#"Campaign(
+pub(super) const SMALL: &str = r#"Campaign(
     name: "small",
     worlds: [(file: "acc", plant: Kinematic)],
     egos: [Ego("nominal"), Ego("wet road"), Sweep("ego.time_gap_s=0.5..1.0:2")],

@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::{brakecheck, code, json, refused, stderr, write};
 
 /// Two cars on one lane, the second 30 m behind the first, which brakes.
-fn recording() -> String {
+pub(super) fn recording() -> String {
     let mut text = "time,id,x,y,heading,speed,length,width\n".to_owned();
     let (mut lead_m, mut own_m) = (134.0, 100.0);
     for i in 0..300 {

@@ -106,13 +106,12 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     assert!(count(&names, "svg") >= 6, "{}", count(&names, "svg"));
     let junit = read(&path(&dir, "page.junit.xml"));
     let names = well_formed(&junit);
-    // One case per counterexample; an ego without one passes, a baseline is none.
+    // One case per start of the trained ado; a baseline is none.
     let listing = json(&brakecheck(&["check", "worlds/acc.ron", "--json"]));
     let egos = listing["egos"].as_array().expect("egos").len();
     let (cases, failures) = (count(&names, "testcase"), count(&names, "failure"));
-    assert!(egos <= cases && failures > 0, "{cases} {failures}");
-    assert_eq!(junit.matches(", start ").count(), failures);
-    assert!(junit.contains(&format!("tests=\"{cases}\" failures=\"{failures}\"")));
+    assert!(egos * 18 <= cases && failures > 0, "{cases} {failures}");
+    assert_eq!(junit.matches(", start ").count(), cases);
     assert!(!junit.contains("ado hold") && junit.contains("headway &gt;= d_safe"));
 }
 

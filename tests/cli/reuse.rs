@@ -13,7 +13,7 @@ fn the_table_of_many_egos_is_summed_up_from_its_rows() {
         args.extend(["--ado", "trained", "--ado", "hold", "--search", "1"]);
         args
     };
-    let text = brakecheck(&asked("3"));
+    let text = brakecheck(&[&asked("3")[..], &["--details"]].concat());
     let text = String::from_utf8_lossy(&text.stdout).into_owned();
     for block in ["# the ego it was trained against", "reused zero-shot"] {
         assert!(text.contains(block), "{text}");

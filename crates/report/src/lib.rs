@@ -30,4 +30,4 @@ use brakecheck_stats::seed;
 use brakecheck_stats::stats;
 use brakecheck_stl::trace;
 use brakecheck_world::world;
-use brakecheck_xml::{visible, xml};
+use brakecheck_xml::visible;

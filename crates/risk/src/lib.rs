@@ -24,6 +24,7 @@ use brakecheck_crashes::crashes;
 use brakecheck_ego::ego;
 use brakecheck_experiment::{experiment, run_dir, vector_env};
 use brakecheck_files::{content_hash, ron_file};
+use brakecheck_report::report;
 use brakecheck_rl::rl;
 use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_sim::sim;

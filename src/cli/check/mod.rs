@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
+use super::answer::{Answer, AnswerArgs};
 use super::common::{note_warnings, print_json};
 use super::failure::{Exit, Failure};
 use super::terminal::{self, Common};
@@ -28,6 +29,8 @@ pub(super) struct CheckArgs {
     /// Print one JSON object on stdout instead of tables.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    answer: AnswerArgs,
     /// Start the programs that the world names as egos, and try them.
     #[arg(long)]
     allow_programs: bool,
@@ -88,7 +91,9 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         listing["warnings"] = warnings(&scenario);
         print_json(&listing)?;
     } else {
-        terminal::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
+        let mut answer = answer(&scenario);
+        answer.table.push_str(&programs::text(&named));
+        terminal::data(&answer.text(args.answer))?;
     }
     note_warnings(world, &scenario);
     // A faulty program is reported last, so that the listing is complete.
@@ -187,14 +192,32 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
-fn text(scenario: &Scenario) -> String {
-    let mut out = format!("{}: {}\n", scenario.name, scenario.question);
+fn answer(scenario: &Scenario) -> Answer {
+    let count = |number: usize, word: &str| match number {
+        1 => format!("1 {word}"),
+        _ => format!("{number} {word}s"),
+    };
+    let counts = [
+        count(scenario.rules.len(), "rule"),
+        count(scenario.world().spaces().actions, "action"),
+        count(1 + scenario.reuse.len(), "ego"),
+        count(scenario.signals().len(), "signal"),
+    ];
+    let warnings = match scenario.warnings.len() {
+        0 => String::new(),
+        some => format!(", with {}", count(some, "warning")),
+    };
+    let mut out = String::new();
     let clock = scenario.world().clock();
-    out.push_str(&format!(
-        "\n{} plant, judged {}; {} s in samples of {} s, a decision every {} s, {} physics steps per sample\n",
-        scenario.plant(), scenario.rulebook().judge, clock.horizon_s, clock.sample_s, clock.decision_s, clock.substeps
-    ));
-    out.push_str(&format!("\nthe ego must   {}\n", scenario.ego_spec));
+    let plant = [
+        format!("{} plant", scenario.plant()),
+        format!("judged {}", scenario.rulebook().judge),
+        format!("{} s in samples of {} s", clock.horizon_s, clock.sample_s),
+        format!("a decision every {} s", clock.decision_s),
+        format!("{} physics steps per sample", clock.substeps),
+    ];
+    out.push_str(&listed("plays on", &plant));
+    out.push_str(&format!("the ego must   {}\n", scenario.ego_spec));
     for rule in &scenario.rules {
         out.push_str(&format!(
             "{} must   {}   ({})\n",
@@ -214,7 +237,7 @@ fn text(scenario: &Scenario) -> String {
             }
         })
         .collect();
-    out.push_str(&format!("\n{}", listed("actions", &actions)));
+    out.push_str(&listed("actions", &actions));
     let constants: Vec<String> = scenario
         .names
         .constants
@@ -225,12 +248,11 @@ fn text(scenario: &Scenario) -> String {
     let mut egos = vec!["nominal".to_owned()];
     egos.extend(scenario.reuse.keys().cloned());
     out.push_str(&listed("egos", &egos));
-    for axis in scenario.axes() {
-        out.push_str(&format!(
-            "start          {} in {} … {} {}\n",
-            axis.name, axis.lo, axis.hi, axis.unit
-        ));
-    }
+    let axes = scenario.axes();
+    let starts = axes
+        .iter()
+        .map(|axis| format!("{} in {} … {} {}", axis.name, axis.lo, axis.hi, axis.unit));
+    out.push_str(&listed("start", &starts.collect::<Vec<_>>()));
     let observed: Vec<String> = scenario
         .world()
         .observed()
@@ -240,7 +262,20 @@ fn text(scenario: &Scenario) -> String {
             format!("{} ({lo} … {hi})", o.name)
         })
         .collect();
-    out.push_str(&format!("{}\n", listed("observed", &observed)));
-    out.push_str(&signals::table(scenario));
-    out
+    out.push_str(&listed("observed", &observed));
+    let signals: Vec<String> = signals::names(scenario);
+    out.push_str(&listed("signals", &signals));
+    Answer {
+        verdict: vec![
+            format!(
+                "`{}` is valid{warnings}: {}",
+                scenario.name,
+                counts.join(", ")
+            ),
+            scenario.question.clone(),
+        ],
+        table: out,
+        details: signals::table(scenario),
+        legend: signals::EXPLAINED.to_owned(),
+    }
 }

@@ -11,23 +11,63 @@ const FEW_AGENTS: usize = 2;
 /// Pattern of one or several signal names, with unit and meaning.
 type Pattern = (String, String, String);
 
-pub(super) fn table(scenario: &Scenario) -> String {
-    let stage = scenario.bench().stage();
-    let agents = stage.agents.iter().map(|agent| agent.name.as_str());
-    let lights = stage.lights.iter().map(|light| light.name.as_str());
-    let agents: Vec<&str> = agents.chain(lights).collect();
-    // The pairs of many agents would fill pages.
-    let many = agents.len() > FEW_AGENTS;
-    let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
-    for (signal, held) in scenario.signals() {
-        let (name, about) = if many {
-            pattern(&agents, &signal.name, &signal.about)
-        } else {
-            (signal.name, signal.about)
-        };
-        let line = (name, signal.unit.into_owned(), about);
-        lines.entry(line).or_default().push(held.word());
+/// Legend of the columns.
+pub(super) const EXPLAINED: &str = "\
+in traces: recorded always, or on demand: only where a formula or an ado mentions it";
+
+/// Signals of a world, by pattern.
+struct SignalPatterns {
+    /// Agents and lights in the names of signals.
+    agents: Vec<String>,
+    /// True if the agents are `A` and `B` in the patterns.
+    many: bool,
+    /// Signals of a pattern, each with its presence in traces.
+    lines: IndexMap<Pattern, Vec<&'static str>>,
+}
+
+impl SignalPatterns {
+    /// Returns the patterns, with `A` and `B` if there are more agents than `few`.
+    fn of(scenario: &Scenario, few: usize) -> SignalPatterns {
+        let stage = scenario.bench().stage();
+        let agents = stage.agents.iter().map(|agent| agent.name.clone());
+        let lights = stage.lights.iter().map(|light| light.name.clone());
+        let agents: Vec<String> = agents.chain(lights).collect();
+        let names: Vec<&str> = agents.iter().map(String::as_str).collect();
+        // The pairs of many agents would fill pages.
+        let many = agents.len() > few;
+        let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
+        for (signal, held) in scenario.signals() {
+            let (name, about) = if many {
+                pattern(&names, &signal.name, &signal.about)
+            } else {
+                (signal.name, signal.about)
+            };
+            let line = (name, signal.unit.into_owned(), about);
+            lines.entry(line).or_default().push(held.word());
+        }
+        SignalPatterns {
+            agents,
+            many,
+            lines,
+        }
     }
+}
+
+/// Returns the names of the signals, with `A` and `B` for any agents.
+pub(super) fn names(scenario: &Scenario) -> Vec<String> {
+    let patterns = SignalPatterns::of(scenario, 0).lines.into_keys();
+    let mut names: Vec<String> = patterns.map(|(name, ..)| name).collect();
+    names.dedup();
+    names
+}
+
+/// Returns a line per signal with its unit and meaning.
+pub(super) fn table(scenario: &Scenario) -> String {
+    let SignalPatterns {
+        agents,
+        many,
+        lines,
+    } = SignalPatterns::of(scenario, FEW_AGENTS);
     let lines = lines.into_iter().map(|((name, unit, about), held)| {
         let first = held[0];
         let same = held.iter().filter(|word| **word == first).count();
@@ -40,17 +80,14 @@ pub(super) fn table(scenario: &Scenario) -> String {
         [name, unit, about, held]
     });
     let table = table_of(["signal", "unit", "meaning", "in traces"], lines);
-    let named = if many {
+    if many {
         format!(
-            "\nA, B: each of {}; `--json` lists every signal",
+            "{table}\nA, B: each of {}; `--json` lists every signal",
             agents.join(", ")
         )
     } else {
-        String::new()
-    };
-    format!(
-        "{table}\nin traces: recorded always, or on demand: only where a formula or an ado mentions it{named}\n"
-    )
+        table
+    }
 }
 
 /// A signal's name and meaning with `A` and `B` for the agents in its name.

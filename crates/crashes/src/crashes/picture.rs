@@ -229,25 +229,7 @@ fn looping(
     let Replayed {
         scenario, episode, ..
     } = replayed;
-    // The labels in the file are valid for the recorded run only.
-    let recorded = replayed.about.clone();
-    let known = || {
-        if replayed.still_fails() {
-            description(scenario, episode)
-        } else {
-            replayed.known()
-        }
-    };
-    let Film { frames, after } = film_beyond(&mut scenario.repeating(episode).bench(), episode);
-    let example = Example {
-        chosen_for: String::new(),
-        start: 0,
-        frames,
-        after,
-        about: recorded.unwrap_or_else(known),
-        episode: episode.clone(),
-        scenarios: Vec::new(),
-    };
+    let example = example(replayed, String::new());
     let beside = match beside {
         None => None,
         Some(driver) => Some(Beside {
@@ -273,6 +255,32 @@ fn looping(
         notes.as_deref(),
         beside.as_ref(),
     ))
+}
+
+/// Returns a replay with the motion of all agents and its labels, to be drawn.
+pub(super) fn example(replayed: &Replayed, chosen_for: String) -> Example {
+    let Replayed {
+        scenario, episode, ..
+    } = replayed;
+    // The labels in the file are valid for the recorded run only.
+    let recorded = replayed.about.clone();
+    let known = || {
+        if replayed.still_fails() {
+            description(scenario, episode)
+        } else {
+            replayed.known()
+        }
+    };
+    let Film { frames, after } = film_beyond(&mut scenario.repeating(episode).bench(), episode);
+    Example {
+        chosen_for,
+        start: None,
+        frames,
+        after,
+        about: recorded.unwrap_or_else(known),
+        episode: episode.clone(),
+        scenarios: Vec::new(),
+    }
 }
 
 /// Adds the recorded lights, because a motion does not contain them.

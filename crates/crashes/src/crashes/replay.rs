@@ -182,6 +182,18 @@ pub enum ReplayOutcome {
     Invalid,
 }
 
+impl ReplayOutcome {
+    /// Returns the words of tables.
+    pub fn words(self) -> &'static str {
+        match self {
+            ReplayOutcome::StillFails => "still fails",
+            ReplayOutcome::Fixed => "fixed",
+            ReplayOutcome::NoAnswer => "no answer",
+            ReplayOutcome::Invalid => "did not run",
+        }
+    }
+}
+
 /// Rule of an ado that is broken before a replay gives an answer.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BrokenRuleOfReplay {

@@ -116,12 +116,8 @@ pub struct KeptFiles {
 }
 
 impl KeptFiles {
-    /// Reports the files of an ego's counterexamples with their labels.
+    /// Reports the number of an ego's kept counterexamples.
     pub fn note(&self, ego: &str, dir: &Path, watch: &Watch<'_>) {
-        for (file, about) in &self.files {
-            let about = about.to_string().replace('\n', "\n  ");
-            watch.note(&format!("{}:\n  {about}", file.display()));
-        }
         let passed_over = match self.passed_over {
             0 => String::new(),
             some => format!("; {some} were passed over, since they do not persist"),

@@ -2,7 +2,11 @@
 //!
 //! `brakecheck gate` and the gates of campaigns share it.
 
+mod as_json;
+mod result;
 mod words;
+
+pub use result::{gate_page, gate_table};
 
 use std::collections::BTreeMap;
 
@@ -67,23 +71,25 @@ pub struct GateEgo<'a> {
 }
 
 /// Start with another outcome on the new ego.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flipped {
     /// Position of the start.
     pub start: usize,
-    /// Outcome on the baseline ego, in the words of campaigns.
-    pub before: &'static str,
+    /// Outcome on the baseline ego.
+    #[serde(with = "as_json::outcome")]
+    pub before: StartOutcome,
     /// Outcome on the new ego.
-    pub now: &'static str,
+    #[serde(with = "as_json::outcome")]
+    pub now: StartOutcome,
     /// Closing speed on the ego that fails, if it ends in contact.
     pub closing_mps: Option<f64>,
     /// Avoidability of a newly failing start.
-    #[serde(flatten, serialize_with = "as_flags")]
+    #[serde(flatten, with = "as_json::avoidability")]
     pub avoidability: Avoidability,
 }
 
 /// Start that fails on both egos, and more severely on the new one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MoreSevere {
     /// Position of the start.
     pub start: usize,
@@ -94,7 +100,7 @@ pub struct MoreSevere {
 }
 
 /// Counts of newly failing starts by the avoidability of the crash.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NewlyFailingCounts {
     /// CC_LATCHED or FSM avoids it.
     pub preventable: usize,
@@ -107,7 +113,7 @@ pub struct NewlyFailingCounts {
 }
 
 /// Number of starts that an ego did not run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NotRun {
     /// Starts of the new ego.
     pub ego: usize,
@@ -116,7 +122,7 @@ pub struct NotRun {
 }
 
 /// Comparison of a new ego with a baseline under the same ado, start by start.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gate {
     /// Name of the new ego.
     pub ego: String,
@@ -143,20 +149,27 @@ pub struct Gate {
     /// Number of starts from which the baseline does not fail, with all rules kept.
     pub baseline_passes: usize,
     /// Closing speeds of the baseline where both fail in contact.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub closing_before_mps: Option<ClosingSpeed>,
     /// Closing speeds of the new ego on the same starts.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub closing_after_mps: Option<ClosingSpeed>,
     /// Exact two-sided p-value of McNemar's test on the flipped starts with an answer.
     pub p_value: f64,
+    /// Outcome on the new ego per start. Empty in gates of campaigns.
+    #[serde(
+        default,
+        skip_serializing_if = "Vec::is_empty",
+        with = "as_json::outcomes"
+    )]
+    pub outcomes: Vec<StartOutcome>,
     /// The same comparison while the ados take their neutral action, if it was made.
     #[serde(skip)]
     pub without_adversary: Option<Box<Gate>>,
 }
 
 /// Gate with its decision.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DecidedGate {
     /// Comparison that is decided.
     #[serde(flatten)]
@@ -164,33 +177,11 @@ pub struct DecidedGate {
     /// Newly failing starts by avoidability.
     pub newly_failing_by: NewlyFailingCounts,
     /// Values of `--on` that close the gate, with an adversary or without. Empty: it is open.
-    #[serde(serialize_with = "as_words")]
+    #[serde(with = "as_json::reasons")]
     pub closed_by: Vec<GateOn>,
-    /// Whether `--on severity` was requested, for the warning.
-    #[serde(skip)]
-    blocks_severity: bool,
     /// The decision while the ados take their neutral action, if it was made.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     without_adversary: Option<Box<DecidedGate>>,
-}
-
-fn as_flags<S: serde::Serializer>(label: &Avoidability, to: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Flags {
-        preventable: Option<bool>,
-        unavoidable: Option<bool>,
-    }
-    let (preventable, unavoidable) = (label.preventable(), label.unavoidable());
-    let flags = Flags {
-        preventable,
-        unavoidable,
-    };
-    flags.serialize(to)
-}
-
-/// Writes reasons as `--on` reads them.
-fn as_words<S: serde::Serializer>(all: &[GateOn], to: S) -> Result<S::Ok, S::Error> {
-    to.collect_seq(all.iter().map(<&'static str>::from))
 }
 
 impl Gate {
@@ -202,8 +193,8 @@ impl Gate {
         let flipped = |starts: &[usize], failing: GateEgo<'_>| -> Vec<Flipped> {
             let one = |&start: &usize| Flipped {
                 start,
-                before: old.outcomes[start].into(),
-                now: new.outcomes[start].into(),
+                before: old.outcomes[start],
+                now: new.outcomes[start],
                 closing_mps: failing.contacts.get(&start).map(|it| it.closing_mps),
                 avoidability: Avoidability::Unknown,
             };
@@ -240,6 +231,7 @@ impl Gate {
             closing_before_mps: ClosingSpeed::of(before),
             closing_after_mps: ClosingSpeed::of(after),
             p_value: flips.p_value(),
+            outcomes: Vec::new(),
             without_adversary: None,
         }
     }
@@ -314,7 +306,6 @@ impl Gate {
         DecidedGate {
             newly_failing_by: self.newly_failing_by(),
             closed_by,
-            blocks_severity: requested.contains(&GateOn::Severity),
             without_adversary: alone,
             gate: self,
         }
@@ -322,6 +313,25 @@ impl Gate {
 }
 
 impl DecidedGate {
+    /// Returns a contradiction in a gate that was read, `None` without one.
+    pub fn contradiction(&self) -> Option<String> {
+        let gate = &self.gate;
+        if self.newly_failing_by != gate.newly_failing_by() {
+            return Some("`newly_failing_by` does not count `newly_failing`".to_owned());
+        }
+        let excused = |on: &&GateOn| !matches!(on, GateOn::Severity) && gate.closing(**on) == 0;
+        if let Some(on) = self.closed_by.iter().find(excused)
+            && self.without_adversary.is_none()
+        {
+            let on: &str = on.into();
+            return Some(format!("`closed_by` has {on}, for which no start fails"));
+        }
+        let changed = [&gate.newly_failing, &gate.newly_fixed, &gate.no_answer];
+        let changed: usize = changed.iter().map(|starts| starts.len()).sum();
+        (gate.compared < changed.max(gate.both_fail))
+            .then(|| "`compared` has fewer starts than the changes".to_owned())
+    }
+
     /// Returns whether the gate blocks the new ego.
     pub fn is_closed(&self) -> bool {
         !self.closed_by.is_empty()

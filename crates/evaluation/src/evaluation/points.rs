@@ -461,7 +461,7 @@ impl PointsTable {
                     } else {
                         "The point as it is".to_owned()
                     },
-                    start: *point,
+                    start: Some(*point),
                     frames,
                     after,
                     about: description(scenario, &episode),

@@ -53,6 +53,7 @@ fn labelled(
         });
     }
     let mut gate = compared(new, old);
+    gate.outcomes = new.outcomes();
     label(&mut gate, new, watch);
     Ok(gate)
 }

@@ -39,6 +39,8 @@ pub struct ReportRequest<'a> {
     pub given: &'a GivenRows,
     /// Test starts to draw, and the seed of their stream.
     pub starts: (usize, u64),
+    /// Ego that the page is about. `None`: the world's own ego.
+    pub ego: Option<&'a EgoUnderTest>,
     /// Number of starts for every changed ego.
     ///
     /// `None` for as many as 1000 episodes allow, 20 to 100.
@@ -122,7 +124,8 @@ impl<'a> ReportRequest<'a> {
             trainings.push(training(other)?);
         }
         let mut report = Report {
-            scenario: self.scenario,
+            scenario: self.ego.map_or(self.scenario, EgoUnderTest::scenario),
+            ego: self.ego.map(|ego| ego.name().to_owned()),
             manifest: run.manifest(),
             trainings,
             nominal: None,
@@ -150,27 +153,39 @@ impl<'a> ReportRequest<'a> {
         Ok(Some(report))
     }
 
-    /// Plays the nominal ego, and changed egos if no rows are given.
+    /// Plays the ego of the page, and other egos if no rows are given.
     fn fill(
         &self,
         report: &mut Report<'_>,
         watch: &Watch<'_>,
     ) -> Result<Option<()>, EvaluationError> {
-        let egos = if self.given.rows.is_empty() {
-            EgoUnderTest::find(self.scenario, "all")?
-        } else {
-            Vec::new()
+        let nominal_ego = EgoUnderTest::nominal(self.scenario);
+        let own = self.ego.unwrap_or(&nominal_ego);
+        let egos = match self.ego {
+            _ if !self.given.rows.is_empty() => vec![own.clone()],
+            Some(ego) => vec![nominal_ego.clone(), ego.clone()],
+            None => EgoUnderTest::find(self.scenario, "all")?,
         };
         consent(self.scenario, &egos)?;
         let (dir, world) = (self.run.path(), EgoUnderTest::nominal(&self.run.world()?));
         let (count, seed) = self.starts;
-        let Some(starts) = TestStarts::stored(Some(dir), &world, count, seed, watch) else {
+        let Some(mut starts) = TestStarts::stored(Some(dir), &world, count, seed, watch) else {
             return Ok(None);
         };
-        let own = EgoUnderTest::nominal(self.scenario);
+        let mut alone = None;
+        // Another ego may have other trivial starts.
+        if let Some(ego) = self.ego {
+            match starts.for_ego(world.scenario(), ego, Some(dir), watch) {
+                Some(of_ego) => (starts, alone) = of_ego,
+                None => return Ok(None),
+            }
+        }
         let policy = self.run.policy()?;
         let ado = Ado::Trained(&*policy, self.run.manifest().seed);
-        let cell = ado.play(&own, &starts, watch);
+        let mut cell = ado.play(own, &starts, watch);
+        if let Some(cell) = &mut cell {
+            cell.row.fails_alone = alone;
+        }
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));
@@ -181,10 +196,21 @@ impl<'a> ReportRequest<'a> {
         } else {
             report.about_tested = "Rows as given with `--rows`.".to_owned();
             let rows = self.given.rows.iter().cloned();
-            report.tested = rows.map(|row| Tested { row, why: None }).collect();
+            report.tested = rows
+                .map(|row| Tested {
+                    row,
+                    why: None,
+                    outcomes: None,
+                })
+                .collect();
         }
-        report.costs = costs(report, &self.given.break_even);
+        report.costs = costs(report, &self.given.break_even, self.name());
         Ok((!watch.interrupted()).then_some(()))
+    }
+
+    /// Returns the name of the ego that the page is about.
+    fn name(&self) -> &str {
+        self.ego.map_or("nominal", EgoUnderTest::name)
     }
 
     /// Every ego on the first starts, beside held-random actions. `None`: stopped.
@@ -215,9 +241,9 @@ impl<'a> ReportRequest<'a> {
             };
             let trained = Ado::Trained(policy, self.run.manifest().seed);
             for ado in [trained, Ado::Held] {
-                // The nominal ego was played against the trained ado on all starts
+                // The ego of the page was played against the trained ado on all starts
                 // already.
-                if ego.name() == "nominal" && matches!(ado, Ado::Trained(..)) {
+                if ego.name() == self.name() && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
                 let cell = ado.play(ego, &own, watch);
@@ -229,9 +255,10 @@ impl<'a> ReportRequest<'a> {
         }
         report.about_tested = format!(
             "The trained ado and random actions held for five decisions, one simulation per \
-             start: on the nominal ego the trained ado from {} starts, all else from the \
+             start: on the ego {} the trained ado from {} starts, all else from the \
              first {} of them. More ados, recall and searches can stand here: give what \
              eval and search print with --json by --rows.",
+            self.name(),
             starts.starts.len(),
             few.starts.len(),
         );
@@ -243,6 +270,7 @@ impl<'a> ReportRequest<'a> {
 fn tested(cell: ExperimentCell) -> Tested {
     Tested {
         why: cell.explain_first().map(|(_, why)| why.to_string()),
+        outcomes: Some(cell.outcomes()),
         row: cell.row,
     }
 }
@@ -268,7 +296,7 @@ fn nominal(cell: &ExperimentCell) -> Nominal {
                     frames,
                     after,
                     chosen_for: chosen.chosen_for,
-                    start: chosen.start,
+                    start: Some(chosen.start),
                     episode: chosen.episode,
                     scenarios: Vec::new(),
                 }
@@ -287,9 +315,9 @@ fn first(starts: &TestStarts, count: usize) -> TestStarts {
     }
 }
 
-/// The trained ado's simulations beside those of every search of the nominal ego.
-fn costs(report: &Report<'_>, evens: &[BreakEven]) -> Vec<TestingCost> {
-    let evens = evens.iter().filter(|even| even.ego == "nominal");
+/// The trained ado's simulations beside those of every search of the ego.
+fn costs(report: &Report<'_>, evens: &[BreakEven], ego: &str) -> Vec<TestingCost> {
+    let evens = evens.iter().filter(|even| even.ego == ego);
     // On the starts of the first search: a rate on others is no comparison.
     let trained = evens.clone().next().map(|even| TestingCost {
         name: "trained ado".to_owned(),

@@ -5,8 +5,9 @@ use std::path::Path;
 use super::break_even::{BreakEven, break_even};
 use super::error::EvaluationError;
 use crate::adversary::Ado;
-use crate::crashes::{KeepSettings, KeptFiles, keep_cells};
+use crate::crashes::{KeepSettings, KeptFiles, file_stem, keep_cells};
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, check_repeatability, consent};
+use crate::report::{RowCases, TestSuite};
 use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, Stored};
 use crate::search::{
@@ -45,6 +46,34 @@ pub struct SearchTable {
 }
 
 impl SearchTable {
+    /// Returns a suite with a case per ego and start, named as the file of its crash.
+    pub fn suite(&self) -> TestSuite {
+        let cases = self.cells.iter().flat_map(|cell| {
+            let (scenario, ego) = (cell.ego.scenario(), cell.ego.name());
+            let outcomes = cell.outcomes();
+            let row = RowCases {
+                row: &cell.row,
+                outcomes: Some(&outcomes),
+                class: format!("search.{}", scenario.name()),
+                requirement: scenario.requirement.clone(),
+            };
+            let closing = |start: usize| {
+                let result = cell.results[start].as_ref();
+                let closing_mps = result.and_then(|it| it.closing_speed_mps);
+                closing_mps.map_or(String::new(), |speed| format!("closing at {speed:.1} m/s"))
+            };
+            row.cases(
+                |start| file_stem(scenario, ego, cell.starts.seed, start),
+                closing,
+            )
+        });
+        TestSuite {
+            name: "search".to_owned(),
+            time_s: Some(self.cells.iter().fold(0.0, |sum, it| sum + it.row.cpu_s)),
+            cases: cases.collect(),
+        }
+    }
+
     /// Plays the solutions again and keeps the selected ones as files.
     ///
     /// # Errors

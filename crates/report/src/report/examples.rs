@@ -24,7 +24,7 @@ pub(super) fn example(scenario: &Scenario, example: &Example, nth: usize, all: u
     html! {
         section class="card example" {
             div {
-                p class="dim rank" { (nth + 1) " of " (all) " · " (example.chosen_for) " · start " (example.start) }
+                p class="dim rank" { (nth + 1) " of " (all) " · " (example.chosen_for) @if let Some(start) = example.start { " · start " (start) } }
                 h3 { (verdict.sentence()) }
                 p class="badges" {
                     span class={ "badge " (blame_class) } { (blame) }

@@ -6,12 +6,14 @@ use crate::run_dir::Row;
 use crate::stats::StartOutcome;
 use crate::testbench::FaultCount;
 
-/// Test cases: one per counterexample of the tested adversaries.
+/// Test cases: one per start of the tested adversaries.
 ///
-/// An ego without a counterexample has one case that passes. Baselines show the
-/// difficulty and are no cases.
+/// Baselines show the difficulty and are no cases.
 pub(super) fn xml(report: &Report<'_>) -> String {
-    let tested: Vec<&Tested> = report.tested.iter().filter(is_adversary).collect();
+    // On a page of another ego, the world's own is only a comparison.
+    let of_page = |tested: &&Tested| report.ego.as_ref().is_none_or(|ego| tested.row.ego == *ego);
+    let tested = report.tested.iter().filter(is_adversary).filter(of_page);
+    let tested: Vec<&Tested> = tested.collect();
     // An ego that failed to run is one more error, so that CI cannot pass.
     let not_run = (!report.faults.is_empty()).then(|| not_ran(report));
     let cases = tested.iter().flat_map(|it| cases_of(report, it));
@@ -28,89 +30,94 @@ fn is_adversary(tested: &&Tested) -> bool {
     tested.row.train_seed.is_some() || tested.row.ado.is_search()
 }
 
-/// Returns true if the ego or the physics failed on a start.
-fn errs(row: &Row) -> bool {
-    row.invalid > 0
-}
-
-/// Returns the number of starts on which an ado broke its rule first.
+/// Rows as test cases, one per start.
 ///
-/// They are not known for a search, which goes on with another sequence.
-fn fouls(row: &Row) -> usize {
-    if row.violations.is_empty() {
-        return 0;
-    }
-    (row.foul_rate * row.starts as f64).round() as usize
+/// The cases depend on the number of the starts only. A start from which an ego no longer
+/// fails therefore stays, and passes.
+pub struct RowCases<'a> {
+    /// Row of an adversary.
+    pub row: &'a Row,
+    /// Outcome per start, in which a broken rule differs from a kept specification.
+    ///
+    /// `None` if only the marks of the row are known.
+    pub outcomes: Option<&'a [StartOutcome]>,
+    /// Class of the cases.
+    pub class: String,
+    /// Requirement that the ego must meet.
+    pub requirement: Option<String>,
 }
 
-fn violations(row: &Row) -> String {
-    let broken: Vec<String> = row.violations.iter().map(ToString::to_string).collect();
-    broken.join(", ")
+impl RowCases<'_> {
+    /// Returns the cases, with names and details of failures by the number of the start.
+    pub fn cases(
+        &self,
+        name: impl Fn(usize) -> String,
+        details: impl Fn(usize) -> String,
+    ) -> Vec<TestCase> {
+        let marks: Vec<StartOutcome> = self.row.solved.iter().copied().collect();
+        let outcomes = self.outcomes.unwrap_or(&marks);
+        let share_s = self.row.cpu_s / outcomes.len().max(1) as f64;
+        let case = |(start, outcome): (usize, &StartOutcome)| TestCase {
+            class: self.class.clone(),
+            name: name(start),
+            time_s: Some(share_s),
+            requirement: self.requirement.clone(),
+            outcome: self.outcome(*outcome, || details(start)),
+        };
+        outcomes.iter().enumerate().map(case).collect()
+    }
+
+    fn outcome(&self, outcome: StartOutcome, details: impl Fn() -> String) -> TestOutcome {
+        let row = self.row;
+        let failed = |message: &str| {
+            TestOutcome::Failed(TestMessage {
+                kind: "counterexample",
+                message: message.to_owned(),
+                words: details(),
+            })
+        };
+        let skipped = |why: &str| TestOutcome::Skipped(why.to_owned());
+        match outcome {
+            StartOutcome::Solved => failed("the ego fails, every rule kept"),
+            StartOutcome::Held | StartOutcome::Uncounted => TestOutcome::Passed,
+            // A mark does not tell on which of these starts an ado broke its rule.
+            StartOutcome::Unsolved if !row.violations.is_empty() => {
+                skipped("no answer: an ado broke its rule first from some of these starts")
+            }
+            StartOutcome::Unsolved => TestOutcome::Passed,
+            StartOutcome::RuleViolation => skipped("no answer: an ado broke its rule first"),
+            StartOutcome::Trivial if row.fails_alone.is_some_and(|it| it.left_out) => {
+                failed("the ego fails without an adversary")
+            }
+            StartOutcome::Trivial => skipped("left out: fails without an adversary"),
+            StartOutcome::NotReached => skipped("interrupted before this start"),
+            StartOutcome::Invalid => TestOutcome::Error(TestMessage {
+                kind: row
+                    .faults
+                    .first()
+                    .map_or("fault", |fault| fault.kind.word()),
+                message: "the ego or the physics failed to run".to_owned(),
+                words: faults(row),
+            }),
+        }
+    }
 }
 
 fn cases_of(report: &Report<'_>, tested: &Tested) -> Vec<TestCase> {
     let row = &tested.row;
-    let solved = row
-        .solved
-        .iter()
-        .enumerate()
-        .filter(|(_, outcome)| **outcome == StartOutcome::Solved);
-    let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
+    let solved = |outcome: &StartOutcome| *outcome == StartOutcome::Solved;
+    let first = row.solved.iter().position(solved);
     let name = format!("ego {} against ado {}", row.ego, row.ado);
-    let case = |name: String, time_s: f64, outcome| TestCase {
+    let cases = RowCases {
+        row,
+        outcomes: tested.outcomes.as_deref(),
         class: format!("{}.{}", row.world, row.plant),
-        name,
-        time_s: Some(time_s),
-        requirement: None,
-        outcome,
-    };
-    let tests = |case| TestCase {
         requirement: report.scenario.requirement.clone(),
-        ..case
     };
-    let mut cases = Vec::new();
-    // A row with faults has no case that passes, even without counterexamples.
-    if errs(row) {
-        let played = row.starts + row.invalid;
-        let fault = TestMessage {
-            kind: row
-                .faults
-                .first()
-                .map_or("fault", |fault| fault.kind.word()),
-            message: format!(
-                "the ego or the physics failed on {} of {played} starts",
-                row.invalid
-            ),
-            words: faults(row),
-        };
-        cases.push(case(format!("{name} runs"), 0.0, TestOutcome::Error(fault)));
-    } else if starts.is_empty() {
-        let outcome = match row.starts {
-            0 => TestOutcome::Skipped("no start was evaluated".to_owned()),
-            _ => TestOutcome::Passed,
-        };
-        cases.push(tests(case(name.clone(), row.cpu_s, outcome)));
-    }
-    if let some @ 1.. = fouls(row) {
-        let why = format!(
-            "no answer from {some} of {} starts, on which an ado broke its rule first: {}",
-            row.starts,
-            violations(row)
-        );
-        let name = format!("{name}, starts without an answer");
-        cases.push(case(name, 0.0, TestOutcome::Skipped(why)));
-    }
-    let share_s = row.cpu_s / starts.len() as f64;
-    cases.extend(starts.iter().enumerate().map(|(i, start)| {
-        let failure = TestMessage {
-            kind: "counterexample",
-            message: "the ego fails, every rule kept".to_owned(),
-            words: about(report, tested, i == 0),
-        };
-        let name = format!("{name}, start {start:04}");
-        tests(case(name, share_s, TestOutcome::Failed(failure)))
-    }));
-    cases
+    cases.cases(
+        |start| format!("{name}, start {start:04}"),
+        |start| about(report, tested, Some(start) == first),
+    )
 }
 
 fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
@@ -153,4 +160,53 @@ fn faults(row: &Row) -> String {
 
 fn in_full(fault: &FaultCount) -> String {
     format!("{fault}\n{}", fault.stderr)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(left_out: bool, violations: bool) -> Row {
+        let broken = serde_json::json!([{ "rule": "r", "ado": "ado", "starts": 1 }]);
+        let row = serde_json::json!({
+            "world": "acc", "plant": "Kinematic", "judge": "UntilViolation", "ego": "nominal",
+            "ado": "search", "method": "m", "start_seed": 0, "starts": 4, "trivial": 1,
+            "fails_alone": { "starts": 1, "left_out": left_out },
+            "violations": if violations { broken } else { serde_json::json!([]) },
+            "successes": 1, "success_rate": 0.25, "ci95": [0.0, 1.0], "foul_rate": 0.0,
+            "contact_rate": 0.0, "invalid": 1, "sims_per_start": 1.0, "physics_steps": 0,
+            "cpu_s": 0.0, "solved": "10tx-",
+        });
+        serde_json::from_value(row).expect("a row")
+    }
+
+    fn words(row: &Row, outcomes: Option<&[StartOutcome]>) -> Vec<&'static str> {
+        let cases = RowCases {
+            row,
+            outcomes,
+            class: "search.acc".to_owned(),
+            requirement: None,
+        };
+        let cases = cases.cases(|start| start.to_string(), |_| String::new());
+        let word = |case: &TestCase| match case.outcome {
+            TestOutcome::Passed => "passed",
+            TestOutcome::Failed(_) => "failed",
+            TestOutcome::Error(_) => "error",
+            TestOutcome::Skipped(_) => "skipped",
+        };
+        cases.iter().map(word).collect()
+    }
+
+    #[test]
+    fn every_start_is_a_case_and_no_open_question_passes() {
+        use StartOutcome::{Held, Invalid, RuleViolation, Solved, Trivial, Uncounted};
+        let expected = ["failed", "passed", "skipped", "error", "skipped"];
+        assert_eq!(words(&row(false, false), None), expected);
+        // Which of the starts have an answer is not in the marks.
+        let expected = ["failed", "skipped", "skipped", "error", "skipped"];
+        assert_eq!(words(&row(false, true), None), expected);
+        let known = [Solved, Held, RuleViolation, Uncounted, Trivial, Invalid];
+        let expected = ["failed", "passed", "skipped", "passed", "failed", "error"];
+        assert_eq!(words(&row(true, true), Some(&known)), expected);
+    }
 }

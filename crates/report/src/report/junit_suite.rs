@@ -1,30 +1,49 @@
-//! JUnit XML: suites of test cases, which are counted where they are written.
+//! JUnit XML of all verbs: suites of test cases.
+//!
+//! A case has the same name in every version of an ego, so that a CI server shows how a
+//! crash turns from failed to passed. A result that is no answer is skipped or an error,
+//! and never passed.
 
-use crate::xml::XmlElement;
+use std::time::Duration;
+
+use quick_junit::{
+    NonSuccessKind, Property, Report, TestCase as XmlCase, TestCaseStatus, TestSuite as XmlSuite,
+};
+
+use crate::visible::visible_markup;
 
 /// Suite of test cases.
-pub(super) struct TestSuite {
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestSuite {
+    /// Name, such as the world.
     pub name: String,
     /// Processor time in seconds, if it is known.
     pub time_s: Option<f64>,
+    /// Cases of all outcomes.
     pub cases: Vec<TestCase>,
 }
 
 /// Test case.
-pub(super) struct TestCase {
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestCase {
     /// Class, by which servers group cases.
     pub class: String,
+    /// Name, which must not depend on the outcome.
     pub name: String,
     /// Processor time in seconds, if it is known.
     pub time_s: Option<f64>,
     /// Requirement that the case tests.
     pub requirement: Option<String>,
+    /// Outcome.
     pub outcome: TestOutcome,
 }
 
 /// Outcome of a test case.
-pub(super) enum TestOutcome {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TestOutcome {
+    /// The ego does not fail.
     Passed,
+    /// The ego fails.
     Failed(TestMessage),
     /// The test did not run.
     Error(TestMessage),
@@ -33,7 +52,8 @@ pub(super) enum TestOutcome {
 }
 
 /// Reason of a failure or an error.
-pub(super) struct TestMessage {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TestMessage {
     /// Kind in a word or two.
     pub kind: &'static str,
     /// One line.
@@ -42,75 +62,123 @@ pub(super) struct TestMessage {
     pub words: String,
 }
 
-/// Returns the suites as a document.
-pub(super) fn junit(suites: &[TestSuite]) -> String {
-    let all: Vec<&TestCase> = suites.iter().flat_map(|suite| &suite.cases).collect();
-    let total_s = suites.iter().map(|suite| suite.time_s).sum::<Option<f64>>();
-    let counts = counted("testsuites", "brakecheck", &all);
-    let root = timed(counts, total_s).children(suites.iter().map(element_of));
+/// Returns suites as JUnit XML.
+pub fn junit(suites: &[TestSuite]) -> String {
+    let mut report = Report::new("brakecheck");
+    report.time = suites
+        .iter()
+        .map(|suite| suite.time_s)
+        .sum::<Option<f64>>()
+        .map(duration);
+    report.add_test_suites(suites.iter().map(TestSuite::element));
     // Invariant: memory takes any document.
-    root.document().unwrap_or_default()
+    report.to_string().unwrap_or_default()
 }
 
-fn element_of(suite: &TestSuite) -> XmlElement {
-    let cases: Vec<&TestCase> = suite.cases.iter().collect();
-    let skipped = count(&cases, |it| matches!(it, TestOutcome::Skipped(_)));
-    let element = counted("testsuite", &suite.name, &cases).text("skipped", skipped);
-    timed(element, suite.time_s).children(suite.cases.iter().map(TestCase::element))
+fn duration(time_s: f64) -> Duration {
+    Duration::try_from_secs_f64(time_s).unwrap_or_default()
 }
 
-fn counted(element: &'static str, name: &str, cases: &[&TestCase]) -> XmlElement {
-    XmlElement::new(element)
-        .text("name", name)
-        .text("tests", cases.len().to_string())
-        .text(
-            "failures",
-            count(cases, |it| matches!(it, TestOutcome::Failed(_))),
-        )
-        .text(
-            "errors",
-            count(cases, |it| matches!(it, TestOutcome::Error(_))),
-        )
-}
-
-fn count(cases: &[&TestCase], is_one: fn(&TestOutcome) -> bool) -> String {
-    let found = cases.iter().filter(|case| is_one(&case.outcome));
-    found.count().to_string()
-}
-
-fn timed(element: XmlElement, time_s: Option<f64>) -> XmlElement {
-    match time_s {
-        Some(time_s) => element.text("time", format!("{time_s:.3}")),
-        None => element,
+impl TestSuite {
+    fn element(&self) -> XmlSuite {
+        let mut suite = XmlSuite::new(&*visible_markup(&self.name));
+        suite.time = self.time_s.map(duration);
+        suite.add_test_cases(self.cases.iter().map(TestCase::element));
+        suite
     }
 }
 
 impl TestCase {
-    fn element(&self) -> XmlElement {
-        let named = XmlElement::new("testcase")
-            .text("classname", &self.class)
-            .text("name", &self.name);
-        let requirement = self.requirement.as_ref().map(|it| {
-            let property = XmlElement::new("property").text("name", "requirement");
-            XmlElement::new("properties").child(property.text("value", it))
-        });
-        let case = timed(named, self.time_s).children(requirement);
-        match &self.outcome {
-            TestOutcome::Passed => case,
-            TestOutcome::Failed(it) => case.child(it.element("failure")),
-            TestOutcome::Error(it) => case.child(it.element("error")),
+    fn element(&self) -> XmlCase {
+        let mut case = XmlCase::new(&*visible_markup(&self.name), self.outcome.status());
+        case.set_classname(&*visible_markup(&self.class));
+        case.time = self.time_s.map(duration);
+        let requirement = self.requirement.as_ref().map(|it| visible_markup(it));
+        let property = requirement.map(|it| Property::new("requirement", &*it));
+        case.add_properties(property);
+        case
+    }
+}
+
+impl TestOutcome {
+    fn status(&self) -> TestCaseStatus {
+        match self {
+            TestOutcome::Passed => TestCaseStatus::success(),
+            TestOutcome::Failed(it) => it.status(NonSuccessKind::Failure),
+            TestOutcome::Error(it) => it.status(NonSuccessKind::Error),
             TestOutcome::Skipped(why) => {
-                case.child(XmlElement::new("skipped").text("message", why))
+                let mut status = TestCaseStatus::skipped();
+                status.set_message(&*visible_markup(why));
+                status
             }
         }
     }
 }
 
 impl TestMessage {
-    fn element(&self, name: &'static str) -> XmlElement {
-        XmlElement::new(name)
-            .text("type", self.kind)
-            .text("message", &self.message)
-            .words(&self.words)
+    fn status(&self, kind: NonSuccessKind) -> TestCaseStatus {
+        let mut status = TestCaseStatus::non_success(kind);
+        status
+            .set_type(self.kind)
+            .set_message(&*visible_markup(&self.message));
+        if !self.words.is_empty() {
+            status.set_description(&*visible_markup(&self.words));
+        }
+        status
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(name: &str, outcome: TestOutcome) -> TestCase {
+        TestCase {
+            class: "replay.acc".to_owned(),
+            name: name.to_owned(),
+            time_s: None,
+            requirement: None,
+            outcome,
+        }
+    }
+
+    fn message(kind: &'static str) -> TestMessage {
+        TestMessage {
+            kind,
+            message: "a < b \u{1b}[2K".to_owned(),
+            words: "in full & ]]>".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_parser_finds_every_outcome_with_its_reason() {
+        let cases = vec![
+            case("a", TestOutcome::Failed(message("counterexample"))),
+            case("b", TestOutcome::Passed),
+            case("c", TestOutcome::Skipped("ado broke `r`".to_owned())),
+            case("d", TestOutcome::Error(message("timeout"))),
+        ];
+        let suite = TestSuite {
+            name: "acc".to_owned(),
+            time_s: Some(1.5),
+            cases,
+        };
+        let report = Report::deserialize_from_str(&junit(&[suite])).expect("JUnit");
+        let counts = [report.tests, report.failures, report.errors, report.skipped];
+        assert_eq!(counts, [4, 1, 1, 1]);
+        let read = &report.test_suites[0];
+        assert_eq!(read.time, Some(Duration::from_millis(1500)));
+        let names: Vec<&str> = read.test_cases.iter().map(|it| it.name.as_str()).collect();
+        assert_eq!(names, ["a", "b", "c", "d"]);
+        let mut expected = TestCaseStatus::non_success(NonSuccessKind::Error);
+        expected
+            .set_type("timeout")
+            .set_message("a < b \\u{1b}[2K")
+            .set_description("in full & ]]>");
+        assert_eq!(read.test_cases[3].status, expected);
+        assert_eq!(read.test_cases[1].status, TestCaseStatus::success());
+        let mut skipped = TestCaseStatus::skipped();
+        skipped.set_message("ado broke `r`");
+        assert_eq!(read.test_cases[2].status, skipped);
     }
 }

@@ -21,7 +21,7 @@ mod page;
 mod plot;
 mod points;
 mod recorded_rules;
-mod replayed;
+mod result_page;
 mod results;
 mod reuse;
 mod start_map;
@@ -32,28 +32,33 @@ mod words;
 use crate::rulebook::Verdict;
 use crate::run_dir::{About, Manifest, Progress, Row, Swept};
 use crate::scene::{Frame, Start};
+use crate::stats::StartOutcome;
 use crate::testbench::{Episode, FaultCount, FilmAfterContact};
 use crate::world::Scenario;
 
 pub use animation::{Beside, HOLD_S, LoopingPicture, looping_picture, running_picture};
 pub use campaign::CampaignPage;
 pub use figures::sweep_curve;
+pub use junit::RowCases;
+pub use junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 pub use points::{PointCase, PointsPage};
 pub use recorded_rules::recorded_rules_junit;
-pub use replayed::{ReplayCase, ReplayResult, replayed_junit};
+pub use result_page::{ResultPage, ResultTable, ShownEpisode};
 pub use start_map::{CellState, MapCell, StartMap};
 pub use table::{TextTable, WIDTH};
 pub use verdict::outcome_in_words;
 
 /// Content of a report.
 pub struct Report<'a> {
-    /// World with the nominal ego, on the plant of the run.
+    /// World with the ego of the page, on the plant of the run.
     pub scenario: &'a Scenario,
+    /// Name of that ego. `None`: the world's own ego.
+    pub ego: Option<String>,
     /// Manifest of the run.
     pub manifest: &'a Manifest,
     /// Trainings of this run and of other runs on the same world.
     pub trainings: Vec<Training>,
-    /// Nominal ego on test starts. `None` until a policy exists.
+    /// Ego of the page on test starts. `None` until a policy exists.
     pub nominal: Option<Nominal>,
     /// Evaluated egos and ados.
     pub tested: Vec<Tested>,
@@ -83,7 +88,7 @@ pub struct Training {
     pub closing: Vec<Row>,
 }
 
-/// Nominal ego and trained ado on every test start.
+/// Ego of the page and trained ado on every test start.
 pub struct Nominal {
     /// Rates and costs over all starts.
     pub row: Row,
@@ -97,8 +102,8 @@ pub struct Nominal {
 pub struct Example {
     /// Criterion of its selection, with the number.
     pub chosen_for: String,
-    /// Position among the test starts.
-    pub start: usize,
+    /// Position among the test starts. `None`: a kept file.
+    pub start: Option<usize>,
     /// Episode up to the contact or the horizon.
     pub episode: Episode,
     /// Places of all agents at each sample. Empty if it is not animated.
@@ -119,6 +124,8 @@ pub struct Tested {
     pub row: Row,
     /// Explanation of the first counterexample.
     pub why: Option<String>,
+    /// Outcome per start. `None` if only the marks of the row are known.
+    pub outcomes: Option<Vec<StartOutcome>>,
 }
 
 /// Cost of testing n new starts: `fixed` + n · `per_start` simulations.
@@ -145,7 +152,7 @@ impl Report<'_> {
         page::html(self)
     }
 
-    /// Returns the report as JUnit XML: one test case per counterexample.
+    /// Returns the report as JUnit XML: one test case per start.
     pub fn junit(&self) -> String {
         junit::xml(self)
     }

@@ -67,7 +67,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
 fn opening(report: &Report<'_>) -> Markup {
     let scenario = report.scenario;
     html! {
-        p class="dim" { "brakecheck report: " (scenario.name) }
+        p class="dim" { "brakecheck report: " (scenario.name) @if let Some(ego) = &report.ego { ", ego " (ego) } }
         h1 { (scenario.question) }
         @if !scenario.source.is_empty() { p class="dim" { (scenario.source) } }
         @for note in &report.notes { p class="note" { (note) } }

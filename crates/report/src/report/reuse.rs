@@ -152,7 +152,11 @@ mod tests {
             "physics_steps": 0, "cpu_s": 0.0, "solved": solved,
         });
         let row = serde_json::from_value(json).expect("a row");
-        Tested { row, why: None }
+        Tested {
+            row,
+            why: None,
+            outcomes: None,
+        }
     }
 
     #[test]
@@ -191,7 +195,11 @@ mod tests {
             let mut keys = serde_json::to_value(row).expect("JSON");
             keys["ado"] = "an ado".into();
             let row = serde_json::from_value(keys).expect("a row");
-            Tested { row, why: None }
+            Tested {
+                row,
+                why: None,
+                outcomes: None,
+            }
         });
         let again = super::sorted(&reworded);
         assert!(again.iter().zip(&sorted).all(|(a, b)| a.row == b.row));

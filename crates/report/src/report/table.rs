@@ -37,13 +37,31 @@ impl TextTable {
         }
     }
 
+    /// Returns the table without its first column, such as a name that all rows share.
+    pub fn without_first_column(self) -> TextTable {
+        let rest = |row: Vec<String>| row.into_iter().skip(1).collect();
+        TextTable {
+            columns: rest(self.columns),
+            rows: self.rows.into_iter().map(rest).collect(),
+            numbers_from: self.numbers_from.saturating_sub(1),
+        }
+    }
+
     /// Returns lines for a terminal, no wider than [`WIDTH`].
+    ///
+    /// A column in which every cell is a dash or empty is left out.
     pub fn to_terminal(&self) -> String {
-        let mut table = terminal_table(&self.columns);
+        let is_shown = |column: &usize| {
+            let mut cells = self.rows.iter().filter_map(|row| row.get(*column));
+            self.rows.is_empty() || cells.any(|cell| !matches!(cell.as_str(), "–" | ""))
+        };
+        let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
+        let columns: Vec<&String> = shown.iter().map(|at| &self.columns[*at]).collect();
+        let mut table = terminal_table(&columns);
         for row in &self.rows {
-            table.add_row(row.iter().enumerate().map(|(column, text)| {
-                let cell = Cell::new(text);
-                if column < self.numbers_from {
+            table.add_row(shown.iter().map(|column| {
+                let cell = Cell::new(row.get(*column).map_or("", String::as_str));
+                if *column < self.numbers_from {
                     cell
                 } else {
                     cell.set_alignment(CellAlignment::Right)
@@ -105,6 +123,18 @@ mod tests {
              │ hold    ┆      7 │\n\
              │ trained ┆    190 │\n\
              └─────────┴────────┘"
+        );
+        let dashes = [["hold", "–", "7"], ["trained", "–", "–"]].map(|row| row.map(str::to_owned));
+        let with_dashes = TextTable::new(["ado", "recall", "starts"], dashes);
+        let text = with_dashes.to_terminal();
+        assert!(
+            !text.contains("recall") && text.contains("│ trained ┆ –"),
+            "{text}"
+        );
+        let text = with_dashes.without_first_column().to_terminal();
+        assert!(
+            !text.contains("ado") && text.contains("│ starts │"),
+            "{text}"
         );
         let html = table.to_html().into_string();
         assert!(html.contains("<td data-l=\"starts\">190</td>"), "{html}");

@@ -1,7 +1,7 @@
 //! Counterexamples from elsewhere, and counterexamples to keep.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::mixture::Mixture;
 use super::record::KnownFailure;
@@ -19,8 +19,10 @@ use crate::world::Scenario;
 
 /// Most counterexamples of a training that are used.
 const MOST: usize = 1000;
-/// Runs of a program that are timed before the estimation.
+/// Runs of an ego that are timed before the estimation: at least, at most, and how long.
 const TIMED: u64 = 4;
+const MOST_TIMED: u64 = 100;
+const LONGEST_TIMED: Duration = Duration::from_millis(300);
 
 impl KnownFailure {
     /// Returns counterexamples of a training, evenly over its course.
@@ -153,34 +155,24 @@ impl RiskRequest<'_> {
 
     /// Returns the cost of the estimation in words, before it begins.
     ///
-    /// Some natural runs of a program are timed, since its runs may take seconds.
+    /// Some natural runs of each ego are timed.
     pub fn announced(&self) -> String {
         let settings = &self.settings;
         let scenarios = self.egos.iter().map(EgoUnderTest::scenario);
-        let programs: Vec<&Scenario> = scenarios.filter(|it| it.program().is_some()).collect();
-        let mut text = format!(
-            "at most {} runs of {} s with {}",
+        let seconds: f64 = scenarios.map(|it| self.seconds_per_run(it)).sum();
+        let threads = rayon::current_num_threads();
+        let all_s = settings.budget as f64 * seconds / threads as f64;
+        format!(
+            "at most {} runs of {} s with {}, {:.1} ms each: at most {} on {threads} threads",
             settings.budget,
             self.egos[0].scenario().world().clock().horizon_s,
             match self.egos.len() {
                 1 => "the ego".to_owned(),
                 egos => format!("each of {egos} egos"),
-            }
-        );
-        if !programs.is_empty() {
-            let seconds: f64 = programs.iter().map(|it| self.seconds_per_run(it)).sum();
-            let threads = rayon::current_num_threads();
-            let hours = settings.budget as f64 * seconds / threads as f64 / 3600.0;
-            let time = if hours < 1.0 {
-                format!("{:.0} min", (60.0 * hours).ceil())
-            } else {
-                format!("{hours:.1} h")
-            };
-            text.push_str(&format!(
-                ", {seconds:.3} s per run of a program: at most {time} on {threads} processes"
-            ));
-        }
-        text
+            },
+            1e3 * seconds / self.egos.len() as f64,
+            duration_in_words(all_s),
+        )
     }
 
     fn seconds_per_run(&self, ego: &Scenario) -> f64 {
@@ -189,19 +181,31 @@ impl RiskRequest<'_> {
         let world = RiskWorld::new(ego, starts, actions);
         let mut bench = world.scenario.bench();
         let begun = Instant::now();
-        for index in 0..TIMED {
+        let mut played = 0;
+        // Runs of a stock ego are too short for a few of them to be timed.
+        while played < TIMED || (played < MOST_TIMED && begun.elapsed() < LONGEST_TIMED) {
             let order = Order {
                 seed: self.settings.seed,
                 // A stage of its own, although no result depends on these runs.
                 stage: u64::MAX,
-                index,
+                index: played,
                 source: EpisodeSource::Component(0),
                 judge_held: false,
                 prevent: false,
             };
             world.play(&mut bench, &mixture, &order);
+            played += 1;
         }
-        begun.elapsed().as_secs_f64() / TIMED as f64
+        begun.elapsed().as_secs_f64() / played as f64
+    }
+}
+
+/// Returns a duration in the unit that a reader would choose, rounded up.
+fn duration_in_words(seconds: f64) -> String {
+    match seconds {
+        s if s < 120.0 => format!("{:.0} s", s.ceil()),
+        s if s < 5400.0 => format!("{:.0} min", (s / 60.0).ceil()),
+        s => format!("{:.1} h", s / 3600.0),
     }
 }
 
@@ -303,13 +307,16 @@ mod tests {
             request.settings.budget = 700;
             request.announced()
         };
-        assert_eq!(
-            announced(&egos[..1]),
-            "at most 700 runs of 2.5 s with the ego"
-        );
-        assert_eq!(
-            announced(&egos),
-            "at most 700 runs of 2.5 s with each of 2 egos"
-        );
+        for (egos, of) in [(&egos[..1], "the ego, "), (&egos[..], "each of 2 egos, ")] {
+            let (said, begins) = (
+                announced(egos),
+                format!("at most 700 runs of 2.5 s with {of}"),
+            );
+            assert!(said.starts_with(&begins), "{said}");
+            assert!(
+                said.contains(" ms each: at most ") && said.ends_with(" threads"),
+                "{said}"
+            );
+        }
     }
 }

@@ -554,8 +554,7 @@ fn a_risk_is_said_with_its_interval_its_traffic_and_its_length() {
     let (report, _) = counted_with(&[reckless(&world, false)], 0.0);
     let text = report.to_string();
     let [lo, hi] = report.egos[0].readings.fails.expect("counted").interval;
-    let said = "you may say      in traffic “test”, on the kinematic plant, in runs of 2.5 s, \
-                `sound` fails in";
+    let said = "in traffic “test”, on the kinematic plant, in runs of 2.5 s, `sound` fails in";
     assert!(text.contains(said), "{text}");
     let interval = format!("of runs (95 % interval {lo:.4} … {hi:.4})");
     assert!(text.contains(&interval), "{interval}: {text}");

@@ -2,7 +2,8 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::{DecidedGate, Gate, GateOn, MoreSevere, NewlyFailingCounts, NotRun};
+use super::{DecidedGate, Flipped, Gate, GateOn, MoreSevere, NewlyFailingCounts, NotRun};
+use crate::stats::StartOutcome;
 
 impl Display for NewlyFailingCounts {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -19,7 +20,7 @@ impl Display for NewlyFailingCounts {
 }
 
 impl Display for DecidedGate {
-    /// Writes the comparison, and below it remarks and the decision.
+    /// Writes the decision, and below it the comparison and remarks.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str(&self.lines().join("\n"))
     }
@@ -33,8 +34,8 @@ impl Gate {
             let failed = self
                 .no_answer
                 .iter()
-                .filter(|it| it.before != "held")
-                .filter(|it| it.before != "uncounted")
+                .filter(|it| it.before != StartOutcome::Held)
+                .filter(|it| it.before != StartOutcome::Uncounted)
                 .count();
             remarks.push(format!(
                 "no answer from {} starts, on which an ado breaks its rule against `{}` ({failed} \
@@ -44,19 +45,18 @@ impl Gate {
                 self.baseline
             ));
         }
-        let before = |word| {
-            self.newly_failing
-                .iter()
-                .filter(move |it| it.before == word)
-        };
-        match before("foul").count() {
+        let was_broken = |it: &&Flipped| it.before == StartOutcome::RuleViolation;
+        match self.newly_failing.iter().filter(was_broken).count() {
             0 => {}
             some => remarks.push(format!(
                 "{some} of the newly failing have no answer on `{}`: an ado breaks its rule there",
                 self.baseline
             )),
         }
-        let now = self.newly_fixed.iter().filter(|it| it.now == "uncounted");
+        let now = self
+            .newly_fixed
+            .iter()
+            .filter(|it| it.now == StartOutcome::Uncounted);
         match now.count() {
             0 => {}
             some => remarks.push(format!(
@@ -75,15 +75,20 @@ impl Gate {
 }
 
 impl DecidedGate {
-    /// Returns the comparison, the remarks and the decision, a line each.
+    /// Returns the decision, the comparison and the remarks, a line each.
     pub fn lines(&self) -> Vec<String> {
-        let mut lines = vec![self.comparison()];
-        lines.extend(self.gate.remarks());
-        lines.extend(self.severity());
-        let alone = self.without_adversary.as_deref();
-        lines.extend(alone.and_then(DecidedGate::alone));
-        lines.push(format!("gate {}", self.decision()));
+        let mut lines = vec![format!("gate {}", self.decision()), self.comparison()];
+        lines.extend(self.remarks());
         lines
+    }
+
+    /// Returns a sentence per remark on the comparison.
+    pub fn remarks(&self) -> Vec<String> {
+        let mut remarks = self.gate.remarks();
+        remarks.extend(self.severity());
+        let alone = self.without_adversary.as_deref();
+        remarks.extend(alone.and_then(DecidedGate::alone));
+        remarks
     }
 
     /// Returns a sentence on failures without an adversary, `None` if they are the same.
@@ -126,11 +131,8 @@ impl DecidedGate {
 
     fn severity(&self) -> Option<String> {
         let worst = MoreSevere::worst(&self.gate.more_severe)?;
-        let word = if self.blocks_severity || self.gate.severity_decides() {
-            ""
-        } else {
-            "warning: "
-        };
+        let blocks = self.closed_by.contains(&GateOn::Severity);
+        let word = if blocks { "" } else { "warning: " };
         Some(format!(
             "{word}{} of the {} that fail on both fail more severely (Δv of the ego up by more \
              than 20 %), the worst from start {}: {:.1} m/s before, {:.1} m/s now",
@@ -156,14 +158,12 @@ impl DecidedGate {
                     format!("{starts} newly failing starts that are not shown to be unavoidable")
                 }
                 GateOn::Preventable => format!("{starts} preventable newly failing starts"),
-                GateOn::Severity if self.blocks_severity => {
-                    format!("{starts} starts that fail more severely")
-                }
                 // The baseline of one of the two comparisons leaves nothing else to see.
-                GateOn::Severity => format!(
+                GateOn::Severity if self.gate.severity_decides() => format!(
                     "{starts} starts that fail more severely, since no start is left to fail \
                      newly: the baseline fails from all"
                 ),
+                GateOn::Severity => format!("{starts} starts that fail more severely"),
                 GateOn::Any | GateOn::Never => format!("{starts} newly failing starts"),
             }
         };

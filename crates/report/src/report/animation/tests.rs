@@ -48,7 +48,7 @@ pub(in crate::report) fn shown(scenario: &Scenario, episode: Episode) -> Example
     let Film { frames, after } = film_beyond(&mut scenario.bench(), &episode);
     Example {
         chosen_for: "being one".to_owned(),
-        start: 0,
+        start: None,
         frames,
         after,
         about: About {

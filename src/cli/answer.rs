@@ -1,0 +1,106 @@
+//! Output of a verb for people: the verdict, its table, and more on request.
+
+use clap::Args;
+
+/// Options of printed answers.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub(super) struct AnswerArgs {
+    /// Also print what is behind the verdict: more tables, remarks and labels.
+    #[arg(long, conflicts_with = "json")]
+    pub(super) details: bool,
+    /// Also print the meaning of the columns.
+    #[arg(long, conflicts_with = "json")]
+    explain: bool,
+}
+
+/// Output of a verb, in the order in which it is printed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Answer {
+    /// Verdict, in one to three lines.
+    pub(super) verdict: Vec<String>,
+    /// Table of the verb, with the remarks without which it would mislead.
+    pub(super) table: String,
+    /// More tables and remarks, for `--details`.
+    pub(super) details: String,
+    /// Meaning of the columns, for `--explain`.
+    pub(super) legend: String,
+}
+
+impl Answer {
+    /// Puts this answer before another, whose verdict and table become details.
+    ///
+    /// Without a table, it adds its verdict and details to the other.
+    pub(super) fn before(self, rows: Answer) -> Answer {
+        if self.table.is_empty() {
+            return Answer {
+                verdict: [rows.verdict, self.verdict].concat(),
+                details: format!("{}\n{}", rows.details, self.details),
+                ..rows
+            };
+        }
+        let details = [
+            self.details.as_str(),
+            &rows.verdict.join("\n"),
+            &rows.table,
+            &rows.details,
+        ];
+        Answer {
+            verdict: self.verdict,
+            table: self.table,
+            details: details.map(|part| part.trim_matches('\n')).join("\n"),
+            legend: format!("{}\n{}", self.legend, rows.legend),
+        }
+    }
+
+    /// Returns the text to print.
+    pub(super) fn text(&self, args: AnswerArgs) -> String {
+        let verdict = self.verdict.join("\n");
+        let mut parts = vec![verdict.as_str(), &self.table];
+        let mut more = Vec::new();
+        for (part, is_asked, option) in [
+            (&self.details, args.details, "more with --details"),
+            (&self.legend, args.explain, "columns with --explain"),
+        ] {
+            if is_asked {
+                parts.push(part);
+            } else if !part.trim().is_empty() {
+                more.push(option);
+            }
+        }
+        let more = more.join(", ");
+        parts.push(&more);
+        let parts = parts.iter().map(|part| part.trim_matches('\n'));
+        let parts: Vec<&str> = parts.filter(|part| !part.is_empty()).collect();
+        parts.join("\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn details_and_columns_are_printed_on_request_only() {
+        let answer = Answer {
+            verdict: vec!["it fails".to_owned()],
+            table: "table\n".to_owned(),
+            details: "\nwhy".to_owned(),
+            legend: "meaning".to_owned(),
+        };
+        let text = |details, explain| answer.text(AnswerArgs { details, explain });
+        assert_eq!(
+            text(false, false),
+            "it fails\ntable\nmore with --details, columns with --explain"
+        );
+        assert_eq!(text(true, true), "it fails\ntable\nwhy\nmeaning");
+        assert_eq!(
+            text(true, false),
+            "it fails\ntable\nwhy\ncolumns with --explain"
+        );
+        let bare = Answer {
+            verdict: answer.verdict.clone(),
+            ..Answer::default()
+        };
+        assert_eq!(bare.text(AnswerArgs::default()), "it fails");
+    }
+}
