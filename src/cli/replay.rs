@@ -122,11 +122,13 @@ fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), 
             .collect();
         return print_json(&json!({ "rows": rows, "in_all": in_all }));
     }
+    // The run of another ego is expected to differ from the record.
+    let compares = recorded || (args.ego.is_none() && args.program.is_empty());
     // The labels of a single replay fit below it. Those of many take replays of their own,
     // so they are computed on request only.
     let (below, details) = match replayed {
-        [_] => (labels(replayed, &known()), String::new()),
-        _ if args.answer.details => (String::new(), labels(replayed, &known())),
+        [_] => (labels(replayed, &known(), compares), String::new()),
+        _ if args.answer.details => (String::new(), labels(replayed, &known(), compares)),
         _ => (String::new(), "labels".to_owned()),
     };
     let answer = Answer {
@@ -137,8 +139,12 @@ fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), 
         }],
         table: format!(
             "{}{}{below}",
-            table(replayed, args.answer.details),
-            faults(replayed)
+            Rows {
+                all: args.answer.details,
+                compares
+            }
+            .table(replayed),
+            faults(replayed, compares)
         ),
         details,
         legend: EXPLAINED.to_owned(),
@@ -245,7 +251,7 @@ fn runs(repeated: &StartRepeated) -> serde_json::Value {
 }
 
 /// Formats faults, egos that are not deterministic, and records that are not repeated.
-fn faults(replayed: &[Replayed]) -> String {
+fn faults(replayed: &[Replayed], compares: bool) -> String {
     let mut text = String::new();
     for one in replayed {
         let file = one.path.display();
@@ -267,7 +273,7 @@ fn faults(replayed: &[Replayed]) -> String {
         if let Some(why) = one.no_answer().filter(|_| one.fault().is_none()) {
             text.push_str(&format!("\n{file}: no answer, because {why}"));
         }
-        if let Some(departure) = one.departure().filter(|_| !one.is_reproduced()) {
+        if let Some(departure) = one.departure().filter(|_| compares) {
             text.push_str(&format!("\n{file}: {departure}"));
         }
     }
@@ -275,7 +281,7 @@ fn faults(replayed: &[Replayed]) -> String {
 }
 
 /// Formats the runs with their labels, and their differences from the recorded runs.
-fn labels(replayed: &[Replayed], known: &[About]) -> String {
+fn labels(replayed: &[Replayed], known: &[About], compares: bool) -> String {
     let mut text = String::new();
     // An invalid run has no outcome to describe.
     let ran = replayed
@@ -290,7 +296,7 @@ fn labels(replayed: &[Replayed], known: &[About]) -> String {
             format!("\n{about}").replace('\n', "\n  ")
         };
         text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
-        if let Some(departure) = one.departure().filter(|_| one.is_reproduced()) {
+        if let Some(departure) = one.departure().filter(|_| !compares) {
             text.push_str(&format!("\n{file}: {departure}"));
         }
         if one.ego_as_recorded == Some(false) {
@@ -313,51 +319,62 @@ fn rules_until_contact(episode: &Episode) -> serde_json::Value {
     }
 }
 
-/// Draws the replays, of which the first are those that still fail or have no answer.
-fn table(replayed: &[Replayed], all: bool) -> String {
-    let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
-    let first = directories.next().flatten();
-    // A common directory is printed once, above the table.
-    let directory = first.filter(|_| directories.all(|other| other == first));
-    let mut shown: Vec<&Replayed> = replayed.iter().collect();
-    let most = if all { shown.len() } else { SHOWN };
-    if most < shown.len() {
-        // Stable, so that equal outcomes keep the order of the files.
-        shown.sort_by_key(|one| one.identical || one.outcome() == ReplayOutcome::Fixed);
-    }
-    let lines = shown.iter().take(most).map(|replayed| line(replayed));
-    let header = ["file", "outcome", "ρ(ψ)", "contact", "rules", "bits"];
-    let place = match directory {
-        Some(directory) if !directory.as_os_str().is_empty() => {
-            format!("in {}\n", directory.display())
-        }
-        _ => String::new(),
-    };
-    let table = TextTable::new(header, lines).to_terminal();
-    let more = match shown.len().saturating_sub(most) {
-        0 => String::new(),
-        more => format!("\n{more} more files"),
-    };
-    format!("{place}{table}{more}")
+/// Rows and columns of the table.
+struct Rows {
+    /// All replays, and not only the first.
+    all: bool,
+    /// Compare with the records.
+    compares: bool,
 }
 
-fn line(replayed: &Replayed) -> [String; 6] {
-    let contact = replayed.episode.contact.as_ref();
-    let contact = contact.map_or("–".to_owned(), |touch| {
-        format!("{:.2} s, {:.1} m/s", touch.time_s, touch.closing_speed_mps)
-    });
-    let bits = match &replayed.first_difference {
-        _ if replayed.identical => "identical".to_owned(),
-        Some(difference) => format!("differ from {:.2} s", difference.time_s),
-        None => "differ, see below".to_owned(),
-    };
-    let rules = replayed.episode.rules_until_contact.as_ref();
-    [
-        case_name(&replayed.path),
-        replayed.outcome().words().to_owned(),
-        format!("{:.6}", replayed.episode.robustness),
-        contact,
-        rules.map_or("–".to_owned(), ToString::to_string),
-        bits,
-    ]
+impl Rows {
+    /// Draws the replays, of which the first are those that still fail or have no answer.
+    fn table(&self, replayed: &[Replayed]) -> String {
+        let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
+        let first = directories.next().flatten();
+        // A common directory is printed once, above the table.
+        let directory = first.filter(|_| directories.all(|other| other == first));
+        let mut shown: Vec<&Replayed> = replayed.iter().collect();
+        let most = if self.all { shown.len() } else { SHOWN };
+        if most < shown.len() {
+            // Stable, so that equal outcomes keep the order of the files.
+            shown.sort_by_key(|one| (one.outcome() == ReplayOutcome::Fixed, one.identical));
+        }
+        let lines = shown.iter().take(most).map(|replayed| self.line(replayed));
+        let header = ["file", "outcome", "ρ(ψ)", "contact", "rules", "bits"];
+        let place = match directory {
+            Some(directory) if !directory.as_os_str().is_empty() => {
+                format!("in {}\n", directory.display())
+            }
+            _ => String::new(),
+        };
+        let table = TextTable::new(header, lines).to_terminal();
+        let more = match shown.len().saturating_sub(most) {
+            0 => String::new(),
+            more => format!("\n{more} more files"),
+        };
+        format!("{place}{table}{more}")
+    }
+
+    fn line(&self, replayed: &Replayed) -> [String; 6] {
+        let contact = replayed.episode.contact.as_ref();
+        let contact = contact.map_or("–".to_owned(), |touch| {
+            format!("{:.2} s, {:.1} m/s", touch.time_s, touch.closing_speed_mps)
+        });
+        let bits = match &replayed.first_difference {
+            _ if !self.compares => "–".to_owned(),
+            _ if replayed.identical => "identical".to_owned(),
+            Some(difference) => format!("differ from {:.2} s", difference.time_s),
+            None => "differ, see below".to_owned(),
+        };
+        let rules = replayed.episode.rules_until_contact.as_ref();
+        [
+            case_name(&replayed.path),
+            replayed.outcome().words().to_owned(),
+            format!("{:.6}", replayed.episode.robustness),
+            contact,
+            rules.map_or("–".to_owned(), ToString::to_string),
+            bits,
+        ]
+    }
 }

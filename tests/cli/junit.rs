@@ -122,7 +122,7 @@ fn a_gate_has_a_case_of_its_own_and_one_per_start() {
     let [xml, file, harder] = ["gate.xml", "gate.json", "harder.ron"].map(|name| path(&dir, name));
     std::fs::write(&harder, "Change(ego: (max_brake_mps2: 7.2))").expect("written");
     let gate = |ego: &str, before: &str| {
-        let asked = ["gate", &run, "--starts", "60", "--ego", ego, "--on", "any"];
+        let asked = ["gate", &run, "--starts", "120", "--ego", ego, "--on", "any"];
         let more = ["--baseline-ego", before, "--junit", &xml, "--json"];
         let output = brakecheck(&[&asked[..], &more].concat());
         std::fs::write(&file, &output.stdout).expect("written");
@@ -138,7 +138,7 @@ fn a_gate_has_a_case_of_its_own_and_one_per_start() {
     // The gate itself is one more.
     assert_eq!(
         (closed.len(), of(&closed, "failed").len()),
-        (61, newly + 1),
+        (121, newly + 1),
         "{closed:?}"
     );
     assert!(closed["gate"].starts_with("failed: gate closed by"));
