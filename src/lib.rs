@@ -90,7 +90,6 @@ pub use brakecheck_experiment::run_dir;
 #[doc(inline)]
 pub use brakecheck_experiment::search;
 use brakecheck_files::ron_file;
-#[cfg(test)]
 use brakecheck_files::run_files;
 #[cfg(feature = "raster")]
 #[doc(inline)]

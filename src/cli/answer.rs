@@ -2,14 +2,17 @@
 
 use clap::Args;
 
+use super::display::is_quiet;
+use super::headings::OUTPUT;
+
 /// Options of printed answers.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub(super) struct AnswerArgs {
     /// Also print what is behind the verdict: more tables, remarks and labels.
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
     pub(super) details: bool,
     /// Also print the meaning of the columns.
-    #[arg(long, conflicts_with = "json")]
+    #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
     explain: bool,
 }
 
@@ -55,6 +58,9 @@ impl Answer {
     /// Returns the text to print.
     pub(super) fn text(&self, args: AnswerArgs) -> String {
         let verdict = self.verdict.join("\n");
+        if is_quiet() {
+            return verdict;
+        }
         let mut parts = vec![verdict.as_str(), &self.table];
         let mut more = Vec::new();
         for (part, is_asked, option) in [

@@ -7,8 +7,11 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::{EnumMessage, VariantArray};
 
+use super::defaults::is_plant_default;
+use super::display::{message_columns, stdout_columns, theme};
 use super::failure::{self, Exit, Failure};
 use super::terminal::{self, Common};
+use super::world_input::{self, ReadWorld};
 use crate::experiment::{NeutralRule, on_plant};
 use crate::report::TextTable;
 use crate::run_dir::{Row, RunDir, RunError};
@@ -27,17 +30,31 @@ pub(super) fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError>
 
 /// Reads a world, with the consent that was typed.
 pub(super) fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
-    let world = Scenario::find(path)?.allow_programs(common.allow_programs);
-    Ok(if common.fresh {
-        world.with_fresh_egos()
+    let ReadWorld { world, files } = world_input::read(path);
+    for file in files {
+        terminal::detail(&format!("read `{}`", file.display()));
+    }
+    Ok(with_consent(world?, common))
+}
+
+/// Returns a world with the consent that was typed.
+pub(super) fn with_consent(world: Scenario, common: &Common) -> Scenario {
+    let allowed = world.allow_programs(common.allow_programs);
+    if common.fresh {
+        allowed.with_fresh_egos()
     } else {
-        world
-    })
+        allowed
+    }
+}
+
+/// Returns the requested plant, or `None` if it is a default and the world has no plants.
+pub(super) fn plant_in(world: &Scenario, plant: Option<PlantKind>) -> Option<PlantKind> {
+    plant.filter(|_| world.drive().is_some() || !is_plant_default())
 }
 
 /// Returns a world on the plant to test on, if one is requested.
 pub(super) fn placed(world: Scenario, plant: Option<PlantKind>) -> Result<Scenario, Failure> {
-    match plant {
+    match plant_in(&world, plant) {
         Some(plant) => Ok(on_plant(&world, plant)?),
         None => Ok(world),
     }
@@ -49,7 +66,7 @@ pub(super) fn note_warnings(path: &Path, world: &Scenario) {
     let notes = failure::warnings(&file, &world.text, &world.warnings);
     if !notes.is_empty() {
         let shown = Failure::of(Exit::Done, notes);
-        let text = shown.render(terminal::theme(), terminal::width());
+        let text = shown.render(theme(), message_columns());
         terminal::note_rendered(text.trim_end());
     }
     if let Some(broken) = NeutralRule::of(world) {
@@ -94,7 +111,7 @@ pub(super) fn table_of<const N: usize>(
     header: [&str; N],
     lines: impl IntoIterator<Item = [String; N]>,
 ) -> String {
-    TextTable::new(header, lines).to_terminal()
+    TextTable::new(header, lines).to_terminal(stdout_columns())
 }
 
 /// JSON has no infinities: they are the words "inf" and "-inf".

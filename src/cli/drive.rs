@@ -7,14 +7,17 @@ use std::sync::Arc;
 use clap::Args;
 use serde_json::json;
 
-use super::common::{load_world, one_of, open_run, placed, print_json};
+use super::common::{load_world, one_of, open_run, placed, print_json, with_consent};
+use super::defaults::PLANT;
 use super::failure::{Exit, Failure, plain_theme};
+use super::headings::{OUTPUT, RUNNING, TEST};
 use super::number_args::count;
 use super::progress;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
-use crate::drive::{DriveSettings, Reload, Sandbox, WatchedWorld, serve};
+use super::world_input::{self, ReadWorld};
+use crate::drive::{DriveSettings, Reload, Reloaded, Sandbox, WatchedWorld, serve};
 use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::training::{TrainRequest, TrainSession};
@@ -49,22 +52,22 @@ pub(super) struct DriveArgs {
     #[arg(long, value_name = "INDEX", default_value_t = 0, value_parser = count(0..=999_999))]
     start: u64,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX), help_heading = TEST)]
     seed: u64,
     /// The physics to drive in, instead of the world's.
-    #[arg(long, value_parser = one_of::<PlantKind>())]
+    #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     plant: Option<PlantKind>,
     /// Directory for the counterexamples that you keep.
-    #[arg(long, value_name = "DIR", default_value = "driven")]
+    #[arg(long, value_name = "DIR", default_value = "driven", help_heading = OUTPUT)]
     keep: PathBuf,
     /// Port of the page on 127.0.0.1, 0 for any that is free.
-    #[arg(long, value_name = "PORT", default_value_t = 0)]
+    #[arg(long, value_name = "PORT", default_value_t = 0, help_heading = RUNNING)]
     port: u16,
     /// Print the address as one JSON object on stdout instead of a message.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     /// Start the programs that the world's file names as egos.
-    #[arg(long)]
+    #[arg(long, help_heading = RUNNING)]
     allow_programs: bool,
     /// Program to choose as an ego, after `--`; typing it consents to start it.
     #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
@@ -173,10 +176,18 @@ fn watched(args: &DriveArgs) -> Result<Option<WatchedWorld>, Failure> {
         ));
     }
     let (path, common, plant) = (args.what.clone(), args.common(), args.plant);
-    let load = move || -> Result<Scenario, Failure> { placed(load_world(&path, &common)?, plant) };
-    // On a page there are no colours of a terminal.
-    let reload: Reload = Box::new(move || load().map_err(|it| it.render(plain_theme(), 100)));
-    Ok(Some(WatchedWorld::new(args.what.clone(), reload)))
+    let load = move || {
+        let ReadWorld { world, files } = world_input::read(&path);
+        let on_plant = || placed(with_consent(world?, &common), plant);
+        Reloaded {
+            // On a page there are no colours of a terminal.
+            world: on_plant().map_err(|it| it.render(plain_theme(), 100)),
+            files,
+        }
+    };
+    let files = world_input::read(&args.what).files;
+    let reload: Reload = Box::new(load);
+    Ok(Some(WatchedWorld::new(files, reload)))
 }
 
 fn announce(args: &DriveArgs, address: &str) {

@@ -1,6 +1,7 @@
 //! Tables of several egos: the worst first, and blocks with summaries.
 
 use super::answer::Answer;
+use super::display::stdout_columns;
 use super::table::{contacts, found, interval, legend, remarks, rows, success, warnings};
 use super::verdict::{ego, percent, severity, strongest, verdict};
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
@@ -64,7 +65,9 @@ fn by_ego(egos: &[ReusedOn]) -> String {
         "recall",
         "alone",
     ];
-    let table = TextTable::new(columns, lines).numbers_from(2).to_terminal();
+    let table = TextTable::new(columns, lines)
+        .numbers_from(2)
+        .to_terminal(stdout_columns());
     match worst.len().saturating_sub(EGOS_SHOWN) {
         0 => table,
         more => format!("{table}\n{more} more egos fail as rarely or more rarely"),
@@ -114,7 +117,9 @@ fn without_adversary(block: &[&ReusedOn]) -> String {
         ]
     });
     let columns = ["ego", "fails without an adversary", "reachable", "union"];
-    TextTable::new(columns, rows).numbers_from(1).to_terminal()
+    TextTable::new(columns, rows)
+        .numbers_from(1)
+        .to_terminal(stdout_columns())
 }
 
 /// One line per ado: its means over the block.
@@ -150,5 +155,7 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
             format!("{:.1}", sum.sims_per_start),
         ]
     });
-    TextTable::new(columns, rows).numbers_from(1).to_terminal()
+    TextTable::new(columns, rows)
+        .numbers_from(1)
+        .to_terminal(stdout_columns())
 }

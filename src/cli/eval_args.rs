@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::failure::Failure;
+use super::headings::{ADOS, TEST};
 use super::live::{Live, Streamed};
 use super::number_args::whole_number;
 use super::test_args::{EgoArgs, TestArgs};
@@ -18,10 +19,10 @@ pub(super) struct EvalArgs {
     #[command(flatten)]
     pub(super) ego: EgoArgs,
     /// Also check the paper's theorems: 1 to 3 on a grid, 3 and Lemma 1 on the road.
-    #[arg(long)]
+    #[arg(long, help_heading = TEST)]
     pub(super) theorems: bool,
     /// Test the first N members of a population, and count their cells of failures.
-    #[arg(long, value_name = "all|N", value_parser = members)]
+    #[arg(long, value_name = "all|N", value_parser = members, help_heading = ADOS)]
     pub(super) members: Option<usize>,
     /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]

@@ -1,6 +1,11 @@
 //! End of `--help`: an example per verb, exit codes and documents.
 
 /// Behind the list of verbs.
+pub(super) const SHORT: &str = "\
+Begin with `brakecheck new mine`, then `brakecheck check mine.ron`.
+`brakecheck VERB --help` explains a verb; manual: docs/README.md";
+
+/// Behind the list of all options.
 pub(super) const ALL: &str = "\
 Exit codes:
   0    done
@@ -15,11 +20,16 @@ First steps:
   brakecheck check mine.ron
   brakecheck search mine.ron --starts 20
 
-Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
-`brakecheck VERB --help`. The paper's tables and figures: crates/repro/README.md.
+Defaults, each overridden by the next: `brakecheck.toml` in this directory or its repository,
+the variables BRAKECHECK_JOBS, BRAKECHECK_PLANT and BRAKECHECK_COLOR, the options.
+Documents: docs/README.md beside the source, and `brakecheck VERB --help`.
+The paper's tables and figures: crates/repro/README.md.
 Libraries in this program, with their licences: `brakecheck notices`.";
 
 pub(super) const NEW: &str = "Examples:\n  brakecheck new mine\n  brakecheck new follow --from-log tracks.csv --kind following -o worlds\n\nDocuments: docs/guide/worlds.md, docs/guide/recordings.md";
+pub(super) const WORLDS: &str = "Examples:\n  brakecheck worlds acc\n  brakecheck worlds junction -o mine.ron\n\nDocuments: docs/guide/worlds.md";
+pub(super) const COMPLETIONS: &str = "Examples:\n  brakecheck completions zsh\n  source <(brakecheck completions bash)\n\nDocuments: docs/reference/verbs.md";
+pub(super) const MAN: &str = "Examples:\n  brakecheck man -o ~/.local/share/man/man1\n  brakecheck man | man -l -\n\nDocuments: docs/reference/verbs.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";
 pub(super) const TRAIN: &str = "Examples:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n  brakecheck train worlds/acc.ron -o runs/acc --rerun - | rerun -\n\nDocuments: docs/background/learners.md";
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";
@@ -106,10 +116,10 @@ mod tests {
             .filter_map(|verb| verb.get_after_help());
         let texts = verbs
             .map(ToString::to_string)
-            .chain([super::ALL.to_owned()]);
+            .chain([super::ALL.to_owned(), super::SHORT.to_owned()]);
         for text in texts {
             for word in text
-                .split([' ', ',', '\n'])
+                .split([' ', ',', '\n', ';'])
                 .filter(|word| word.starts_with("docs/"))
             {
                 let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(word);

@@ -7,12 +7,14 @@ use serde_json::json;
 
 use super::common::print_json;
 use super::failure::{Exit, Failure};
+use super::headings::{OUTPUT, RUNNING};
+use super::kept_input;
 use super::terminal::{self, Common};
-use crate::crashes::{ExportSettings, Exports, NotExported, Regressions, export_with};
+use crate::crashes::{ExportSettings, Exports, NotExported, export_with};
 
 #[derive(Args, Debug)]
 pub(super) struct ExportArgs {
-    /// A kept counterexample, a directory of them, or a run directory.
+    /// A kept counterexample (- is stdin), a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
     /// The directory to write into; files of the same names are replaced.
@@ -22,10 +24,10 @@ pub(super) struct ExportArgs {
     #[arg(long)]
     osi: bool,
     /// Print one JSON object on stdout instead of a list.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     /// Start the program that a kept file names as the ego.
-    #[arg(long)]
+    #[arg(long, help_heading = RUNNING)]
     allow_programs: bool,
 }
 
@@ -40,7 +42,7 @@ impl ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
-    let regressions = Regressions::find(&args.what, None)?.allow_programs(args.allow_programs);
+    let regressions = kept_input::find(&args.what, None)?.allow_programs(args.allow_programs);
     let settings = ExportSettings { osi: args.osi };
     let Exports { files, refused } = export_with(&regressions, &args.output, settings)?;
     let files: Vec<String> = files.iter().map(|it| it.display().to_string()).collect();

@@ -7,7 +7,9 @@ use serde_json::json;
 
 use super::answer::Answer;
 use super::common::{exit_of, interrupted_early, one_of};
+use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
+use super::headings::OUTPUT;
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
@@ -45,7 +47,7 @@ pub(super) struct GateArgs {
     )]
     on: Vec<GateOn>,
     /// Write the gate and every start as test cases of JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml")]
+    #[arg(long, value_name = "FILE.xml", help_heading = OUTPUT)]
     junit: Option<PathBuf>,
     #[command(flatten)]
     pub(super) test: TestArgs,
@@ -109,7 +111,7 @@ fn answer(gates: &[DecidedGate]) -> Answer {
     };
     let remarks: Vec<String> = gates.iter().flat_map(DecidedGate::remarks).collect();
     let decisions: Vec<String> = gates.iter().map(ToString::to_string).collect();
-    let mut table = gate_table(gates).to_terminal();
+    let mut table = gate_table(gates).to_terminal(stdout_columns());
     if gates.len() <= REMARKED {
         table = [vec![table], remarks].concat().join("\n");
     }

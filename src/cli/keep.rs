@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::answer::AnswerArgs;
+use super::display::stdout_columns;
 use super::failure::Failure;
 use super::number_args::whole_number;
 use super::progress;
@@ -69,7 +70,7 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
             "variations",
         ];
         let table = TextTable::new(columns, lines).numbers_from(2);
-        terminal::note(&table.to_terminal());
+        terminal::note(&table.to_terminal(stdout_columns()));
     }
 }
 

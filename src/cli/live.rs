@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 
 use super::failure::Failure;
+use super::headings::OUTPUT;
 use super::terminal;
 use crate::experiment::Audience;
 #[cfg(feature = "rerun")]
@@ -21,11 +22,11 @@ const CONNECT: &str = "connect";
 pub(super) struct RerunArgs {
     /// Stream episodes to the rerun viewer while the command runs: a file, or `-` for
     /// `... | rerun -`.
-    #[arg(long, value_name = "FILE.rrd|-")]
+    #[arg(long, value_name = "FILE.rrd|-", help_heading = OUTPUT)]
     rerun: Option<String>,
     /// Stream every episode that `--rerun` can show, even if the command then takes
     /// longer.
-    #[arg(long, requires = "rerun")]
+    #[arg(long, requires = "rerun", help_heading = OUTPUT)]
     rerun_all: bool,
 }
 

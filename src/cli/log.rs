@@ -1,7 +1,6 @@
 //! `brakecheck log`: recorded traffic, its situations and models of it.
 
 use std::ffi::OsStr;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::{
@@ -14,15 +13,17 @@ use serde_json::{Value, json};
 
 use super::common::{print_json, table_of};
 use super::failure::{Exit, Failure};
+use super::headings::{INPUT, OUTPUT};
+use super::input::{self, Opened};
 use super::log_reading;
 use super::terminal::{self, Common};
 use crate::openx::import::driven_lanes;
-use crate::ron_file::{file_text, open_file};
+use crate::ron_file::file_text;
 use crate::run_dir::write_file;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {
-    /// Recordings: FILE.csv, FILE.xosc, FILE.osi, FILE.mcap or FILE.xml.
+    /// Recordings: FILE.csv, FILE.xosc, FILE.osi, FILE.mcap, FILE.xml, or - for stdin.
     ///
     /// CSV has a row per road user and instant. OpenSCENARIO has polylines that its
     /// entities follow. OSI traces hold osi3.GroundTruth or osi3.SensorView, and XML is
@@ -42,11 +43,11 @@ pub(super) struct LogArgs {
     #[arg(long, value_name = "NAME|FILE.ron")]
     map: Option<String>,
     /// Time column, with its unit: time_ms [default: that of the map].
-    #[arg(long, value_name = "COLUMN")]
+    #[arg(long, value_name = "COLUMN", help_heading = INPUT)]
     time: Option<String>,
     /// Take the lanes from a road file in the frame of the recording, unfitted:
     /// OpenDRIVE, or Lanelet2 with local_x and local_y.
-    #[arg(long, value_name = "FILE.xodr|FILE.osm")]
+    #[arg(long, value_name = "FILE.xodr|FILE.osm", help_heading = INPUT)]
     road: Option<PathBuf>,
     /// Fit a naturalness model, print its calibration and write it.
     #[arg(long, value_name = "FILE.ron")]
@@ -59,14 +60,13 @@ pub(super) struct LogArgs {
         long,
         value_name = "SECONDS",
         requires = "picture",
-        requires = "around"
-    )]
+        requires = "around", help_heading = OUTPUT)]
     at: Option<f64>,
     /// Road user in the middle of the instant.
-    #[arg(long, value_name = "ID", requires = "at")]
+    #[arg(long, value_name = "ID", requires = "at", help_heading = OUTPUT)]
     around: Option<String>,
     /// Print one JSON object on stdout instead of tables.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
 }
 
@@ -254,7 +254,7 @@ fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
 }
 
 pub(super) fn text_of(name: &str, help: &str) -> Result<String, Failure> {
-    file_text(Path::new(name))
+    input::text(Path::new(name))
         .map_err(|error| Failure::input(format!("cannot read `{name}`: {error}"), help))
 }
 
@@ -266,7 +266,10 @@ fn read(
     let (name, rows) = (file.display().to_string(), open(file)?);
     let ending = file.extension().and_then(OsStr::to_str).unwrap_or_default();
     // Some recorders write endings in capitals.
-    let format = ending.to_ascii_lowercase();
+    let format = match rows.format() {
+        Some(format) => format.to_owned(),
+        None => ending.to_ascii_lowercase(),
+    };
     if !matches!(&*format, "xosc" | "osi" | "mcap" | "xml") {
         return read_rows(file, rows, map, time);
     }
@@ -291,7 +294,7 @@ fn read(
 
 fn read_rows(
     file: &Path,
-    rows: File,
+    rows: Opened,
     map: Option<&(ColumnMap, String)>,
     time: Option<&str>,
 ) -> Result<(TrafficRecording, String), Failure> {
@@ -324,8 +327,8 @@ fn meta_beside(file: &Path) -> Result<RecordingMeta, Failure> {
     Ok(meta)
 }
 
-fn open(file: &Path) -> Result<File, Failure> {
-    open_file(file).map_err(|error| {
+fn open(file: &Path) -> Result<Opened, Failure> {
+    input::open(file).map_err(|error| {
         Failure::input(
             format!("cannot read `{}`: {error}", file.display()),
             "name a readable file",

@@ -6,8 +6,12 @@ mod answer;
 mod baselines;
 mod campaign;
 mod check;
+mod command_line;
 mod common;
+mod completions;
 mod crashes;
+mod defaults;
+mod display;
 #[cfg(feature = "drive")]
 mod drive;
 mod egos_table;
@@ -18,13 +22,17 @@ mod excerpt;
 mod export;
 mod failure;
 mod gate;
+mod headings;
+mod input;
 mod keep;
+mod kept_input;
 mod last_resort;
 mod league;
 mod live;
 mod log;
 mod log_reading;
 mod lsp;
+mod man;
 mod new;
 mod new_commonroad;
 mod new_from_log;
@@ -51,24 +59,30 @@ mod test_args;
 mod theorems;
 mod traffic_args;
 mod train;
+mod usage_error;
+mod verb_groups;
 mod verdict;
 mod view;
+mod world_input;
+mod worlds;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Command, Parser, Subcommand};
 
 use eval_args::EvalArgs;
 pub use failure::{ErrorReport, Exit, Failure, plain_theme};
 use run_under_test::is_world;
-use terminal::{CommandLine, Common};
+use terminal::{CommandLine, Common, OutputArgs};
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
-#[command(name = "brakecheck", version, max_term_width = 100)]
-#[command(after_help = examples::ALL)]
+#[command(name = "brakecheck", version)]
+#[command(after_help = examples::SHORT, after_long_help = examples::ALL)]
 struct Cli {
+    #[command(flatten)]
+    output: OutputArgs,
     #[command(subcommand)]
     verb: Verb,
 }
@@ -78,31 +92,34 @@ enum Verb {
     /// Write a small world of your own, with remarks.
     #[command(after_help = examples::NEW)]
     New(new::NewArgs),
-    /// Validate a world; list its signals, rules, actions, egos and starts.
+    /// Validate a world; list its signals, rules, egos and starts.
     #[command(after_help = examples::CHECK)]
     Check(check::CheckArgs),
+    /// List the shipped worlds, print one, or copy it.
+    #[command(after_help = examples::WORLDS)]
+    Worlds(worlds::WorldsArgs),
     /// Train an ado in a world and keep it in a run directory.
     #[command(after_help = examples::TRAIN)]
     Train(train::TrainArgs),
     /// Measure a trained ado and baselines on test starts and egos.
     #[command(after_help = examples::EVAL)]
     Eval(EvalArgs),
-    /// Compare an ego with an earlier one, start by start, under a trained ado.
+    /// Compare an ego with an earlier one, start by start.
     #[command(after_help = examples::GATE)]
     Gate(gate::GateArgs),
-    /// Measure a trained ado on an ego over a range of a parameter.
+    /// Measure a trained ado over a range of an ego's parameter.
     #[command(after_help = examples::SWEEP)]
     Sweep(sweep::SweepArgs),
-    /// Search every start for action sequences that make the ego fail.
+    /// Search every start for actions that make the ego fail.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
     /// Estimate how often an ego fails, in traffic that you declare.
     #[command(after_help = examples::RISK)]
     Risk(risk::RiskArgs),
-    /// Play kept counterexamples again, bit for bit or against a changed ego.
+    /// Play kept counterexamples again, also against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(replay::ReplayArgs),
-    /// Measure a formula on a trace in CSV, or rules on recorded traffic.
+    /// Measure a formula on a trace, or rules on recorded traffic.
     #[command(after_help = examples::STL)]
     Stl(stl::StlArgs),
     /// Read recorded traffic: lanes, situations and rarity.
@@ -114,11 +131,11 @@ enum Verb {
     /// Play many worlds, egos, ados and starts in resumable pieces.
     #[command(after_help = examples::CAMPAIGN)]
     Campaign(campaign::CampaignArgs),
-    /// Drive in a world yourself, or watch, on a page in the browser.
+    /// Drive in a world yourself, on a page in the browser.
     #[cfg(feature = "drive")]
     #[command(after_help = examples::DRIVE)]
     Drive(drive::DriveArgs),
-    /// Write an episode as a recording for the rerun viewer, or as a picture.
+    /// Write an episode as a recording for rerun, or as a picture.
     #[command(after_help = examples::VIEW)]
     View(view::ViewArgs),
     /// Write kept counterexamples as OpenSCENARIO and OpenDRIVE files.
@@ -127,9 +144,15 @@ enum Verb {
     /// Serve ados to another simulator, in JSON lines.
     #[command(after_help = examples::SERVE)]
     Serve(serve::ServeArgs),
-    /// Answer an editor of world files: diagnostics, hover and completion.
+    /// Answer an editor: diagnostics, hover and completion of worlds.
     #[command(after_help = examples::LSP)]
     Lsp(lsp::LspArgs),
+    /// Print the completions of a shell.
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(completions::CompletionsArgs),
+    /// Print the manual page, or write those of all verbs.
+    #[command(after_help = examples::MAN)]
+    Man(man::ManArgs),
     /// Print the libraries in this program, with their licences.
     #[command(hide = true)]
     Notices(notices::NoticesArgs),
@@ -140,6 +163,7 @@ impl Verb {
         match self {
             Verb::New(args) => args.common(),
             Verb::Check(args) => args.common(),
+            Verb::Worlds(args) => args.common(),
             Verb::Train(args) => args.common.clone(),
             Verb::Eval(args) => args.test.common.clone(),
             Verb::Gate(args) => args.test.common.clone(),
@@ -157,7 +181,7 @@ impl Verb {
             Verb::Export(args) => args.common(),
             Verb::Serve(args) => args.common(),
             Verb::Lsp(args) => args.common(),
-            Verb::Notices(args) => args.common(),
+            Verb::Completions(_) | Verb::Man(_) | Verb::Notices(_) => Common::default(),
         }
     }
 
@@ -166,6 +190,9 @@ impl Verb {
         #[cfg(feature = "drive")]
         if matches!(self, Verb::Drive(_)) {
             return true;
+        }
+        if let Verb::Check(args) = self {
+            return args.is_watching();
         }
         matches!(
             self,
@@ -187,15 +214,21 @@ pub fn main() -> ExitCode {
 }
 
 /// Runs the program on `arguments`, its own name first.
-///
-/// Help, and an invalid command line, end the process.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
     terminal::main_of::<Cli>(arguments)
 }
 
 impl CommandLine for Cli {
+    fn laid_out(command: Command) -> Command {
+        verb_groups::grouped(command)
+    }
+
     fn common(&self) -> Common {
         self.verb.common()
+    }
+
+    fn output(&self) -> OutputArgs {
+        self.output
     }
 
     fn saves_when_interrupted(&self) -> bool {
@@ -219,6 +252,7 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
     match verb {
         Verb::New(args) => new::run(&args),
         Verb::Check(args) => check::run(&args),
+        Verb::Worlds(args) => worlds::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Eval(args) => evaluate(&args),
         Verb::Gate(args) => gate::run(&args),
@@ -240,6 +274,8 @@ fn play_verb(verb: Verb) -> Result<Exit, Failure> {
         Verb::Export(args) => export::run(&args),
         Verb::Serve(args) => serve::run(&args),
         Verb::Lsp(args) => lsp::run(&args),
+        Verb::Completions(args) => completions::run(&args),
+        Verb::Man(args) => man::run(&args),
         Verb::Notices(args) => notices::run(&args),
     }
 }
@@ -257,7 +293,7 @@ fn evaluate(args: &EvalArgs) -> Result<Exit, Failure> {
 mod tests {
     use std::collections::BTreeSet;
 
-    use clap::{Command, CommandFactory};
+    use clap::Command;
 
     /// clap checks this in debug builds only, and panics there.
     fn assert_unique(command: &Command) {
@@ -278,7 +314,7 @@ mod tests {
 
     #[test]
     fn no_verb_has_an_option_twice() {
-        let mut command = super::Cli::command();
+        let mut command = super::command_line::command::<super::Cli>(false);
         command.build();
         assert_unique(&command);
         command.debug_assert();

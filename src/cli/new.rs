@@ -1,5 +1,6 @@
 //! `brakecheck new`: a small world to change, or a test protocol as worlds.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use brakecheck_traffic::is_commonroad;
@@ -9,13 +10,15 @@ use serde_json::json;
 use super::common::print_json;
 use super::failure::Note;
 use super::failure::{Exit, Failure};
+use super::headings::{ADOS, EGO, INPUT, OUTPUT};
+use super::input;
 use super::new_commonroad;
 use super::new_from_log::{self, FromLogArgs};
 use super::new_world;
 use super::terminal::{self, Common};
 use crate::commonroad::CommonRoadImport;
 use crate::openx::import::{
-    DroppedElements, EgoEvent, Import, ImportError, Imported, ImportedWorld,
+    DroppedElements, EgoEvent, Files, Import, ImportError, Imported, ImportedWorld,
 };
 use crate::ron_file::{ScenarioError, file_text};
 use crate::run_dir::write_file;
@@ -30,38 +33,38 @@ pub(super) struct NewArgs {
     /// directory, and points with other roads or bodies go to NAME_2.ron, as do
     /// situations of --from-log with other bodies.
     name: String,
-    /// OpenSCENARIO or CommonRoad file to import as a world.
+    /// OpenSCENARIO or CommonRoad file to import as a world; - is stdin.
     #[arg(long, value_name = "FILE.xosc|FILE.xml")]
     from: Option<PathBuf>,
     /// Its variation file [default: none, a single point].
-    #[arg(long, value_name = "FILE.xosc", requires = "from")]
+    #[arg(long, value_name = "FILE.xosc", requires = "from", help_heading = INPUT)]
     points: Option<PathBuf>,
     /// Only this point of the variation file, from 0.
-    #[arg(long, value_name = "N", requires = "points")]
+    #[arg(long, value_name = "N", requires = "points", help_heading = INPUT)]
     point: Option<usize>,
     /// Leave out points that break a constraint of the file or put the ego on a
     /// lane that leads off the road, and say how many.
-    #[arg(long, requires = "from")]
+    #[arg(long, requires = "from", help_heading = INPUT)]
     skip_broken: bool,
     /// Agent of the file that is the ego [default: Ego], or planning problem of
     /// CommonRoad [default: the only one].
-    #[arg(long, value_name = "NAME", requires = "from")]
+    #[arg(long, value_name = "NAME", requires = "from", help_heading = EGO)]
     ego: Option<String>,
     /// Leave the motion that the file gives the ego to your controller, and list
     /// its events.
-    #[arg(long, requires = "from")]
+    #[arg(long, requires = "from", help_heading = EGO)]
     leave_ego: bool,
     /// With --from, road file of a map that the scenario gives by name. With
     /// --from-log, road file in the frame of the recording, for lanes that are not fitted.
-    #[arg(long, value_name = "NAME=FILE.xodr|FILE.xodr|FILE.osm")]
+    #[arg(long, value_name = "NAME=FILE.xodr|FILE.xodr|FILE.osm", help_heading = INPUT)]
     road: Vec<String>,
     /// Agent or obstacle of the file that is an ado and may stray from its plan.
-    #[arg(long, value_name = "NAME", requires = "from")]
+    #[arg(long, value_name = "NAME", requires = "from", help_heading = ADOS)]
     ado: Option<String>,
     #[command(flatten)]
     log: FromLogArgs,
     /// Print one JSON object on stdout instead of messages.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(super) json: bool,
 }
 
@@ -76,11 +79,7 @@ impl NewArgs {
 
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     if let Some(from) = &args.from {
-        // Editors write both formats with either ending, so the content decides.
-        return match file_text(from) {
-            Ok(text) if is_commonroad(text.as_bytes()) => commonroad(args, from),
-            _ => import(args, from),
-        };
+        return import_or_commonroad(args, from);
     }
     if args.log.is_requested() {
         let road = road_of_recordings(&args.road)?;
@@ -96,13 +95,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     let file = format!("{name}.ron");
     let text = new_world::text_named(name)?;
     let path = PathBuf::from(&file);
-    // A dangling link counts as a file, too, because writing would replace it.
-    if path.symlink_metadata().is_ok() {
-        return Err(Failure::input(
-            format!("`{file}` is there already, and is left as it is"),
-            "choose another name, or move the file away",
-        ));
-    }
+    new_world::refuse_taken(&path)?;
     write_file(&path, text.as_bytes())?;
     if args.json {
         print_json(&json!({ "file": file }))
@@ -112,6 +105,22 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ))
     }?;
     Ok(Exit::Done)
+}
+
+/// Imports a file of either format.
+fn import_or_commonroad(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
+    // Standard input can be read once only.
+    let stdin = input::is_stdin(from).then(|| input::text(from));
+    let files = |path: &Path| match &stdin {
+        Some(Ok(text)) if path == from => Ok(text.clone()),
+        Some(Err(error)) if path == from => Err(io::Error::new(error.kind(), error.to_string())),
+        _ => file_text(path),
+    };
+    // Editors write both formats with either ending, so the content decides.
+    match files(from) {
+        Ok(text) if is_commonroad(text.as_bytes()) => commonroad(args, from, &files),
+        _ => import(args, from, &files),
+    }
 }
 
 /// Returns the road file of recordings, of which there is at most one.
@@ -139,7 +148,7 @@ fn named_road(text: &String) -> Result<(String, PathBuf), Failure> {
 }
 
 /// Writes the world of a CommonRoad scenario.
-fn commonroad(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
+fn commonroad(args: &NewArgs, from: &Path, files: Files<'_>) -> Result<Exit, Failure> {
     let without = [
         ("--points", args.points.is_some()),
         ("--skip-broken", args.skip_broken),
@@ -166,11 +175,11 @@ fn commonroad(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         ego: args.ego.as_deref(),
         ado: args.ado.as_deref(),
     };
-    new_commonroad::run(&request, named, args.json)
+    new_commonroad::run(&request, named, files, args.json)
 }
 
 /// Writes the worlds of a protocol, or none if a file cannot be written.
-fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
+fn import(args: &NewArgs, from: &Path, read: Files<'_>) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
     new_world::text_named(&stem)?;
@@ -186,7 +195,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         leaves_ego: args.leave_ego,
         maps: &maps,
     };
-    let imported = import.read(&file_text)?;
+    let imported = import.read(read)?;
     let files = checked_files(from, named, &imported.worlds)?;
     // All checks are done, so the files of a protocol appear together.
     for (path, world) in files.iter().zip(&imported.worlds) {
@@ -211,12 +220,7 @@ fn checked_files(
     for world in worlds {
         let path = named.with_file_name(format!("{}.ron", world.name));
         let file = path.display().to_string();
-        if path.symlink_metadata().is_ok() {
-            return Err(Failure::input(
-                format!("`{file}` is there already, and is left as it is"),
-                "choose another name, or move the file away",
-            ));
-        }
+        new_world::refuse_taken(&path)?;
         // A text that brakecheck would refuse must not reach the disk.
         if let Err(error) = Scenario::parse(&file, &world.text) {
             refused.extend(refused_world(from, world, &error));

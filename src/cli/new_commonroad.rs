@@ -9,7 +9,7 @@ use super::failure::{Exit, Failure};
 use super::new_world;
 use super::terminal;
 use crate::commonroad::{CommonRoadImport, CommonRoadWorld};
-use crate::ron_file::file_text;
+use crate::openx::import::Files;
 use crate::run_dir::write_file;
 use crate::world::Scenario;
 
@@ -17,17 +17,13 @@ use crate::world::Scenario;
 pub(super) fn run(
     request: &CommonRoadImport<'_>,
     named: &Path,
+    files: Files<'_>,
     prints_json: bool,
 ) -> Result<Exit, Failure> {
-    let world = request.read(&file_text)?;
+    let world = request.read(files)?;
     let path = PathBuf::from(format!("{}.ron", named.display()));
     let file = path.display().to_string();
-    if path.symlink_metadata().is_ok() {
-        return Err(Failure::input(
-            format!("`{file}` is there already, and is left as it is"),
-            "choose another name, or move the file away",
-        ));
-    }
+    new_world::refuse_taken(&path)?;
     // A text that brakecheck would refuse must not reach the disk.
     if let Err(error) = Scenario::parse(&file, &world.text) {
         let from = request.scenario.display();

@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::common::print_json;
 use super::failure::{Exit, Failure};
+use super::headings::{ADOS, INPUT};
 use super::new_world;
 use super::terminal;
 use super::{log, log_reading};
@@ -30,10 +31,10 @@ pub(super) struct FromLogArgs {
     )]
     from_log: Vec<PathBuf>,
     /// Time column of the recordings, with its unit [default: that of the map].
-    #[arg(long, value_name = "COLUMN", requires = "from_log")]
+    #[arg(long, value_name = "COLUMN", requires = "from_log", help_heading = INPUT)]
     time: Option<String>,
     /// Column map of the recordings, as in `brakecheck log`.
-    #[arg(long, value_name = "NAME|FILE.ron", requires = "from_log")]
+    #[arg(long, value_name = "NAME|FILE.ron", requires = "from_log", help_heading = INPUT)]
     map: Option<String>,
     /// Situations to write. Your ego replaces one of the recorded road users.
     #[arg(long, value_enum, requires = "from_log")]
@@ -43,7 +44,7 @@ pub(super) struct FromLogArgs {
     count: Option<u16>,
     /// Nearest other road users as scripted traffic [default: 0]. A situation then has a
     /// world of its own.
-    #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u8).range(0..=90))]
+    #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u8).range(0..=90), help_heading = ADOS)]
     others: Option<u8>,
     /// Directory of the worlds [default: the working directory].
     #[arg(short, long, value_name = "DIR", requires = "from_log")]
@@ -137,12 +138,7 @@ fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<NewFile>, Fa
     for world in &recorded.worlds {
         let path = folder.join(format!("{}.ron", world.name));
         let file = path.display().to_string();
-        if path.symlink_metadata().is_ok() {
-            return Err(Failure::input(
-                format!("`{file}` is there already, and is left as it is"),
-                "choose another name or directory, or move the file away",
-            ));
-        }
+        new_world::refuse_taken(&path)?;
         let written = recorded_world::world_of(world).text();
         let text = written.map_err(|error| Failure::fault(format!("`{file}`: {error}"), None))?;
         // A text that brakecheck would refuse must not reach the disk.

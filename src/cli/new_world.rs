@@ -1,5 +1,7 @@
 //! Worlds that `brakecheck new` writes: the small one, and the problems of others.
 
+use std::path::Path;
+
 use super::failure::Failure;
 use super::failure::Note;
 use crate::ron_file::ScenarioError;
@@ -27,6 +29,24 @@ pub(super) fn text_named(name: &str) -> Result<String, Failure> {
             "at most 64 letters, digits, _ and -: files are named after it",
         )),
     }
+}
+
+/// Refuses to write a file that is there already.
+///
+/// # Errors
+/// Something has this name.
+pub(super) fn refuse_taken(path: &Path) -> Result<(), Failure> {
+    // A dangling link counts as a file, too, because writing would replace it.
+    if path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    Err(Failure::input(
+        format!(
+            "`{}` is there already, and is left as it is",
+            path.display()
+        ),
+        "choose another name, or move the file away",
+    ))
 }
 
 /// Returns the problems of a world that is made of another file, and so is not written.

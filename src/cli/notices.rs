@@ -3,19 +3,13 @@
 use clap::Args;
 
 use super::failure::{Exit, Failure};
-use super::terminal::{self, Common};
+use super::terminal;
 
 /// The output of `cargo run --release --example notices`.
 const NOTICES: &str = include_str!("../../THIRD_PARTY.txt");
 
 #[derive(Args, Debug)]
 pub(super) struct NoticesArgs {}
-
-impl NoticesArgs {
-    pub(super) fn common(&self) -> Common {
-        Common::default()
-    }
-}
 
 pub(super) fn run(_: &NoticesArgs) -> Result<Exit, Failure> {
     terminal::data(NOTICES.trim_end())?;

@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::answer::Answer;
 use super::common::{interrupted_early, print_json, table_of};
+use super::display::stdout_columns;
 use super::eval_args::EvalArgs;
 use super::failure::{Exit, Failure};
 use super::keep::note_kept;
@@ -198,7 +199,7 @@ fn points_table(
     if rows.is_empty() {
         return String::new();
     }
-    TextTable::new(columns, rows).to_terminal()
+    TextTable::new(columns, rows).to_terminal(stdout_columns())
 }
 
 /// Formats the outcome of a point in a few words.

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::common::{exit_of, finished, interrupted_early, open_run, placed, print_json};
+use super::display::stdout_columns;
 use super::eval_args::EvalArgs;
 use super::failure::{Exit, Failure};
 use super::run_under_test::refuse_world;
@@ -237,7 +238,7 @@ fn cell_table(results: &PopulationResults, world: &Scenario) -> String {
     let rows = listed.map(|count| [count.cell.in_words(world), count.failures.to_string()]);
     let table = TextTable::new(["cell", "starts"], rows)
         .numbers_from(1)
-        .to_terminal();
+        .to_terminal(stdout_columns());
     let more = results.cells.len().saturating_sub(LISTED);
     if more > 0 {
         return format!("{table}\n{more} more cells are in `--json`");

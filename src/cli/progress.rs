@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
+use super::display::is_quiet;
 use super::terminal::{self, Common};
 use crate::experiment::{Remark, StepPlace, TrainingIntervals, Watch};
 use crate::testbench::FaultLog;
@@ -238,8 +239,11 @@ pub fn bar(common: &Common, title: &str) -> Bar {
         ended: Condvar::new(),
         at_once: rayon::current_num_threads() as u64,
     });
-    let shown = ProgressBar::new(0);
-    let on_terminal = io::stderr().is_terminal();
+    let (shown, on_terminal) = if is_quiet() {
+        (ProgressBar::hidden(), false)
+    } else {
+        (ProgressBar::new(0), io::stderr().is_terminal())
+    };
     if on_terminal {
         shown.set_style(style(&shared));
         let label = shared.present().phase.label();
@@ -249,7 +253,7 @@ pub fn bar(common: &Common, title: &str) -> Bar {
     }
     let writing = Arc::clone(&shared);
     // Without a thread there are no lines, and the work continues.
-    let lines = (!on_terminal).then(|| {
+    let lines = (!on_terminal && !is_quiet()).then(|| {
         let thread = std::thread::Builder::new().name("progress".to_owned());
         thread.spawn(move || writing.write_lines())
     });

@@ -8,7 +8,10 @@ use serde_json::json;
 
 use super::answer::{Answer, AnswerArgs};
 use super::common::{finite_or_word, print_json};
+use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
+use super::headings::OUTPUT;
+use super::kept_input;
 use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
@@ -23,7 +26,7 @@ use crate::testbench::Episode;
 
 #[derive(Args, Debug)]
 pub(super) struct ReplayArgs {
-    /// A kept counterexample, a directory of them, or a run directory.
+    /// A kept counterexample (- is stdin), a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
     /// Number (from 0) or file name of a single counterexample [default: all].
@@ -36,13 +39,13 @@ pub(super) struct ReplayArgs {
     expect: Option<Expect>,
     /// Determine severity, cause and persistence again, in files that replay bit for
     /// bit.
-    #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
+    #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"], help_heading = OUTPUT)]
     refine: bool,
     /// Write the outcomes as JUnit XML to this file, too.
     #[arg(long, value_name = "FILE.xml")]
     junit: Option<PathBuf>,
     /// Exit with 1 if a kept counterexample still fails (the default).
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     fail_on_counterexample: bool,
     /// Program to run as the ego, after `--`; typing it consents to start it.
     #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
@@ -71,7 +74,7 @@ enum Expect {
 }
 
 pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
-    let mut regressions = Regressions::find(&args.what, args.episode.as_deref())?
+    let mut regressions = kept_input::find(&args.what, args.episode.as_deref())?
         .allow_programs(args.common.allow_programs)
         .begin_egos_anew(args.common.fresh)
         .allow_invalid(args.common.allow_invalid);
@@ -348,7 +351,7 @@ impl Rows {
             }
             _ => String::new(),
         };
-        let table = TextTable::new(header, lines).to_terminal();
+        let table = TextTable::new(header, lines).to_terminal(stdout_columns());
         let more = match shown.len().saturating_sub(most) {
             0 => String::new(),
             more => format!("\n{more} more files"),

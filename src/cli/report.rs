@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::common::{finished, interrupted_early, load_world, open_run, print_json};
 use super::failure::{Exit, Failure};
+use super::headings::{INPUT, OUTPUT, TEST};
 use super::number_args::{STARTS, count, start_count};
 use super::progress;
 use super::report_results;
@@ -35,18 +36,18 @@ pub(super) struct ReportArgs {
     #[arg(long, value_name = "RUN", num_args = 1..)]
     pub(super) with: Vec<PathBuf>,
     /// Rows to show, from `eval`, `gate`, `sweep` or `search` with `--json`; repeat for several.
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", help_heading = INPUT)]
     pub(super) rows: Vec<PathBuf>,
     /// Test starts for the nominal ego.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// Test starts for every changed ego, without `--rows` [default: as many as
     /// 1000 episodes allow, 20 to 100].
-    #[arg(long, value_name = "N", value_parser = start_count())]
+    #[arg(long, value_name = "N", value_parser = start_count(), help_heading = TEST)]
     pub(super) reuse_starts: Option<usize>,
     /// Also write each counterexample of the page as OpenSCENARIO, into a directory
     /// beside it, and link it.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     pub(super) scenarios: bool,
     /// Ego of the page: nominal, a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
@@ -55,7 +56,7 @@ pub(super) struct ReportArgs {
     #[arg(last = true, value_name = "COMMAND")]
     pub(super) program: Vec<String>,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX), help_heading = TEST)]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

@@ -9,7 +9,9 @@ use super::answer::{Answer, AnswerArgs};
 use super::common::{
     finished, interrupted_early, load_world, one_of, open_run, placed, print_json,
 };
+use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
+use super::headings::{INPUT, OUTPUT, TEST};
 use super::number_args::{count, positive};
 use super::progress;
 use super::terminal::{self, Common};
@@ -33,10 +35,10 @@ pub(super) struct RiskArgs {
     #[arg(long, value_name = "NAME|FILE.ron")]
     traffic: Option<String>,
     /// Run of a trained ado, whose counterexamples show the proposals what to play.
-    #[arg(long, value_name = "RUN")]
+    #[arg(long, value_name = "RUN", help_heading = INPUT)]
     run: Option<PathBuf>,
     /// Kept counterexamples, or directories of them, with the same use.
-    #[arg(long, value_name = "FILE|DIR")]
+    #[arg(long, value_name = "FILE|DIR", help_heading = INPUT)]
     known: Vec<PathBuf>,
     #[command(flatten)]
     ego: EgoArgs,
@@ -44,7 +46,7 @@ pub(super) struct RiskArgs {
     #[arg(long, value_name = "NAME|FILE.ron")]
     baseline_ego: Option<String>,
     /// Exit with 1 unless the ratio is below this at 95 %.
-    #[arg(long, value_name = "RATIO", requires = "baseline_ego", value_parser = positive)]
+    #[arg(long, value_name = "RATIO", requires = "baseline_ego", value_parser = positive, help_heading = OUTPUT)]
     at_most: Option<f64>,
     /// Most runs of each ego.
     #[arg(long, value_name = "N", default_value_t = RiskSettings::default().budget as u64,
@@ -52,22 +54,22 @@ pub(super) struct RiskArgs {
     budget: u64,
     /// Natural runs, which come first and are counted if 100 of them fail.
     #[arg(long = "natural-runs", value_name = "N", default_value_t = RiskSettings::default().natural as u64,
-        value_parser = count(100..=1_000_000_000))]
+        value_parser = count(100..=1_000_000_000), help_heading = TEST)]
     natural: u64,
     /// Half-width of the interval to stop at, as a share of the risk.
     #[arg(long, value_name = "SHARE", default_value_t = RiskSettings::default().width,
-        value_parser = positive)]
+        value_parser = positive, help_heading = TEST)]
     width: f64,
     /// The physics to measure in, instead of the world's.
-    #[arg(long, value_parser = one_of::<PlantKind>())]
+    #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     plant: Option<PlantKind>,
     /// The physics to learn proposals in, instead of the measured one.
-    #[arg(long, value_parser = one_of::<PlantKind>())]
+    #[arg(long, value_parser = one_of::<PlantKind>(), help_heading = TEST)]
     learn_on: Option<PlantKind>,
     /// Learn proposals in a model of the ego that is fitted to N runs of it.
     ///
     /// For slow programs. The risk itself is measured on the ego only.
-    #[arg(long, value_name = "N", value_parser = count(10..=1_000_000))]
+    #[arg(long, value_name = "N", value_parser = count(10..=1_000_000), help_heading = TEST)]
     surrogate: Option<u64>,
     /// Directory of finished runs, from which the same command continues.
     ///
@@ -75,15 +77,15 @@ pub(super) struct RiskArgs {
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the likeliest lawful failure of each kind as a file.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = OUTPUT)]
     keep: Option<PathBuf>,
     /// Write the estimates and the limit as test cases of JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml")]
+    #[arg(long, value_name = "FILE.xml", help_heading = OUTPUT)]
     junit: Option<PathBuf>,
     #[command(flatten)]
     answer: AnswerArgs,
     /// Seed of all draws.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX), help_heading = TEST)]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::answer::Answer;
 use super::common::{open_run, placed, print_json};
 use super::failure::Failure;
+use super::input;
 use super::keep::KeepStep;
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
@@ -22,7 +23,7 @@ pub(super) fn is_world(path: &Path) -> bool {
     let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
     let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
     // A directory of the same name as a shipped world is a run.
-    path.is_file() || (!path.exists() && is_shipped())
+    path.is_file() || input::is_stdin(path) || (!path.exists() && is_shipped())
 }
 
 /// Refuses a world where a verb requires a trained ado.

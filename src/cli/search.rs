@@ -9,7 +9,9 @@ use strum::VariantArray;
 
 use super::answer::AnswerArgs;
 use super::common::{exit_of, interrupted_early, load_world, one_of, open_run, placed, print_json};
+use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
+use super::headings::{INPUT, OUTPUT, TEST};
 use super::keep::{KeepArgs, KeepStep};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
@@ -33,12 +35,12 @@ pub(super) struct SearchArgs {
     /// Method that chooses the sequences.
     #[arg(long, value_parser = method_of_the_list(), default_value = "switches")]
     method: MethodInfo,
-    #[arg(long, value_name = "M", help = MethodOption::Switches.help())]
+    #[arg(long, value_name = "M", help = MethodOption::Switches.help(), help_heading = TEST)]
     switches: Option<usize>,
     #[arg(long, value_name = "SIMS", help = MethodOption::Budget.help(),
-        value_parser = count(1..=u64::MAX))]
+        value_parser = count(1..=u64::MAX), help_heading = TEST)]
     budget: Option<u64>,
-    #[arg(long, value_name = "RUN", help = MethodOption::Bank.help())]
+    #[arg(long, value_name = "RUN", help = MethodOption::Bank.help(), help_heading = INPUT)]
     bank: Option<PathBuf>,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
@@ -46,7 +48,7 @@ pub(super) struct SearchArgs {
     #[command(flatten)]
     ego: EgoArgs,
     /// The physics to test in, instead of the world's.
-    #[arg(long, value_parser = one_of::<PlantKind>())]
+    #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     plant: Option<PlantKind>,
     #[command(flatten)]
     traffic: TrafficArgs,
@@ -57,13 +59,13 @@ pub(super) struct SearchArgs {
     #[command(flatten)]
     answer: AnswerArgs,
     /// Write every start as a test case of JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml")]
+    #[arg(long, value_name = "FILE.xml", help_heading = OUTPUT)]
     junit: Option<PathBuf>,
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX), help_heading = TEST)]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

@@ -1,6 +1,6 @@
 //! `brakecheck stl`: a formula, a trace in CSV, and its robustness.
 
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -8,8 +8,10 @@ use serde_json::json;
 
 use super::common::{finite_or_word, print_json};
 use super::failure::{Exit, Failure};
+use super::headings::{INPUT, OUTPUT, TEST};
+use super::input;
 use super::terminal::{self, Common};
-use crate::ron_file::{Problem, ScenarioError, file_text};
+use crate::ron_file::{Problem, ScenarioError};
 use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
@@ -34,31 +36,31 @@ pub(super) struct StlArgs {
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["trace", "dt", "until", "end", "all", "explain"])]
     pub(super) log: Vec<PathBuf>,
     /// Column map of the recordings, as in `brakecheck log` [default: by header].
-    #[arg(long, value_name = "NAME|FILE.ron", requires = "log")]
+    #[arg(long, value_name = "NAME|FILE.ron", requires = "log", help_heading = INPUT)]
     pub(super) map: Option<String>,
     /// Take the lanes from an OpenDRIVE file in the frame of the recording, unfitted.
-    #[arg(long, value_name = "FILE.xodr", requires = "log")]
+    #[arg(long, value_name = "FILE.xodr", requires = "log", help_heading = INPUT)]
     pub(super) road: Option<PathBuf>,
     /// Write JUnit XML with a case per rule and recording.
-    #[arg(long, value_name = "FILE.xml", requires = "log")]
+    #[arg(long, value_name = "FILE.xml", requires = "log", help_heading = OUTPUT)]
     pub(super) junit: Option<PathBuf>,
     /// Write a picture of the worst instant of each rule.
-    #[arg(long, value_name = "DIR", requires = "log")]
+    #[arg(long, value_name = "DIR", requires = "log", help_heading = OUTPUT)]
     pub(super) picture: Option<PathBuf>,
     /// Sampling period in seconds [default: from the time column].
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = INPUT)]
     dt: Option<f64>,
     /// Time column of the trace or of the recordings [default: by its name].
     ///
     /// Known names are time, t, timestamp, sim_time and the like, with or without their
     /// unit: time [ms], t_ns.
-    #[arg(long, value_name = "COLUMN")]
+    #[arg(long, value_name = "COLUMN", help_heading = INPUT)]
     pub(super) time: Option<String>,
     /// Samples on which the left side of `until` must hold.
-    #[arg(long, value_enum, default_value = "half-open")]
+    #[arg(long, value_enum, default_value = "half-open", help_heading = TEST)]
     until: UntilArg,
     /// Continuation of the trace after its end.
-    #[arg(long, value_enum, default_value = "truncate")]
+    #[arg(long, value_enum, default_value = "truncate", help_heading = TEST)]
     end: EndArg,
     /// A named constant; repeat for several.
     #[arg(long = "const", value_name = "NAME=VALUE")]
@@ -73,7 +75,7 @@ pub(super) struct StlArgs {
     #[arg(long)]
     pub(super) fail_on_counterexample: bool,
     /// Print one JSON object on stdout, or write it to a file: --json=FILE.
-    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-")]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", help_heading = OUTPUT)]
     json: Option<PathBuf>,
 }
 
@@ -249,12 +251,7 @@ fn read(args: &StlArgs, file: &str) -> Result<ReadTrace, Failure> {
         };
         Failure::input(format!("cannot read `{file}`: {error}"), help)
     };
-    let mut text = String::new();
-    if file == "-" {
-        std::io::stdin().read_to_string(&mut text).map_err(failed)?;
-    } else {
-        text = file_text(Path::new(file)).map_err(failed)?;
-    }
+    let text = input::text(Path::new(file)).map_err(failed)?;
     if args.dt.is_some_and(|dt_s| !dt_s.is_finite() || dt_s <= 0.0) {
         return Err(Failure::input(
             "the sampling period must be positive and finite",

@@ -1,8 +1,9 @@
 //! Rows as tables for people.
 
 use super::answer::Answer;
+use super::display::stdout_columns;
 use super::verdict::{bound_in_words, ego, percent, severity, verdict};
-use crate::report::{TextTable, WIDTH};
+use crate::report::TextTable;
 use crate::run_dir::{AdversaryId, Row};
 
 /// Legend of the columns of rows, after the line on successes.
@@ -53,7 +54,7 @@ fn in_legend(text: &str) -> String {
     let mut width = usize::MAX;
     for word in text.split(' ') {
         let more = 1 + word.chars().count();
-        if width.saturating_add(more) > usize::from(WIDTH) {
+        if width.saturating_add(more) > stdout_columns() {
             lines.push('\n');
             lines.push_str(&" ".repeat(LEGEND_INDENT - 1));
             width = LEGEND_INDENT - 1;
@@ -209,7 +210,7 @@ pub(super) fn found(rows: &[Row]) -> String {
         "sims/start",
     ];
     let table = TextTable::new(columns, lines).numbers_from(3);
-    named_once(table, rows).to_terminal()
+    named_once(table, rows).to_terminal(stdout_columns())
 }
 
 /// Leaves out the first column if all rows have the same ego, which the verdict names.
@@ -246,7 +247,7 @@ pub(super) fn contacts(rows: &[Row]) -> String {
         "cpu s",
     ];
     let table = TextTable::new(columns, lines).numbers_from(2);
-    named_once(table, rows).to_terminal()
+    named_once(table, rows).to_terminal(stdout_columns())
 }
 
 /// Bounds of interrupted rows, a line for each.

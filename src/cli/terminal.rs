@@ -12,16 +12,21 @@ use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::time::Instant;
 
-use clap::{Args, CommandFactory, FromArgMatches};
-use miette::GraphicalTheme;
+use clap::{Args, Command, CommandFactory, FromArgMatches};
 
+use super::command_line::{self, Ended};
+use super::defaults::{JOBS, MOST_JOBS};
+use super::display::{is_quiet, is_verbose, message_columns, theme};
 use super::failure::{Exit, Failure};
+use super::headings::{OUTPUT, RUNNING};
 use super::last_resort;
 use crate::ego::stop_waiting;
 use crate::testbench::FaultLog;
 use crate::visible::{visible, visible_json};
 
+pub use super::display::OutputArgs;
 pub use super::number_args::start_count;
 pub use super::progress::{Bar, bar};
 
@@ -29,19 +34,35 @@ pub use super::progress::{Bar, bar};
 #[derive(Args, Clone, Debug, Default)]
 pub struct Common {
     /// Print one JSON object on stdout instead of tables.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = OUTPUT)]
     pub json: bool,
     /// Threads to use; rows do not depend on it [default: one per core].
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(
+        short,
+        long,
+        global = true,
+        env = JOBS,
+        hide_env_values = true,
+        value_name = "N",
+        help_heading = RUNNING,
+        value_parser = clap::value_parser!(u16).range(1..=MOST_JOBS)
+    )]
     pub jobs: Option<u16>,
     /// Start the programs that worlds, changes and kept files name as egos.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = RUNNING)]
     pub allow_programs: bool,
     /// Start programs anew for every episode, so that they keep no state.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = RUNNING)]
     pub fresh: bool,
     /// Share of invalid episodes to tolerate in each table row, 0 to 1.
-    #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    #[arg(
+        long,
+        global = true,
+        value_name = "SHARE",
+        default_value_t = 0.0,
+        help_heading = RUNNING,
+        value_parser = share
+    )]
     pub allow_invalid: f64,
     /// Episodes per line of a training's `progress.jsonl`.
     #[arg(long, global = true, hide = true, value_name = "EPISODES", value_parser = clap::value_parser!(u64).range(1..))]
@@ -71,8 +92,16 @@ fn share(text: &str) -> Result<f64, String> {
 
 /// Command line of a program.
 pub trait CommandLine: CommandFactory + FromArgMatches + Send {
+    /// Returns the command with the layout of its help.
+    fn laid_out(command: Command) -> Command {
+        command
+    }
+
     /// Returns the options of the command that all commands share.
     fn common(&self) -> Common;
+
+    /// Returns the options of the command about its output.
+    fn output(&self) -> OutputArgs;
 
     /// Returns whether Ctrl-C makes it stop and save. Other commands just end.
     fn saves_when_interrupted(&self) -> bool;
@@ -87,20 +116,25 @@ pub trait CommandLine: CommandFactory + FromArgMatches + Send {
 
 /// Runs a program on the process's arguments.
 pub fn main<P: CommandLine>() -> ExitCode {
-    last_resort::speak_plainly(note);
+    last_resort::speak_plainly(complain);
     // Parsing is guarded, too, because every panic is a fault of this program.
     let exit = last_resort::guarded(|| main_of::<P>(std::env::args_os()));
     ExitCode::from(exit as u8)
 }
 
 /// Runs a program on `arguments`, its own name first.
-///
-/// Help, and an invalid command line, end the process.
 pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    let program: P = match read_line(arguments) {
-        Ok(program) => program,
-        Err(error) => return refused(&error),
+    let began = Instant::now();
+    let line = match command_line::read::<P>(arguments) {
+        Ok(line) => line,
+        Err(Ended::Printed(exit)) => return exit,
+        Err(Ended::Refused(failure)) => return refuse(&failure),
     };
+    let program = line.program;
+    program.output().obey();
+    for origin in &line.origins {
+        detail(origin);
+    }
     // Without a handler the operating system ends the program at once.
     if program.saves_when_interrupted() {
         listen_for_interrupts();
@@ -108,39 +142,17 @@ pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsStri
     let common = program.common();
     let result = with_jobs(&common, move || program.carry_out());
     let settled = |exit| settled(&common, exit);
-    result.and_then(settled).unwrap_or_else(|failure| {
-        note_rendered(failure.render(theme(), width()).trim_end());
-        failure.exit
-    })
+    let exit = result
+        .and_then(settled)
+        .unwrap_or_else(|failure| refuse(&failure));
+    detail(&format!("took {:.2} s", began.elapsed().as_secs_f64()));
+    exit
 }
 
-/// Prints help or the error of a command line, without control characters.
-fn refused(error: &clap::Error) -> Exit {
-    let text = error.render().to_string();
-    if visible(&text) == text {
-        error.exit()
-    } else {
-        // A terminal would obey control characters in the arguments.
-        note(text.trim_end())
-    }
-    Exit::Input
-}
-
-/// Parses the command line. A negative number is a value, not an option.
-fn read_line<P: CommandLine>(
-    arguments: impl IntoIterator<Item = OsString>,
-) -> Result<P, clap::Error> {
-    let negative = |argument: clap::Arg| {
-        if argument.get_action().takes_values() {
-            argument.allow_negative_numbers(true)
-        } else {
-            argument
-        }
-    };
-    let line = P::command()
-        .mut_args(negative)
-        .mut_subcommands(|verb| verb.mut_args(negative));
-    P::from_arg_matches(&line.try_get_matches_from(arguments)?)
+/// Prints a failure, and returns its exit code.
+pub(super) fn refuse(failure: &Failure) -> Exit {
+    write_message(failure.render(theme(), message_columns()).trim_end());
+    failure.exit
 }
 
 /// Returns the exit code of a verb, or its failure because of faults.
@@ -215,15 +227,33 @@ pub(super) fn listen_for_interrupts() {
     });
 }
 
-/// Prints a message on stderr, its control characters escaped.
+/// Prints a message on stderr, its control characters escaped. `--quiet` leaves it out.
 pub fn note(text: &str) {
     note_rendered(&visible(text));
 }
 
+/// Prints a message on stderr if `--verbose` is given, its control characters escaped.
+pub(super) fn detail(text: &str) {
+    if is_verbose() {
+        note(text);
+    }
+}
+
 /// Prints a message on stderr whose foreign parts are escaped already.
 ///
-/// It may contain colours of this program.
+/// It may contain colours of this program. `--quiet` leaves it out.
 pub(super) fn note_rendered(text: &str) {
+    if !is_quiet() {
+        write_message(text);
+    }
+}
+
+/// Prints an error on stderr, its control characters escaped, in spite of `--quiet`.
+fn complain(text: &str) {
+    write_message(&visible(text));
+}
+
+fn write_message(text: &str) {
     // A closed stderr must not end the work.
     let _ = writeln!(stderr(), "{text}");
 }
@@ -268,20 +298,4 @@ fn write_data(text: &str) -> Result<(), Failure> {
         )),
         _ => Ok(()),
     }
-}
-
-/// Colours on a terminal, plain text elsewhere.
-pub(super) fn theme() -> GraphicalTheme {
-    // The convention of no-color.org.
-    let plain = std::env::var_os("NO_COLOR").is_some();
-    if io::stderr().is_terminal() && !plain {
-        GraphicalTheme::unicode()
-    } else {
-        super::plain_theme()
-    }
-}
-
-/// Columns for messages.
-pub(super) fn width() -> usize {
-    100
 }

@@ -7,6 +7,8 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use super::answer::AnswerArgs;
 use super::common::one_of;
+use super::defaults::PLANT;
+use super::headings::{ADOS, TEST};
 use super::keep::KeepArgs;
 use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count};
@@ -88,22 +90,22 @@ pub(super) struct TestArgs {
     #[arg(long, value_parser = ado_group(), value_name = "ADO")]
     pub(super) ado: Vec<AdoGroup>,
     /// The physics to test in, instead of the run's.
-    #[arg(long, value_parser = one_of::<PlantKind>())]
+    #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     pub(super) plant: Option<PlantKind>,
     /// Also search with at most M switches of action, which gives recall.
     #[arg(long, value_name = "M")]
     pub(super) search: Option<usize>,
     /// Tries of the trained ado per start: the first greedy, the others exploring.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000), help_heading = TEST)]
     pub(super) tries: u64,
     /// Also draw the trained ado's actions: softmax of its values over T.
-    #[arg(long, value_name = "T", value_parser = temperature)]
+    #[arg(long, value_name = "T", value_parser = temperature, help_heading = ADOS)]
     pub(super) temperature: Option<f64>,
     /// Draws per start for `--temperature`.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "temperature")]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "temperature", help_heading = ADOS)]
     pub(super) draws: u32,
     /// Runs of each ego to record and adapt the ado to: at least 10, 100 for most egos.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000), help_heading = TEST)]
     pub(super) runs: u64,
     #[command(flatten)]
     pub(super) traffic: TrafficArgs,
@@ -114,7 +116,7 @@ pub(super) struct TestArgs {
     #[command(flatten)]
     pub(super) answer: AnswerArgs,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX), help_heading = TEST)]
     pub(super) seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

@@ -5,6 +5,7 @@ use std::path::Path;
 use clap::Args;
 
 use super::failure::Failure;
+use super::headings::ADOS;
 use super::terminal;
 use crate::experiment::{EgoUnderTest, in_named_traffic};
 use crate::world::Scenario;
@@ -13,10 +14,10 @@ use crate::world::Scenario;
 #[derive(Args, Clone, Debug)]
 pub(super) struct TrafficArgs {
     /// Real drivers to compare ados with: `motorway`, or a file of `log --fit`.
-    #[arg(long, value_name = "NAME|FILE.ron")]
+    #[arg(long, value_name = "NAME|FILE.ron", help_heading = ADOS)]
     traffic: Option<String>,
     /// Leave ados only braking, accelerations and cut-ins with at least this rate per 1,000 km.
-    #[arg(long, value_name = "RATE,...", value_delimiter = ',', value_parser = rate)]
+    #[arg(long, value_name = "RATE,...", value_delimiter = ',', value_parser = rate, help_heading = ADOS)]
     natural: Vec<f64>,
 }
 

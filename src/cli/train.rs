@@ -7,10 +7,12 @@ use serde_json::json;
 
 use super::answer::AnswerArgs;
 use super::common::{
-    finished, interrupted_early, load_world, note_warnings, one_of, open_run, print_json,
+    finished, interrupted_early, load_world, note_warnings, one_of, open_run, plant_in, print_json,
     refuse_program,
 };
+use super::defaults::{PLANT, is_plant_default};
 use super::failure::{Exit, Failure};
+use super::headings::{EGO, LEARNING, TEST};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::terminal::{self, Common};
@@ -34,43 +36,43 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = count(1..=u64::MAX))]
     decisions: Option<u64>,
     /// Which of the world's `learners` to train with, instead of its `learner`.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = LEARNING)]
     learner: Option<String>,
     /// Give each ado a policy of its own, instead of one for all of them.
-    #[arg(long, value_name = "MODE", value_parser = one_of::<PerAdoMode>())]
+    #[arg(long, value_name = "MODE", value_parser = one_of::<PerAdoMode>(), help_heading = LEARNING)]
     per_ado: Option<PerAdoMode>,
     /// Reward severe or distinct failures, instead of the world's `goals`.
-    #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL")]
+    #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL", help_heading = LEARNING)]
     goals: Vec<TrainingGoal>,
     /// Egos to train against: the world's own, or its family under `train_against`.
-    #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "EGOS")]
+    #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "EGOS", help_heading = EGO)]
     against: TrainingEgos,
     /// Leave a structure out of the family, to test the ado on it later.
-    #[arg(long, value_name = "STRUCTURE")]
+    #[arg(long, value_name = "STRUCTURE", help_heading = EGO)]
     leave_out: Option<String>,
     /// Train against a changed ego: a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
     /// The physics to train in, instead of the world's.
-    #[arg(long, value_parser = one_of::<PlantKind>())]
+    #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     plant: Option<PlantKind>,
     /// Continue an interrupted training in RUN.
     #[arg(long)]
     resume: bool,
     /// Begin with the policy of another run and fine-tune it.
-    #[arg(long, value_name = "RUN", conflicts_with = "resume")]
+    #[arg(long, value_name = "RUN", conflicts_with = "resume", help_heading = LEARNING)]
     from: Option<PathBuf>,
     /// Learn from a run, or from kept counterexamples, of any ego; repeat for several.
-    #[arg(long, value_name = "RUN|DIR", conflicts_with = "resume")]
+    #[arg(long, value_name = "RUN|DIR", conflicts_with = "resume", help_heading = LEARNING)]
     bank: Vec<PathBuf>,
     /// Train N ados for distinct failures, without a closing evaluation.
-    #[arg(long, value_name = "N", value_parser = count(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = count(1..=1000), help_heading = LEARNING)]
     distinct: Option<u64>,
     /// Train ados against egos of the family that respond to them (experimental).
-    #[arg(long, value_name = "ROUNDS", conflicts_with = "distinct", value_parser = count(1..=1000))]
+    #[arg(long, value_name = "ROUNDS", conflicts_with = "distinct", value_parser = count(1..=1000), help_heading = LEARNING)]
     league: Option<u64>,
     /// Test starts of the closing evaluation, always of seed 0.
-    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
+    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count(), help_heading = TEST)]
     starts: usize,
     /// Seed of the training [default: 0, or as begun].
     #[arg(long, value_name = "N", value_parser = count(0..=u64::MAX))]
@@ -142,7 +144,7 @@ fn train_one(args: &TrainArgs, world: &Scenario) -> Result<Exit, Failure> {
 /// Trains several ados that fail the ego in different cells.
 fn train_population(args: &TrainArgs, world: &Scenario, members: usize) -> Result<Exit, Failure> {
     let from = source(args)?;
-    let request = DistinctRequest::new(request(args, from.as_ref()), members);
+    let request = DistinctRequest::new(request(args, world, from.as_ref()), members);
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
     let path = output(args, world);
@@ -153,7 +155,7 @@ fn train_population(args: &TrainArgs, world: &Scenario, members: usize) -> Resul
 /// Trains egos and ados by alternating responses.
 fn train_league(args: &TrainArgs, world: &Scenario, rounds: usize) -> Result<Exit, Failure> {
     let from = source(args)?;
-    let request = LeagueRequest::new(request(args, from.as_ref()), rounds);
+    let request = LeagueRequest::new(request(args, world, from.as_ref()), rounds);
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
     let (path, audience) = (output(args, world), live.audience());
@@ -172,7 +174,13 @@ fn source(args: &TrainArgs) -> Result<Option<RunDir>, Failure> {
     Ok(from.map(|from| open_run(from, &args.common)).transpose()?)
 }
 
-fn request<'a>(args: &'a TrainArgs, from: Option<&'a RunDir>) -> TrainRequest<'a> {
+fn request<'a>(
+    args: &'a TrainArgs,
+    world: &Scenario,
+    from: Option<&'a RunDir>,
+) -> TrainRequest<'a> {
+    // A run that is resumed keeps its plant, whatever the default is now.
+    let is_stale = args.resume && is_plant_default();
     TrainRequest {
         seed: args.seed,
         decisions: args.decisions,
@@ -182,7 +190,7 @@ fn request<'a>(args: &'a TrainArgs, from: Option<&'a RunDir>) -> TrainRequest<'a
         against: args.against,
         leave_out: args.leave_out.as_deref(),
         ego: args.ego.as_deref(),
-        plant: args.plant,
+        plant: plant_in(world, args.plant).filter(|_| !is_stale),
         from,
         bank: &args.bank,
     }
@@ -193,7 +201,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
     let path = output(args, world);
     // The source run is opened first, so a damaged run leaves no new directory.
     let from = source(args)?;
-    let request = request(args, from.as_ref());
+    let request = request(args, world, from.as_ref());
     Ok(if args.resume {
         TrainSession::resume(world, &path, &request)?
     } else {

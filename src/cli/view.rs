@@ -9,6 +9,9 @@ use strum::VariantArray;
 
 use super::common::{open_run, print_json, refuse_program};
 use super::failure::{Exit, Failure};
+use super::headings::{OUTPUT, RUNNING};
+use super::input;
+use super::kept_input;
 #[cfg(feature = "rerun")]
 use super::live::Streamed;
 use super::live::{self, RerunArgs};
@@ -25,7 +28,7 @@ use crate::view::ViewError;
 
 #[derive(Args, Debug)]
 pub(super) struct ViewArgs {
-    /// A kept counterexample, a directory of them, or a run directory.
+    /// A kept counterexample (- is stdin), a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
     /// Number (from 0) or file name of a counterexample [default: 0, or all with
@@ -50,10 +53,10 @@ pub(super) struct ViewArgs {
     #[arg(long, value_name = "DRIVER", value_parser = drivers())]
     beside: Option<String>,
     /// Print one JSON object on stdout instead of messages.
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     /// Start the programs that the kept file or `--ego` names as egos.
-    #[arg(long)]
+    #[arg(long, help_heading = RUNNING)]
     allow_programs: bool,
     /// Taken only to be refused with the fix.
     #[arg(last = true, hide = true)]
@@ -120,11 +123,11 @@ fn replayed(args: &ViewArgs) -> Result<(Vec<Replayed>, String), Failure> {
             return of_training(args, &run, all);
         }
     }
-    let single = args.what.is_file();
+    let single = args.what.is_file() || input::is_stdin(&args.what);
     let number = args.episode.as_deref().unwrap_or("0");
     // A file has a single counterexample, so the default number 0 must not select.
     let episode = (!single && !all).then_some(number);
-    let regressions = Regressions::find(&args.what, episode)?.allow_programs(args.allow_programs);
+    let regressions = kept_input::find(&args.what, episode)?.allow_programs(args.allow_programs);
     let ego = ego(args, &regressions);
     let replayed = match args.ego.as_deref() {
         Some(ego) => regressions.against(Some(ego), &[])?.replay()?,

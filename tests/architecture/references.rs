@@ -218,13 +218,12 @@ impl Program {
         for verb in listed(&help(&[])) {
             let text = help(&[&verb]);
             let mut takes = taken(&text);
-            for below in listed(&text).into_iter().filter(|below| below != "help") {
+            for below in listed(&text) {
                 takes.extend(taken(&help(&[&verb, &below])));
                 takes.insert(below);
             }
             verbs.insert(verb, takes);
         }
-        verbs.remove("help");
         Program { verbs }
     }
 
@@ -251,8 +250,9 @@ impl Program {
             flag.chars().take_while(|c| is_name(*c)).collect()
         };
         let mut flags = flags.map(|flag| name(flag));
-        let unknown =
-            flags.find(|flag| !["--help", "--version"].contains(&&**flag) && !takes.contains(flag));
+        let unknown = flags.find(|flag| {
+            !["--help", "--help-all", "--version"].contains(&&**flag) && !takes.contains(flag)
+        });
         unknown.map(|flag| format!("`{verb}` takes no `{flag}`"))
     }
 }
@@ -261,7 +261,7 @@ fn help(words: &[&str]) -> String {
     let mut program = Command::new(env!("CARGO_BIN_EXE_brakecheck"));
     let output = program
         .args(words)
-        .arg("--help")
+        .arg("--help-all")
         .output()
         .expect("the program");
     String::from_utf8(output.stdout).expect("text")
@@ -269,9 +269,12 @@ fn help(words: &[&str]) -> String {
 
 /// The commands that a help text lists.
 fn listed(help: &str) -> Vec<String> {
-    let (_, below) = help.split_once("\nCommands:\n").unwrap_or_default();
-    let lines = below.lines().take_while(|line| !line.is_empty());
-    let names = lines.filter_map(|line| line.split_whitespace().next());
+    let (_, below) = help.split_once("\nUsage:").unwrap_or_default();
+    let is_end = |line: &&str| ["Arguments:", "Options:"].contains(line);
+    let lines = below.lines().take_while(|line| !is_end(line));
+    let names = lines.filter_map(|line| line.strip_prefix("  "));
+    let names = names.filter(|name| name.starts_with(char::is_alphabetic));
+    let names = names.filter_map(|name| name.split(' ').next());
     names.map(str::to_owned).collect()
 }
 

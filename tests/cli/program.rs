@@ -16,6 +16,33 @@ pub fn run_in(dir: &Path, program: &str, args: &[&str]) -> Output {
         .expect("it runs")
 }
 
+/// Runs brakecheck with these of the variables that it knows.
+pub fn run_with(dir: &Path, variables: &[(&str, &str)], args: &[&str]) -> Output {
+    let known = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "COLUMNS"];
+    let mut command = Command::cargo_bin("brakecheck").expect("the program");
+    for name in known {
+        command.env_remove(name);
+    }
+    command
+        .current_dir(dir)
+        .envs(variables.iter().copied())
+        .args(args)
+        .output()
+        .expect("it runs")
+}
+
+/// Runs brakecheck with a text as standard input.
+pub fn run_piped(dir: &Path, args: &[&str], input: &str) -> Output {
+    Command::cargo_bin("brakecheck")
+        .expect("the program")
+        .current_dir(dir)
+        .env("NO_COLOR", "1")
+        .args(args)
+        .write_stdin(input)
+        .output()
+        .expect("it runs")
+}
+
 pub fn code(output: &Output) -> i32 {
     output.status.code().expect("an exit code")
 }

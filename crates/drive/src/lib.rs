@@ -19,7 +19,7 @@ pub mod drive;
 use brakecheck_crashes::crashes;
 use brakecheck_ego::ego;
 use brakecheck_experiment::{experiment, run_dir, search};
-use brakecheck_files::content_hash;
+use brakecheck_files::{content_hash, run_files};
 use brakecheck_report::report;
 use brakecheck_rl::rl;
 use brakecheck_scene::{rulebook, scene, testbench};

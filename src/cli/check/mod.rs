@@ -2,16 +2,20 @@
 
 mod programs;
 mod signals;
+mod watch;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
 
+use self::programs::ProgramCheck;
 use super::answer::{Answer, AnswerArgs};
 use super::common::{note_warnings, print_json};
+use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
 use super::terminal::{self, Common};
+use super::world_input;
 use crate::experiment::NeutralRule;
 use crate::risk::{RiskTraffic, RiskTrafficError};
 use crate::ron_file::LoadError;
@@ -34,12 +38,20 @@ pub(super) struct CheckArgs {
     /// Start the programs that the world names as egos, and try them.
     #[arg(long)]
     allow_programs: bool,
+    /// Check again when the world, or a file that it includes, is saved.
+    #[arg(long, requires = "world", conflicts_with_all = ["program", "schema"])]
+    watch: bool,
     /// Print the JSON schema of world files, for editors and other programs.
     #[arg(long, conflicts_with_all = ["world", "program", "allow_programs"])]
     schema: bool,
 }
 
 impl CheckArgs {
+    /// Returns whether the command ends by Ctrl-C only.
+    pub(super) fn is_watching(&self) -> bool {
+        self.watch
+    }
+
     pub(super) fn common(&self) -> Common {
         Common {
             json: self.json,
@@ -55,7 +67,11 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     let exit = match &args.world {
-        Some(world) => check_world(args, world)?,
+        Some(world) if args.watch => watch::run(args, world)?,
+        Some(world) => {
+            let (scenario, named) = checked(args, world_input::read(world).world)?;
+            show(args, world, &scenario, &named)?
+        }
         None => Exit::Done,
     };
     if args.program.is_empty() {
@@ -65,8 +81,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     }
 }
 
-fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
-    let scenario = (match Scenario::find(world) {
+/// Returns a world without mistakes, and its programs, tried if that is allowed.
+fn checked(
+    args: &CheckArgs,
+    read: Result<Scenario, LoadError>,
+) -> Result<(Scenario, Vec<ProgramCheck>), Failure> {
+    let scenario = (match read {
         Ok(scenario) => scenario,
         Err(error) => {
             if args.json {
@@ -84,33 +104,45 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         return Err(error.into());
     }
     let named = programs::tried(&scenario, args.allow_programs);
+    Ok((scenario, named))
+}
+
+/// Prints the content of a world, its warnings and the faults of its programs.
+fn show(
+    args: &CheckArgs,
+    world: &Path,
+    scenario: &Scenario,
+    named: &[ProgramCheck],
+) -> Result<Exit, Failure> {
     if args.json {
-        let mut listing = listing(&scenario);
-        listing["ok"] = json!(programs::first_fault(&named).is_none());
+        let mut listing = listing(scenario);
+        listing["ok"] = json!(programs::first_fault(named).is_none());
         listing["programs"] = json!(named);
-        listing["warnings"] = warnings(&scenario);
+        listing["warnings"] = warnings(scenario);
         print_json(&listing)?;
+    } else if args.watch {
+        terminal::data(&answer(scenario).verdict.join("\n"))?;
     } else {
-        let mut answer = answer(&scenario);
-        answer.table.push_str(&programs::text(&named));
+        let mut answer = answer(scenario);
+        answer.table.push_str(&programs::text(named));
         terminal::data(&answer.text(args.answer))?;
     }
-    note_warnings(world, &scenario);
+    note_warnings(world, scenario);
     // A faulty program is reported last, so that the listing is complete.
-    match programs::first_fault(&named) {
+    match programs::first_fault(named) {
         Some(failure) => Err(failure),
         None => Ok(Exit::Done),
     }
 }
 
-/// A list behind its name, in lines of no more than 100 columns.
+/// A list behind its name, in lines that fit the terminal.
 fn listed(name: &str, items: &[String]) -> String {
     // 14 columns align the lists below each other.
     let mut lines = vec![format!("{name:<14}")];
     for (i, item) in items.iter().enumerate() {
         let comma = if i + 1 < items.len() { "," } else { "" };
         let width = |text: &str| text.chars().count();
-        let full = |line: &String| width(line) + width(item) + 2 > 100;
+        let full = |line: &String| width(line) + width(item) + 2 > stdout_columns();
         if i > 0 && lines.last().is_some_and(full) {
             lines.push(" ".repeat(14));
         }

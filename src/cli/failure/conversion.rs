@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{Exit, Failure, MOST_NOTES, Note, not_allowed, placed, plain_theme};
 use crate::adversary::AdversaryError;
 use crate::campaign::CampaignError;
-use crate::cli::terminal;
+use crate::cli::display::message_columns;
 use crate::crashes::{
     ExportRefusal, FindError, NotExported, PictureError, RegressionError, UnknownViewKind,
 };
@@ -457,7 +457,7 @@ impl<E: Into<Failure>> From<E> for ErrorReport {
 
 impl fmt::Debug for ErrorReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = self.0.render(plain_theme(), terminal::width());
+        let text = self.0.render(plain_theme(), message_columns());
         write!(f, "\n{}", text.trim_end())
     }
 }

@@ -132,13 +132,29 @@ impl Regressions {
                 counterexample,
             })
         });
-        Ok(Regressions {
-            kept: kept.collect::<Result<_, _>>()?,
+        Ok(Regressions::of(kept.collect::<Result<_, _>>()?))
+    }
+
+    /// Returns the counterexample of a file's text, which errors name `path`.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the text is no kept counterexample.
+    pub fn of_text(path: &Path, text: &str) -> Result<Regressions, KeptError> {
+        Ok(Regressions::of(vec![SavedCounterexample {
+            path: path.into(),
+            counterexample: Counterexample::parse(path, text)?,
+        }]))
+    }
+
+    fn of(kept: Vec<SavedCounterexample>) -> Regressions {
+        Regressions {
+            kept,
             ego: ReplayedEgo::Recorded,
             programs_allowed: false,
             fresh_egos: false,
             allow_invalid: 0.0,
-        })
+        }
     }
 
     /// Consents to start the programs that the kept files and changes name.

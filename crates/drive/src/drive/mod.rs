@@ -27,4 +27,4 @@ pub use real_time::DriveSettings;
 pub use sandbox::{DriveSeat, Sandbox, Setup, Slider};
 pub use server::{DriveEnded, serve};
 pub use session::DrivenEpisode;
-pub use watched::{Reload, WatchedWorld};
+pub use watched::{Reload, Reloaded, WatchedWorld};

@@ -1,39 +1,41 @@
 //! A world file that is loaded again when it is saved.
 
 use std::path::PathBuf;
-use std::time::SystemTime;
 
+use crate::run_files::WatchedFiles;
 use crate::world::Scenario;
 
-/// Loads the world again, or returns the problems in the words of `check`.
-pub type Reload = Box<dyn Fn() -> Result<Scenario, String> + Send>;
+/// World that was loaded again.
+pub struct Reloaded {
+    /// The world, or its problems in the words of `check`.
+    pub world: Result<Scenario, String>,
+    /// Its file, and the files that it includes.
+    pub files: Vec<PathBuf>,
+}
+
+/// Loads the world again.
+pub type Reload = Box<dyn Fn() -> Reloaded + Send>;
 
 /// World file on the disk, with what is known of it.
 pub struct WatchedWorld {
-    path: PathBuf,
+    files: WatchedFiles,
     reload: Reload,
-    seen: Option<SystemTime>,
 }
 
 impl WatchedWorld {
-    /// Watches a file that has just been loaded.
-    pub fn new(path: PathBuf, reload: Reload) -> WatchedWorld {
-        let seen = modified(&path);
-        WatchedWorld { path, reload, seen }
+    /// Watches the files of a world that has just been loaded.
+    pub fn new(files: Vec<PathBuf>, reload: Reload) -> WatchedWorld {
+        let files = WatchedFiles::new(files);
+        WatchedWorld { files, reload }
     }
 
-    /// Returns the world or its problems, if the file was saved since the last call.
+    /// Returns the world or its problems, if a file was saved since the last call.
     pub(super) fn changed(&mut self) -> Option<Result<Scenario, String>> {
-        let now = modified(&self.path);
-        // An editor may remove the file before it writes the new one.
-        if now.is_none() || now == self.seen {
+        if !self.files.changed() {
             return None;
         }
-        self.seen = now;
-        Some((self.reload)())
+        let Reloaded { world, files } = (self.reload)();
+        self.files.follow(files);
+        Some(world)
     }
-}
-
-fn modified(path: &PathBuf) -> Option<SystemTime> {
-    std::fs::metadata(path).and_then(|it| it.modified()).ok()
 }

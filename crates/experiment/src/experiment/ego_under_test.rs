@@ -105,8 +105,25 @@ impl EgoUnderTest {
         })
     }
 
-    /// Creates the ego of a program if there is one, and otherwise finds the egos of a
-    /// name.
+    /// Returns the ego under the name in its program's hello, which starts the program.
+    ///
+    /// Its name stays without a program, and if another ego of the world has that name.
+    #[must_use]
+    pub fn named_by_hello(self) -> EgoUnderTest {
+        let world = &self.scenario;
+        let is_free = |name: &String| name != "nominal" && !world.reuse.contains_key(name);
+        match world
+            .program()
+            .and_then(Process::hello_name)
+            .filter(is_free)
+        {
+            Some(name) => EgoUnderTest { name, ..self },
+            None => self,
+        }
+    }
+
+    /// Creates the ego of a program if there is one, under its own name, and otherwise
+    /// finds the egos of a name.
     ///
     /// # Errors
     /// Both are given, or the name is unknown.
@@ -117,7 +134,9 @@ impl EgoUnderTest {
     ) -> Result<Vec<EgoUnderTest>, EgoError> {
         match (program.is_empty(), requested) {
             (true, _) => EgoUnderTest::find(world, requested),
-            (false, "nominal") => Ok(vec![EgoUnderTest::program(world, program)?]),
+            (false, "nominal") => Ok(vec![
+                EgoUnderTest::program(world, program)?.named_by_hello(),
+            ]),
             (false, _) => Err(EgoError::NamedTwice),
         }
     }

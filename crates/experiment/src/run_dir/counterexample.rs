@@ -215,13 +215,21 @@ impl Counterexample {
     ///
     /// Returns an error if the file cannot be read, or is not a counterexample.
     pub fn load(path: &Path) -> Result<Counterexample, KeptError> {
-        let text = read_text(path)?;
+        Counterexample::parse(path, &read_text(path)?)
+    }
+
+    /// Reads a kept counterexample from the text of its file, which errors name `path`.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the text is not a counterexample.
+    pub fn parse(path: &Path, text: &str) -> Result<Counterexample, KeptError> {
         let format = |why: String| KeptError::Format {
             path: path.into(),
             why,
         };
         let kept: Counterexample =
-            ron::from_str(&text).map_err(|error| format(error.to_string()))?;
+            ron::from_str(text).map_err(|error| format(error.to_string()))?;
         if kept.format != FORMAT {
             return Err(format(format!("format {} is not {FORMAT}", kept.format)));
         }
@@ -230,7 +238,7 @@ impl Counterexample {
             path: path.into(),
             why,
         };
-        content_hash::check(&text, hash).map_err(damaged)?;
+        content_hash::check(text, hash).map_err(damaged)?;
         let changed = kept.change.ego.0.values().copied();
         let commands = kept
             .ego_commands

@@ -9,9 +9,11 @@ pub mod disk;
 pub mod disk_faults;
 mod error;
 pub mod sealed;
+mod watched_files;
 
 pub use error::{OtherProgram, RunDifference, RunError};
 pub use sealed::SealedFiles;
+pub use watched_files::WatchedFiles;
 
 /// Version of the layout of run directories. Other versions are refused.
 pub const FORMAT: u32 = 3;

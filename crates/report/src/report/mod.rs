@@ -45,7 +45,7 @@ pub use points::{PointCase, PointsPage};
 pub use recorded_rules::recorded_rules_junit;
 pub use result_page::{ResultPage, ResultTable, ShownEpisode};
 pub use start_map::{CellState, MapCell, StartMap};
-pub use table::{TextTable, WIDTH};
+pub use table::TextTable;
 pub use verdict::outcome_in_words;
 
 /// Content of a report.

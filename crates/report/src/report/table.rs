@@ -3,9 +3,6 @@
 use comfy_table::{Cell, CellAlignment, ContentArrangement, presets};
 use maud::{Markup, html};
 
-/// Greatest width of a table in a terminal. Wider cells are wrapped.
-pub const WIDTH: u16 = 100;
-
 /// Headings, and rows with a cell for each of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextTable {
@@ -47,17 +44,17 @@ impl TextTable {
         }
     }
 
-    /// Returns lines for a terminal, no wider than [`WIDTH`].
+    /// Returns lines for a terminal of so many columns. Wider cells are wrapped.
     ///
     /// A column in which every cell is a dash or empty is left out.
-    pub fn to_terminal(&self) -> String {
+    pub fn to_terminal(&self, width: usize) -> String {
         let is_shown = |column: &usize| {
             let mut cells = self.rows.iter().filter_map(|row| row.get(*column));
             self.rows.is_empty() || cells.any(|cell| !matches!(cell.as_str(), "–" | ""))
         };
         let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
         let columns: Vec<&String> = shown.iter().map(|at| &self.columns[*at]).collect();
-        let mut table = terminal_table(&columns);
+        let mut table = terminal_table(&columns, width);
         for row in &self.rows {
             table.add_row(shown.iter().map(|column| {
                 let cell = Cell::new(row.get(*column).map_or("", String::as_str));
@@ -92,14 +89,14 @@ impl TextTable {
     }
 }
 
-/// Returns a table with headings, to be drawn on a terminal.
-pub fn terminal_table(columns: &[impl AsRef<str>]) -> comfy_table::Table {
+/// Returns a table with headings, to be drawn on a terminal of so many columns.
+fn terminal_table(headings: &[impl AsRef<str>], columns: usize) -> comfy_table::Table {
     let mut table = comfy_table::Table::new();
     table
         .load_style(presets::UTF8_FULL_CONDENSED)
         .set_content_arrangement(ContentArrangement::Dynamic)
-        .set_width(WIDTH)
-        .set_header(columns.iter().map(AsRef::as_ref));
+        .set_width(u16::try_from(columns).unwrap_or(u16::MAX))
+        .set_header(headings.iter().map(AsRef::as_ref));
     table
 }
 
@@ -116,7 +113,7 @@ mod tests {
             "| ado | starts |\n| --- | --- |\n| hold | 7 |\n| trained | 190 |\n"
         );
         assert_eq!(
-            table.to_terminal(),
+            table.to_terminal(100),
             "┌─────────┬────────┐\n\
              │ ado     ┆ starts │\n\
              ╞═════════╪════════╡\n\

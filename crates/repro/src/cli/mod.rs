@@ -13,7 +13,7 @@ mod structures;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use brakecheck::cli::terminal::{self, CommandLine, Common, start_count};
+use brakecheck::cli::terminal::{self, CommandLine, Common, OutputArgs, start_count};
 use brakecheck::cli::{Exit, Failure};
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
@@ -37,7 +37,7 @@ const EXAMPLE: &str = "Example:\n  cargo run --release -p brakecheck-repro -- ca
 
 /// Make the paper's tables and figures again, from nothing.
 #[derive(Parser, Debug)]
-#[command(name = "repro", version, max_term_width = 100, after_help = EXAMPLE)]
+#[command(name = "repro", version, after_help = EXAMPLE)]
 struct ReproduceArgs {
     /// Which tables.
     #[arg(value_enum)]
@@ -65,6 +65,8 @@ struct ReproduceArgs {
     starts: usize,
     #[command(flatten)]
     common: Common,
+    #[command(flatten)]
+    display: OutputArgs,
 }
 
 impl ReproduceArgs {
@@ -126,6 +128,10 @@ pub fn main() -> ExitCode {
 impl CommandLine for ReproduceArgs {
     fn common(&self) -> Common {
         self.common.clone()
+    }
+
+    fn output(&self) -> OutputArgs {
+        self.display
     }
 
     fn saves_when_interrupted(&self) -> bool {

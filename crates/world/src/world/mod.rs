@@ -75,7 +75,7 @@ pub use crate::world_file::{
 };
 pub use family::TrainingEgos;
 pub use rule_spec::RuleSpec;
-pub use run_lookup::RunsOnDisk;
+pub use run_lookup::{ListedFiles, RunsOnDisk};
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;

@@ -1,6 +1,7 @@
 //! Runs that world files refer to, found on the disk.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use super::{NamedRun, RunRefused, RunSource, Scenario};
 use crate::ron_file::{LoadError, file_text};
@@ -36,17 +37,51 @@ impl RunSource for RunsOnDisk {
     }
 
     fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
-        let own = PathBuf::from(name);
-        let beside = Path::new(file).parent().map(|dir| dir.join(name));
-        // Without either, the error is that of the name as it is written.
-        let path = match beside {
-            Some(beside) if !own.exists() && beside.exists() => beside,
-            _ => own,
-        };
+        let path = included_path(name, file);
         file_text(&path).map_err(|error| RunRefused {
             what: format!("cannot read `{name}`: {error}"),
             help: "files are looked for from here and beside the world file".to_owned(),
         })
+    }
+}
+
+/// Returns the path of a file that a world file includes.
+fn included_path(name: &str, file: &str) -> PathBuf {
+    let own = PathBuf::from(name);
+    let beside = Path::new(file).parent().map(|dir| dir.join(name));
+    // Without either, the error is that of the name as it is written.
+    match beside {
+        Some(beside) if !own.exists() && beside.exists() => beside,
+        _ => own,
+    }
+}
+
+/// Runs and files on the disk, with a list of the files that were read.
+#[derive(Debug, Default)]
+pub struct ListedFiles {
+    read: Mutex<Vec<PathBuf>>,
+}
+
+impl ListedFiles {
+    /// Returns the files that worlds have included so far, also those that are missing.
+    pub fn read(&self) -> Vec<PathBuf> {
+        // A list stays valid if another thread panicked.
+        self.read
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+}
+
+impl RunSource for ListedFiles {
+    fn find(&self, name: &str, file: &str) -> Result<NamedRun, RunRefused> {
+        RunsOnDisk.find(name, file)
+    }
+
+    fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
+        let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        read.push(included_path(name, file));
+        RunsOnDisk.text(name, file)
     }
 }
 

@@ -50,10 +50,25 @@ impl Scenario {
     pub fn shipped(name: &str) -> Option<Result<Scenario, ScenarioError>> {
         // The list is searched before parsing: a world is only checked when it
         // is used.
-        let mut all = WORLDS.iter().chain(&PROTOCOLS);
-        let (name, text) = all.find(|(known, _)| *known == name)?;
+        let text = Scenario::shipped_text(name)?;
         let file = format!("worlds/{name}.ron");
         Some(Scenario::parse_with(&file, text, &ShippedFiles))
+    }
+
+    /// Returns the text of a shipped world, that of its file in `worlds/`.
+    ///
+    /// `None` for an unknown name.
+    pub fn shipped_text(name: &str) -> Option<&'static str> {
+        let mut all = WORLDS.iter().chain(&PROTOCOLS);
+        let (_, text) = all.find(|(known, _)| *known == name)?;
+        Some(text)
+    }
+
+    /// Returns the names and texts of the files that a shipped world includes.
+    pub fn shipped_files(name: &str) -> impl Iterator<Item = (&'static str, &'static str)> {
+        let text = Scenario::shipped_text(name).unwrap_or_default();
+        let is_named = move |file: &&(&str, &str)| text.contains(&format!("\"{}\"", file.0));
+        FILES.iter().filter(is_named).copied()
     }
 
     /// Returns the world of a file, or a shipped world if no such file exists.

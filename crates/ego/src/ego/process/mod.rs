@@ -61,6 +61,9 @@ fn is_stopping() -> bool {
     STOPPING.load(Ordering::Relaxed)
 }
 
+/// Most characters of a name in a table.
+const MOST_NAME_CHARS: usize = 64;
+
 /// A program as the ego, as named in a world file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Process {
@@ -224,6 +227,20 @@ impl Process {
             }
         }
         Ok(())
+    }
+
+    /// Starts the program, and returns the name in its hello.
+    ///
+    /// It then waits for the first episode. `None` without consent, if it fails to start,
+    /// and for a name that is empty, long or of several lines.
+    pub fn hello_name(&self) -> Option<String> {
+        let talk = self.talk().ok()?;
+        let name = talk.hello.name.trim().to_owned();
+        if !self.fresh {
+            self.pool.give_back(talk);
+        }
+        let is_short = (1..=MOST_NAME_CHARS).contains(&name.chars().count());
+        (is_short && !name.contains(char::is_control)).then_some(name)
     }
 
     /// Returns the cost of the program so far, in all episodes of all its clones.

@@ -1,0 +1,180 @@
+//! The command line of a program: its help, its defaults and its errors.
+
+use std::ffi::OsString;
+
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, ColorChoice, Command, ValueEnum};
+
+use super::defaults::{Defaults, SETTINGS, note_plant};
+use super::display::{COLOR, colour, stdout_columns};
+use super::failure::{Exit, Failure};
+use super::terminal::CommandLine;
+use super::usage_error;
+
+/// Widest text of a help.
+const MOST_COLUMNS: usize = 100;
+/// Option that lists all options.
+const ALL: &str = "--help-all";
+
+/// Command line that was read.
+pub(super) struct ReadLine<P> {
+    pub(super) program: P,
+    /// Where the defaults come from, in words.
+    pub(super) origins: Vec<String>,
+}
+
+/// End of a command before its work.
+pub(super) enum Ended {
+    /// Help or a version was printed.
+    Printed(Exit),
+    /// The command line or the file with defaults is invalid.
+    Refused(Failure),
+}
+
+/// Reads a command line.
+pub(super) fn read<P: CommandLine>(
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<ReadLine<P>, Ended> {
+    let arguments = with_help_as_option(arguments.into_iter().collect());
+    let directory = std::env::current_dir().unwrap_or_default();
+    // A help is printed even if this file is invalid.
+    let (defaults, refused) = match Defaults::in_directory(&directory) {
+        Ok(defaults) => (defaults, None),
+        Err(failure) => (Defaults::default(), Some(failure)),
+    };
+    // Colours hold for the errors of the command line, too.
+    colour(color_choice(&arguments, &defaults));
+    let mut command = defaults
+        .of_command(command::<P>(own_words(&arguments).any(|word| word == ALL)))
+        .term_width(stdout_columns().min(MOST_COLUMNS));
+    let read = command.try_get_matches_from_mut(&arguments);
+    let matches = read.map_err(|error| ended(&error, &command, &arguments))?;
+    if let Some(failure) = refused {
+        return Err(Ended::Refused(failure));
+    }
+    let program = P::from_arg_matches(&matches);
+    Ok(ReadLine {
+        program: program.map_err(|error| ended(&error, &command, &arguments))?,
+        origins: origins(&matches, &defaults),
+    })
+}
+
+/// Returns the command with its help.
+///
+/// Options with a heading are hidden, unless `shows_all`.
+pub(super) fn command<P: CommandLine>(shows_all: bool) -> Command {
+    let help = Arg::new("help")
+        .short('h')
+        .long("help")
+        .action(ArgAction::HelpShort)
+        .global(true)
+        .help("Print the first options");
+    let help_all = Arg::new("help-all")
+        .long("help-all")
+        .action(ArgAction::HelpLong)
+        .global(true)
+        .help("Print all options, with details");
+    let command = P::laid_out(P::command())
+        .disable_help_flag(true)
+        .disable_help_subcommand(true)
+        .arg(help)
+        .arg(help_all);
+    shaped(command, shows_all)
+}
+
+/// Hides options with a heading, and takes negative numbers as values.
+fn shaped(command: Command, shows_all: bool) -> Command {
+    let argument = |argument: Arg| {
+        let is_hidden = !shows_all && argument.get_help_heading().is_some();
+        let shown = if is_hidden {
+            argument.hide(true)
+        } else {
+            argument
+        };
+        if shown.get_action().takes_values() {
+            shown.allow_negative_numbers(true)
+        } else {
+            shown
+        }
+    };
+    command
+        .mut_args(argument)
+        .mut_subcommands(|verb| shaped(verb, shows_all))
+}
+
+/// Returns `VERB --help` for `help VERB`.
+fn with_help_as_option(arguments: Vec<OsString>) -> Vec<OsString> {
+    if arguments.get(1).is_none_or(|word| word != "help") {
+        return arguments;
+    }
+    let mut others = arguments;
+    others.remove(1);
+    others.push("--help".into());
+    others
+}
+
+/// Returns the words before those of a program after `--`.
+fn own_words(arguments: &[OsString]) -> impl Iterator<Item = &str> {
+    let words = arguments.iter().take_while(|word| *word != "--");
+    words.filter_map(|word| word.to_str())
+}
+
+/// Returns the choice of colours before anything is parsed, which may fail.
+fn color_choice(arguments: &[OsString], defaults: &Defaults) -> ColorChoice {
+    let mut typed = None;
+    let mut words = own_words(arguments);
+    while let Some(word) = words.next() {
+        if word == "--color" {
+            typed = words.next();
+        } else if let Some(choice) = word.strip_prefix("--color=") {
+            typed = Some(choice);
+        }
+    }
+    let variable = std::env::var(COLOR).ok();
+    let choice = typed.or(variable.as_deref()).or(defaults.value("color"));
+    let known = choice.and_then(|word| ColorChoice::from_str(word, true).ok());
+    known.unwrap_or_default()
+}
+
+/// Prints a help, or returns the error of a command line.
+fn ended(error: &clap::Error, command: &Command, arguments: &[OsString]) -> Ended {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
+            // A closed pipe is the reader's choice.
+            let _ = error.print();
+            Ended::Printed(Exit::Done)
+        }
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let _ = error.print();
+            Ended::Printed(Exit::Input)
+        }
+        _ => Ended::Refused(usage_error::failure(error, command, arguments)),
+    }
+}
+
+/// Returns where each setting of the command comes from, if it was not typed.
+fn origins(matches: &ArgMatches, defaults: &Defaults) -> Vec<String> {
+    let mut of_verb = matches;
+    while let Some((_, inner)) = of_verb.subcommand() {
+        of_verb = inner;
+    }
+    let origin = |of: &(&str, &str)| {
+        let (setting, variable) = *of;
+        // Other verbs lack the option.
+        of_verb.try_contains_id(setting).ok()?;
+        let value = of_verb.get_raw(setting)?.next()?.display().to_string();
+        match of_verb.value_source(setting)? {
+            ValueSource::EnvVariable => Some(format!("`--{setting} {value}` is from {variable}")),
+            ValueSource::DefaultValue => {
+                defaults.value(setting)?;
+                let file = defaults.file.display();
+                Some(format!("`--{setting} {value}` is from `{file}`"))
+            }
+            _ => None,
+        }
+    };
+    let origins: Vec<String> = SETTINGS.iter().filter_map(origin).collect();
+    note_plant(origins.iter().any(|it| it.starts_with("`--plant")));
+    origins
+}

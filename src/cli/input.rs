@@ -1,0 +1,102 @@
+//! Standard input as a file, named `-`.
+
+use std::fs::File;
+use std::io::{self, Error, ErrorKind, IsTerminal, Read, Result};
+use std::path::Path;
+
+use super::terminal;
+use crate::ron_file::{file_text, open_file};
+
+/// Name of standard input.
+const STDIN: &str = "-";
+/// Most bytes of standard input that are read, because they stay in memory.
+const MOST_BYTES: u64 = 1 << 30;
+/// Bytes that show the format.
+const HEAD: usize = 4096;
+
+/// Returns whether a path names standard input.
+pub(super) fn is_stdin(path: &Path) -> bool {
+    path == Path::new(STDIN)
+}
+
+/// Returns the text of a file, or of standard input.
+///
+/// # Errors
+/// It cannot be read, is no UTF-8, or is too large.
+pub(super) fn text(path: &Path) -> Result<String> {
+    if !is_stdin(path) {
+        return file_text(path);
+    }
+    String::from_utf8(stdin_bytes()?).map_err(|error| {
+        let why = format!("byte {} is not UTF-8", error.utf8_error().valid_up_to());
+        Error::new(ErrorKind::InvalidData, why)
+    })
+}
+
+/// File, or standard input as it was read.
+#[derive(Debug)]
+pub(super) enum Opened {
+    File(File),
+    Stdin(io::Cursor<Vec<u8>>),
+}
+
+impl Opened {
+    /// Returns the ending of the format that standard input begins with.
+    ///
+    /// `None` for a file, whose name has the ending, and for rows of text.
+    pub(super) fn format(&self) -> Option<&'static str> {
+        let Opened::Stdin(bytes) = self else {
+            return None;
+        };
+        let head = bytes.get_ref().get(..HEAD).unwrap_or(bytes.get_ref());
+        let text = String::from_utf8_lossy(head);
+        let is_xml = text
+            .trim_start_matches('\u{feff}')
+            .trim_start()
+            .starts_with('<');
+        if head.starts_with(b"\x89MCAP") {
+            Some("mcap")
+        } else if is_xml && text.contains("<OpenSCENARIO") {
+            Some("xosc")
+        } else if is_xml {
+            Some("xml")
+        } else {
+            None
+        }
+    }
+}
+
+impl Read for Opened {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        match self {
+            Opened::File(file) => file.read(buffer),
+            Opened::Stdin(bytes) => bytes.read(buffer),
+        }
+    }
+}
+
+/// Opens a file, or reads standard input.
+///
+/// # Errors
+/// It cannot be read, or standard input is too large.
+pub(super) fn open(path: &Path) -> Result<Opened> {
+    if is_stdin(path) {
+        Ok(Opened::Stdin(io::Cursor::new(stdin_bytes()?)))
+    } else {
+        Ok(Opened::File(open_file(path)?))
+    }
+}
+
+fn stdin_bytes() -> Result<Vec<u8>> {
+    let stdin = io::stdin();
+    if stdin.is_terminal() {
+        terminal::note("reading standard input: Ctrl-D ends it");
+    }
+    let mut bytes = Vec::new();
+    stdin.lock().take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > MOST_BYTES {
+        let why = format!("it is larger than {MOST_BYTES} bytes");
+        return Err(Error::new(ErrorKind::FileTooLarge, why));
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,27 @@
+//! Kept counterexamples as they are named: a file, a directory, a run, or `-`.
+
+use std::path::Path;
+
+use super::failure::Failure;
+use super::input;
+use crate::crashes::Regressions;
+
+/// Returns the kept counterexamples, or a single one of them.
+///
+/// # Errors
+/// There is none, or one is damaged.
+pub(super) fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Failure> {
+    if !input::is_stdin(what) {
+        return Ok(Regressions::find(what, episode)?);
+    }
+    let text = input::text(what).map_err(|error| {
+        Failure::input(
+            format!("cannot read standard input: {error}"),
+            "pipe a kept counterexample into it, or name its file",
+        )
+    })?;
+    Ok(Regressions::of_text(
+        Path::new("standard-input.ron"),
+        &text,
+    )?)
+}

@@ -1,0 +1,102 @@
+//! Typical mistakes of a first hour: each message names the place and the fix.
+
+use super::program::{code, run_with, scratch, stderr};
+use super::root;
+
+/// Words of a command line, and parts of the message.
+type Mistake = (&'static str, &'static [&'static str]);
+
+const MISTAKES: [Mistake; 24] = [
+    ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
+    (
+        "acc search",
+        &["'acc'", "the verb comes first", "`brakecheck check acc`"],
+    ),
+    ("README.md", &["'README.md'", "the verb comes first"]),
+    ("search", &["<WORLD|RUN>", "usage: brakecheck search"]),
+    (
+        "search acc --sead 1",
+        &["'--sead'", "'--seed'", "`brakecheck search --help`"],
+    ),
+    (
+        "search acc --over ego.x=0..1",
+        &["'--over'", "it is an option of `sweep`"],
+    ),
+    ("search acc --from runs/x", &["'--from'", "`--bank RUN`"]),
+    (
+        "search acc python3 ego.py",
+        &["'python3'", "`brakecheck search acc -- python3 ego.py`"],
+    ),
+    (
+        "search acc --plant ridgid",
+        &["'ridgid'", "'rigid'", "usage: "],
+    ),
+    ("search acc --starts 0", &["'0'", "--starts"]),
+    ("search acc --starts many", &["'many'", "300k"]),
+    ("search acc --jobs 0", &["'0'", "--jobs", "1..=1024"]),
+    ("search acc --ego", &["--ego", "a value is required"]),
+    ("search acm", &["`acm`", "`acc`"]),
+    (
+        "search acc --ego nominl",
+        &["`nominl`", "did you mean `nominal`?"],
+    ),
+    ("check none.ron", &["`none.ron`", "name a world file"]),
+    ("check src", &["`src`", "is a directory"]),
+    ("check Cargo.toml", &["Cargo.toml:"]),
+    (
+        "replay acc",
+        &["`acc` is a world", "brakecheck search acc --keep kept"],
+    ),
+    (
+        "gate acc --baseline-ego nominal",
+        &["`acc` is a world", "brakecheck train acc"],
+    ),
+    ("eval src", &["`src`", "brakecheck train"]),
+    (
+        "view tests/regressions/acc-nominal-0001.ron -o crash.jpg",
+        &["crash.jpg", ".svg"],
+    ),
+    (
+        "export tests/regressions",
+        &["--output <DIR>", "usage: brakecheck export"],
+    ),
+    (
+        "stl always(gap>0)",
+        &["--trace <FILE.csv>", "usage: brakecheck stl"],
+    ),
+];
+
+#[test]
+fn each_mistake_has_its_place_and_a_fix() {
+    for (words, parts) in MISTAKES {
+        let words: Vec<&str> = words.split(' ').collect();
+        let output = run_with(root(), &[("COLUMNS", "200")], &words);
+        let said = stderr(&output);
+        assert_eq!(code(&output), 2, "{words:?}: {said}");
+        for part in parts.iter().chain(&["  × ", "  help: "]) {
+            assert!(said.contains(part), "{words:?}, `{part}`: {said}");
+        }
+        assert!(output.stdout.is_empty(), "{words:?}");
+    }
+}
+
+#[test]
+fn files_that_hold_no_world_are_named() {
+    let dir = scratch();
+    std::fs::write(dir.path().join("empty.ron"), "").expect("written");
+    std::fs::write(dir.path().join("empty.csv"), "").expect("written");
+    for (words, part) in [
+        ("check empty.ron", "empty.ron:1:1"),
+        ("search empty.ron", "empty.ron:1:1"),
+        ("log empty.csv", "empty.csv"),
+        ("stl x>0 --trace empty.csv", "empty.csv"),
+    ] {
+        let output = run_with(dir.path(), &[], &words.split(' ').collect::<Vec<_>>());
+        let said = stderr(&output);
+        assert_eq!(code(&output), 2, "{words}: {said}");
+        assert!(
+            said.contains(part) && said.contains("help: "),
+            "{words}: {said}"
+        );
+    }
+}
