@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::common::{load_world, one_of, open_run, placed, print_json, with_consent};
 use super::defaults::PLANT;
+use super::display::is_quiet;
 use super::failure::{Exit, Failure, plain_theme};
 use super::headings::{OUTPUT, RUNNING, TEST};
 use super::number_args::count;
@@ -194,6 +195,9 @@ fn announce(args: &DriveArgs, address: &str) {
     if args.json {
         // The page works also where nobody reads its address.
         let _ = print_json(&json!({ "address": address }));
+    } else if is_quiet() {
+        // The address is the answer.
+        let _ = terminal::data(address);
     } else {
         terminal::note(&format!(
             "drive at {address} (Ctrl-C ends it; nobody without this address gets in)"

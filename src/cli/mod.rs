@@ -125,7 +125,7 @@ enum Verb {
     /// Read recorded traffic: lanes, situations and rarity.
     #[command(after_help = examples::LOG)]
     Log(log::LogArgs),
-    /// Write one page, and JUnit XML, about a run, kept crashes, a gate or a risk.
+    /// Write a page and JUnit XML about a run, crashes, a gate or a risk.
     #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
     /// Play many worlds, egos, ados and starts in resumable pieces.

@@ -193,7 +193,7 @@ fn wrong_words_and_missing_files_exit_with_2_and_a_cure() {
             &["search", "worlds/acc.ron", "--method", "mutate"],
             "--bank RUN",
         ),
-        (&["frobnicate"], "Usage"),
+        (&["frobnicate"], "usage: "),
         (&["train", "worlds/acc.ron", "--decisions", "0"], "0"),
         (&["check", "src"], "src"),
     ];

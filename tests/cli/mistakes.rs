@@ -27,10 +27,7 @@ const MISTAKES: [Mistake; 24] = [
         "search acc python3 ego.py",
         &["'python3'", "`brakecheck search acc -- python3 ego.py`"],
     ),
-    (
-        "search acc --plant ridgid",
-        &["'ridgid'", "'rigid'", "usage: "],
-    ),
+    ("search acc --plant ridgid", &["'ridgid'", "'rigid'"]),
     ("search acc --starts 0", &["'0'", "--starts"]),
     ("search acc --starts many", &["'many'", "300k"]),
     ("search acc --jobs 0", &["'0'", "--jobs", "1..=1024"]),

@@ -67,7 +67,7 @@ fn tables_and_messages_are_as_wide_as_the_terminal() {
         assert!(!lines.is_empty(), "{text}");
         widest(&lines.join("\n"))
     };
-    for args in [&["check", "acc"][..], &search] {
+    for args in [&["check", "acc", "--details"][..], &search] {
         for (columns, most) in [("60", 60), ("80", 80), ("40", 60), ("nonsense", 100)] {
             let found = table(columns, args);
             assert!(
@@ -76,7 +76,7 @@ fn tables_and_messages_are_as_wide_as_the_terminal() {
             );
         }
     }
-    assert!(table("150", &["check", "acc"]) > Some(100));
+    assert!(table("150", &["check", "acc", "--details"]) > Some(100));
     let error = printed("60", &["replay", "worlds/acc.ron"]);
     assert!(widest(&error) <= Some(60), "{error}");
     assert!(widest(&printed("100", &["replay", "worlds/acc.ron"])) > Some(60));

@@ -123,12 +123,12 @@ mod tests {
         );
         let dashes = [["hold", "–", "7"], ["trained", "–", "–"]].map(|row| row.map(str::to_owned));
         let with_dashes = TextTable::new(["ado", "recall", "starts"], dashes);
-        let text = with_dashes.to_terminal();
+        let text = with_dashes.to_terminal(100);
         assert!(
             !text.contains("recall") && text.contains("│ trained ┆ –"),
             "{text}"
         );
-        let text = with_dashes.without_first_column().to_terminal();
+        let text = with_dashes.without_first_column().to_terminal(100);
         assert!(
             !text.contains("ado") && text.contains("│ starts │"),
             "{text}"
