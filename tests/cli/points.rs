@@ -70,9 +70,12 @@ fn an_imported_scene_tests_the_program_at_every_point() {
 fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
     let dir = scratch();
     let world = imported(&dir);
-    // Its name reaches the page, but not as a browser or a terminal would obey it.
+    // Its name reaches the page, but not as a browser or a terminal would obey it. A hello
+    // with control characters has no name.
     let weak = path(&dir, "weak\u{202e}\u{9b}1m.py");
-    std::fs::write(&weak, WEAK).expect("written");
+    let hostile = WEAK.replace("\"weak\"", "\"weak\\u009b1m\"");
+    assert_ne!(hostile, WEAK);
+    std::fs::write(&weak, hostile).expect("written");
     let kept = path(&dir, "kept");
     let asked = [
         "eval",
@@ -209,5 +212,5 @@ fn both_counts_of_starts_that_fail_alone_are_printed() {
     let said = String::from_utf8_lossy(&search.stdout).into_owned();
     let opening = said.lines().next().expect("an opening");
     assert!(opening.contains("fails without an adversary"), "{opening}");
-    assert!(opening.contains("weak.py` itself: "), "{opening}");
+    assert!(opening.contains("`weak` itself: "), "{opening}");
 }
