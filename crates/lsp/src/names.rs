@@ -3,9 +3,18 @@
 use crate::outline::{Scanner, Visit};
 
 /// Fields that contain formulas or signals.
-const OF_SIGNALS: [&str; 6] = ["stl", "ego_spec", "expr", "observe", "signals", "formulas"];
+const OF_SIGNALS: [&str; 8] = [
+    "stl", "ego_spec", "expr", "observe", "signals", "formulas", "when", "is",
+];
 /// Fields that name an agent.
-const OF_AGENTS: [&str; 2] = ["of", "relative_to"];
+const OF_AGENTS: [&str; 6] = [
+    "of",
+    "relative_to",
+    "entity",
+    "entities",
+    "actors",
+    "master",
+];
 
 /// Kind of the names that a field contains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,6 +13,7 @@ use crate::values::{
     Act, DynamicLimits, Effect, EventPriority, Expression, ManeuverGroup, Story, StoryEvent,
     StoryManeuver, Storyboard, Trigger,
 };
+use crate::view::SceneChange;
 
 /// Greatest number of elements, and of conditions, so that a file allocates little.
 const MOST_PARTS: usize = 10_000;
@@ -48,9 +49,19 @@ pub struct CheckedStoryboard {
     pub(crate) variables: Vec<f64>,
     /// Limits of each agent.
     pub(crate) limits: Vec<DynamicLimits<f64>>,
+    formulas: Vec<StoryFormula>,
     has_parameters: bool,
     /// Storyboard before its parameters got values. `None` if it has none.
     open: Option<Arc<OpenStoryboard>>,
+}
+
+/// Formula of a condition, which the world binds to its signals.
+#[derive(Clone, Debug)]
+pub struct StoryFormula {
+    /// Place in the file.
+    pub path: ValuePath,
+    /// Formula in STL.
+    pub text: String,
 }
 
 /// Storyboard whose parameters have no values yet, with the names that it uses.
@@ -99,6 +110,7 @@ fn resolved(
         limits: vec![DynamicLimits::default(); names.agents.len()],
         elements: Vec::new(),
         conditions: Vec::new(),
+        formulas: Vec::new(),
     };
     check.variables(path, board);
     check.performance(path, board);
@@ -112,6 +124,7 @@ fn resolved(
         limits,
         elements,
         conditions,
+        formulas,
         ..
     } = check;
     (problems.len() == before).then_some(CheckedStoryboard {
@@ -119,6 +132,7 @@ fn resolved(
         conditions,
         variables: first,
         limits,
+        formulas,
         has_parameters,
         open: None,
     })
@@ -168,14 +182,19 @@ impl CheckedStoryboard {
         (element.kind, element.path.join("::"))
     }
 
-    /// Returns the agents that perform actions.
-    pub fn actors(&self) -> impl Iterator<Item = usize> {
-        let effects = self.elements.iter().filter_map(|it| it.effect.as_ref());
-        let acting = effects.filter_map(|effect| match effect {
-            CheckedEffect::Of { actors, .. } => Some(actors.all()),
-            CheckedEffect::Variable { .. } | CheckedEffect::Scene(_) => None,
-        });
-        acting.flatten()
+    /// Returns the formulas of its conditions, in the order of their numbers.
+    pub fn formulas(&self) -> &[StoryFormula] {
+        &self.formulas
+    }
+
+    /// Returns whether an action may move an agent.
+    pub fn moves(&self, agent: usize) -> bool {
+        let mut effects = self.elements.iter().filter_map(|it| it.effect.as_ref());
+        effects.any(|effect| match effect {
+            CheckedEffect::Of { actors, .. } => actors.all().any(|it| it == agent),
+            CheckedEffect::Scene(SceneChange::Add(of, _) | SceneChange::Delete(of)) => *of == agent,
+            CheckedEffect::Scene(_) | CheckedEffect::Variable { .. } => false,
+        })
     }
 
     /// Returns whether triggers choose actors.
@@ -200,6 +219,7 @@ struct Check<'a, 'b> {
     limits: Vec<DynamicLimits<f64>>,
     elements: Vec<BoardElement>,
     conditions: Vec<CheckedCondition>,
+    formulas: Vec<StoryFormula>,
 }
 
 impl Check<'_, '_> {
@@ -378,7 +398,7 @@ impl Check<'_, '_> {
         let named = |list: &[String]| list.iter().any(|it| it == name);
         if named(&self.names.agents) && !named(&self.names.actors) {
             let what = format!("`{name}` cannot act in a story");
-            let help = "give it `Script([])` as its drive, or as the `base` of its `Ado(…)`";
+            let help = "write `drive: Story`, or let its `Ado(…)` have `actions: Deviate(…)`";
             self.wrong(path, what, help);
         }
         self.agent(path, name)

@@ -24,6 +24,7 @@
 pub mod axis;
 pub mod check;
 mod condition;
+pub mod robustness;
 pub mod run;
 mod tree;
 mod trigger;

@@ -197,6 +197,7 @@ impl StoryRun {
                 number,
                 compared: with,
             } => compared(Some(view.parameter(*number)), with),
+            CheckedExpression::Formula(number) => truth(view.robustness(*number).holds(at_s)),
             CheckedExpression::Signal { light, state } => {
                 truth(view.signal(*light, at_s) == *state)
             }
@@ -393,6 +394,9 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     fn watch_anew(&mut self, groups: &[Vec<usize>]) {
         for number in groups.iter().flatten() {
             self.run.conditions[*number] = ConditionRun::default();
+            if let CheckedExpression::Formula(formula) = self.board.conditions[*number].is {
+                self.stage.watch(formula, self.now_s);
+            }
         }
     }
 

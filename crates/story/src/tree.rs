@@ -66,6 +66,8 @@ pub(crate) enum CheckedExpression {
         number: usize,
         compared: ValueComparison,
     },
+    /// Formula by its number.
+    Formula(usize),
     Signal {
         light: usize,
         state: SignalState,

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::pose::Pose;
 use crate::road::OnRoad;
+use crate::robustness::SampledRobustness;
 use crate::trajectory::TrajectoryPath;
 use crate::values::{
     CoordinateSystem, DistanceOrTime, DynamicLimits, DynamicsShape, FinalSpeed, FollowingMode,
@@ -138,6 +139,8 @@ pub trait StoryView {
     fn signal(&self, light: usize, at_s: f64) -> SignalState;
     /// Returns a parameter of the start.
     fn parameter(&self, number: usize) -> f64;
+    /// Returns the robustness of a formula over the sample.
+    fn robustness(&self, formula: usize) -> SampledRobustness;
 
     /// Returns the pose of the reference point of an agent.
     fn reference(&self, agent: usize, at_s: f64) -> Pose {
@@ -456,4 +459,6 @@ pub trait StoryStage: StoryView {
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64;
     /// Stops the action of a domain, so that the body keeps its speed or its lateral place.
     fn stop(&mut self, agent: usize, domain: MotionDomain, at_s: f64);
+    /// Lets a formula look back no further than the sample at or before an instant.
+    fn watch(&mut self, formula: usize, at_s: f64);
 }

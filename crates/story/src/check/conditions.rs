@@ -1,6 +1,6 @@
 //! Check of triggers and their conditions.
 
-use super::{Check, MOST, MOST_PARTS};
+use super::{Check, MOST, MOST_PARTS, StoryFormula};
 use crate::ron_file::ValuePath;
 use crate::tree::{
     AgentExpression, AgentQuantity, CheckedCondition, CheckedExpression, MeasuredAxis,
@@ -71,6 +71,13 @@ impl Check<'_, '_> {
                 number: self.index(&path.to("name"), "parameter", name, &self.names.parameters),
                 compared: self.compared(&path.to("value"), *rule, value),
             },
+            Expression::Formula(text) => {
+                self.formulas.push(StoryFormula {
+                    path: path.at(0),
+                    text: text.clone(),
+                });
+                CheckedExpression::Formula(self.formulas.len() - 1)
+            }
             Expression::TrafficSignal { name, state } => CheckedExpression::Signal {
                 light: self.index(&path.to("name"), "light", name, &self.names.lights),
                 state: *state,

@@ -1,7 +1,7 @@
 //! Search for the next instant at which an element may change.
 
 use super::{Life, Look, StoryStep};
-use crate::tree::CheckedCondition;
+use crate::tree::{CheckedCondition, CheckedExpression};
 use crate::trigger::ConditionRun;
 use crate::view::{MotionDomain, StoryStage};
 
@@ -47,6 +47,13 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         };
         if is_same(next_s) {
             return next_s;
+        }
+        // The line between two samples has its zero in closed form.
+        if let CheckedExpression::Formula(formula) = condition.is
+            && let Some(exact_s) = self.stage.robustness(formula).change_s()
+            && self.now_s < exact_s
+        {
+            return exact_s;
         }
         let (mut from_s, mut to_s) = (self.now_s, next_s);
         for _ in 0..HALVINGS {

@@ -85,6 +85,10 @@ pub enum Expression {
         /// Compared value.
         value: StoryNumber,
     },
+    /// Formula in STL over the signals of the world, of the present and the past only.
+    ///
+    /// It looks back to the sample at or before the instant from which the element waits.
+    Formula(String),
     /// Phase of a traffic light.
     TrafficSignal {
         /// Name of the light.

@@ -3,6 +3,7 @@
 mod actors;
 mod conditions;
 mod elements;
+mod formulas;
 mod instants;
 mod mistakes;
 mod page;

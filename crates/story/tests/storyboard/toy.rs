@@ -4,6 +4,7 @@ use brakecheck_files::ron_file::{Problems, ValuePath, parse_ron as parse};
 use brakecheck_road::pose::Pose;
 use brakecheck_road::road::OnRoad;
 use brakecheck_story::check::{CheckedStoryboard, StoryNames, check};
+use brakecheck_story::robustness::{RobustnessAt, SampledRobustness};
 use brakecheck_story::run::{ElementChange, StoryRun};
 use brakecheck_story::values::{Dimension, DynamicsShape, SignalState, Storyboard};
 use brakecheck_story::view::{
@@ -38,10 +39,16 @@ impl Leg {
 }
 
 /// Agents `a`, `b`, … of 4 m × 2 m, whose light turns red at 1.5 s.
+///
+/// Every formula holds from 1.23 s to 2.23 s.
 #[derive(Clone, Debug)]
 pub struct Toy {
     pub legs: Vec<Leg>,
     swings_s: Vec<f64>,
+    /// Beginning and end of the sample.
+    pub samples_s: [f64; 2],
+    /// Instants from which formulas are watched.
+    pub watched_s: Vec<f64>,
 }
 
 impl Toy {
@@ -58,6 +65,8 @@ impl Toy {
         Toy {
             legs: legs.collect(),
             swings_s: vec![0.0; agents.len()],
+            samples_s: [0.0; 2],
+            watched_s: Vec::new(),
         }
     }
 
@@ -136,6 +145,17 @@ impl StoryView for Toy {
     fn parameter(&self, _: usize) -> f64 {
         7.0
     }
+
+    fn robustness(&self, _: usize) -> SampledRobustness {
+        let [before, now] = self.samples_s.map(|at_s| RobustnessAt {
+            at_s,
+            rho: 0.5 - (at_s - 1.73).abs(),
+        });
+        SampledRobustness {
+            before: (before.at_s < now.at_s).then_some(before),
+            now,
+        }
+    }
 }
 
 impl StoryStage for Toy {
@@ -174,6 +194,10 @@ impl StoryStage for Toy {
     }
 
     fn change(&mut self, _: SceneChange, _: f64) {}
+
+    fn watch(&mut self, _: usize, at_s: f64) {
+        self.watched_s.push(at_s);
+    }
 
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64 {
         match domain {
@@ -271,6 +295,7 @@ impl Played {
     pub fn on(&mut self, from: usize, to: usize, sample_s: f64) {
         for sample in from + 1..=to {
             let at_s = sample as f64 * sample_s;
+            self.toy.samples_s = [at_s - sample_s, at_s];
             self.run
                 .step(&self.board, &mut self.toy, at_s, &mut self.changes);
         }

@@ -118,7 +118,7 @@ fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str
         }
         (None, Actions::Deviate(_)) => Some((
             "there is no plan from which to deviate",
-            "give the ado a `base: Script([…])` or `base: Meet(…)`",
+            "write a `storyboard` that moves it, or give it a `base: Script([…])` or `base: Meet(…)`",
         )),
         (Some(_), actions) if !matches!(actions, Actions::Deviate(_)) => Some((
             "an ado with a plan deviates from it",

@@ -14,6 +14,7 @@ use super::plans;
 use super::road_ado;
 use super::roads;
 use super::runs::WorldOrigin;
+use super::storyboards;
 use super::trained;
 use super::trained::rules::JudgedAdo;
 use super::weather;
@@ -64,6 +65,8 @@ pub(super) struct Agents<'a> {
     pub(super) written_out: Vec<(ValuePath, String)>,
     /// Names of the road users so far, including invalid agents.
     declared: Vec<String>,
+    /// True if the world has a storyboard.
+    has_story: bool,
     /// The world's own road, and the named roads.
     roads: (&'a Road, &'a PlacedRoads),
     origin: WorldOrigin<'a>,
@@ -96,6 +99,7 @@ impl Agents<'_> {
             judged: Vec::new(),
             written_out: Vec::new(),
             declared: Vec::new(),
+            has_story: file.storyboard.is_some(),
             roads,
             origin,
         };
@@ -323,6 +327,14 @@ impl Agents<'_> {
             DriveFile::Trained(file) => {
                 Drive::Trained(self.trained(problems, path, name, file, acts_as)?)
             }
+            DriveFile::Story => {
+                if !self.has_story {
+                    let what = "the world has no storyboard".to_owned();
+                    let help = "write a `storyboard` with this agent among its `actors`";
+                    problems.add(path, what, "moved by it", Some(help.to_owned()));
+                }
+                Drive::Planned(MotionPlan::Script(Vec::new()))
+            }
             DriveFile::Script(steps) => {
                 let plan = MotionPlan::Script(steps.clone());
                 Drive::Planned(plans::read(problems, &path.at(0), &plan, acts_as)?)
@@ -331,7 +343,8 @@ impl Agents<'_> {
                 let plan = MotionPlan::Meet(meet.clone());
                 Drive::Planned(plans::read(problems, path, &plan, acts_as)?)
             }
-            DriveFile::Ado(ado) => {
+            DriveFile::Ado(written) => {
+                let ado = &self.with_base(written);
                 ado_actions::check(problems, path, ado, acts_as);
                 let base = match &ado.base {
                     Some(plan) => {
@@ -352,6 +365,15 @@ impl Agents<'_> {
                 }
             }
         })
+    }
+
+    /// Returns an ado whose deviations are from its story if it has no other plan.
+    fn with_base(&self, ado: &AdoFile) -> AdoFile {
+        let mut whole = ado.clone();
+        if self.has_story && storyboards::deviates_from_story(ado) {
+            whole.base = Some(MotionPlan::Script(Vec::new()));
+        }
+        whole
     }
 
     pub(super) fn trained(

@@ -183,6 +183,7 @@ fn assemble(
     spec.environment = environment::drawn(&file, &spec);
     if let Some(board) = &file.storyboard {
         spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
+        storyboards::check_actors(&mut problems, &top.to("agents"), &file, &spec, &entries);
     }
     per_ado::names(&mut problems, &learner, &spec);
     let list = top.to("agents");
@@ -232,6 +233,7 @@ fn assemble(
     }
     problems.done()?;
     plans::bind(&mut problems, &mut language, &names, &list, &spec, &entries);
+    storyboards::bind(&mut problems, &mut language, &names, &spec);
     for rule in &rules {
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }

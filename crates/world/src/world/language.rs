@@ -223,7 +223,7 @@ impl Language {
         Ok((names, ego_spec))
     }
 
-    /// Binds a formula that must not look ahead, because a step waits for it.
+    /// Binds a formula that must not look ahead, because a trigger waits for it.
     pub(super) fn bind_past(
         &mut self,
         problems: &mut Problems,
@@ -237,7 +237,7 @@ impl Language {
             // A horizon of 0 samples reads only the present and the past.
             && monitor.horizon_samples() != Some(0)
         {
-            let what = "a step waits for what lies ahead";
+            let what = "a trigger waits for what lies ahead";
             let help = "say it of the present and the past: `once`, `historically`, `since`, \
                         `prev` and `rise` look back";
             problems.add(path, what, "looks ahead", Some(help.to_owned()));

@@ -155,6 +155,7 @@ fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
             DriveFile::Ego(_)
             | DriveFile::Trained(_)
             | DriveFile::Scripted(_)
+            | DriveFile::Story
             | DriveFile::Meet(_) => {}
         },
         AgentFile::Light { drive, .. } => match drive {

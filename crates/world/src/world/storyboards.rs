@@ -2,10 +2,14 @@
 
 use std::sync::Arc;
 
+use super::language::{Language, formula};
+use super::limits::{self, STL_BYTES};
 use crate::ron_file::{Problems, ValuePath};
-use crate::scene::drive::{DriveSpec, MotionPlan};
-use crate::story::check::{CheckedStoryboard, StoryNames, check};
+use crate::scene::drive::{Actions, DriveSpec, MotionPlan};
+use crate::stl::Names;
+use crate::story::check::{CheckedStoryboard, StoryFormula, StoryNames, check};
 use crate::story::values::Storyboard;
+use crate::world_file::{AdoFile, AgentFile, DriveFile, ScenarioFile};
 
 /// Checks a storyboard against the agents of its world, at both ends of all parameters.
 pub(super) fn read(
@@ -40,6 +44,59 @@ pub(super) fn read(
         check(problems, path, board, &names, &most)?;
     }
     Some(Arc::new(checked))
+}
+
+/// Returns whether the actions of an ado add to those of the storyboard.
+pub(super) fn deviates_from_story(ado: &AdoFile) -> bool {
+    ado.base.is_none() && matches!(ado.actions, Actions::Deviate(_))
+}
+
+/// Reports agents that only the storyboard moves, but no action of it.
+///
+/// `entries` are the agents' positions in the file's list.
+pub(super) fn check_actors(
+    problems: &mut Problems,
+    list: &ValuePath,
+    file: &ScenarioFile,
+    spec: &DriveSpec,
+    entries: &[usize],
+) {
+    let Some(story) = &spec.story else {
+        return;
+    };
+    for (agent, entry) in entries.iter().enumerate() {
+        let (AgentFile::Vehicle { name, drive, .. } | AgentFile::Pedestrian { name, drive, .. }) =
+            &file.agents[*entry]
+        else {
+            continue;
+        };
+        let follows_story = match drive {
+            DriveFile::Story => true,
+            DriveFile::Ado(ado) => deviates_from_story(ado),
+            _ => false,
+        };
+        if follows_story && !story.moves(agent) {
+            let what = format!("no action of the storyboard moves `{name}`");
+            let help = "name it among the `actors` of a maneuver group".to_owned();
+            let place = list.at(*entry).to("drive");
+            problems.add(&place, what, "moved by the storyboard", Some(help));
+        }
+    }
+}
+
+/// Binds the formulas of its conditions, which must not look ahead.
+pub(super) fn bind(
+    problems: &mut Problems,
+    language: &mut Language,
+    names: &Names,
+    spec: &DriveSpec,
+) {
+    for StoryFormula { path, text } in spec.story.iter().flat_map(|story| story.formulas()) {
+        limits::within(problems, path, text.len(), STL_BYTES);
+        if let Some(formula) = formula(problems, path, text) {
+            language.bind_past(problems, path, &formula, names);
+        }
+    }
 }
 
 /// Checks a storyboard at all points of a table.

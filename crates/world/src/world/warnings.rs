@@ -255,6 +255,7 @@ impl Warnings {
             DriveFile::Ado(ado) => self.driven_ado(path, ado),
             DriveFile::Trained(_)
             | DriveFile::Scripted(_)
+            | DriveFile::Story
             | DriveFile::Script(_)
             | DriveFile::Meet(_) => {}
         }

@@ -211,6 +211,8 @@ pub enum DriveFile {
     Trained(TrainedFile),
     /// A fixed motion.
     Scripted(Script),
+    /// The actions of the storyboard.
+    Story,
     /// A plan by laws.
     Script(Vec<ScriptStep<NumberOrRange, String>>),
     /// A meeting with the ego.
@@ -303,7 +305,7 @@ impl SceneAdoFile {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Ado", deny_unknown_fields)]
 pub struct AdoFile {
-    /// Plan from which the actions deviate. Default: none.
+    /// Plan from which the actions deviate. Default: the storyboard, for `Deviate`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<PlanFile>,
     /// The choices at each decision.

@@ -22,8 +22,23 @@ impl DriveScene {
         self.story.as_ref().map_or(&[], |story| story.changes())
     }
 
+    /// Returns the row of signals, which takes the memory of `self.row`.
+    fn published(&mut self) -> Vec<f64> {
+        let mut row = std::mem::take(&mut self.row);
+        row.resize(self.layout.schema.len(), 0.0);
+        self.publish_into(&mut row);
+        row
+    }
+
     /// Lets the actions of the storyboard begin that were due since the last sample.
     fn run_story(&mut self) {
+        if !self.layout.story_formulas.is_empty() {
+            let row = self.published();
+            if let Some(story) = &mut self.story {
+                story.rate(&row, self.state.time_s());
+            }
+            self.row = row;
+        }
         let Some(story) = &mut self.story else {
             return;
         };
@@ -54,9 +69,7 @@ impl DriveScene {
         );
         // Signals are published for plans only if a plan waits for a formula.
         if self.is_watched() {
-            let mut row = std::mem::take(&mut self.row);
-            row.resize(layout.schema.len(), 0.0);
-            self.publish_into(&mut row);
+            let row = self.published();
             for run in self.plans.iter_mut().flatten() {
                 run.look(&row, from_s);
             }

@@ -37,6 +37,12 @@ pub enum SceneError {
         /// Cause.
         source: Box<StlError>,
     },
+    /// A formula of the storyboard does not bind.
+    #[error("a condition of the storyboard: {source}")]
+    Condition {
+        /// Cause.
+        source: Box<StlError>,
+    },
     /// An observed signal is not published.
     #[error("`{name}` is observed but not published")]
     Observed {
@@ -85,6 +91,8 @@ pub struct DriveLayout {
     pub(super) turns: Vec<Turn>,
     /// Triggers of the steps of each agent's plan.
     pub whens: Vec<Arc<[Option<Monitor>]>>,
+    /// Formulas of the storyboard's conditions.
+    pub(super) story_formulas: Vec<Monitor>,
     pub(crate) axes: Vec<Axis>,
     pub(crate) spaces: Spaces,
 }
@@ -126,10 +134,12 @@ impl DriveLayout {
             .iter()
             .map(|agent| whens(&spec, &schema, agent))
             .collect::<Result<_, _>>()?;
+        let story_formulas = story_formulas(&spec, &schema)?;
         Ok(DriveLayout {
             frozen,
             turns: turns(&spec),
             whens,
+            story_formulas,
             network: Arc::new(spec.network()?),
             ego,
             schema: Arc::new(schema),
@@ -173,6 +183,20 @@ fn whens(
     let bound = steps
         .iter()
         .map(|step| step.when.as_ref().map(bind).transpose());
+    bound.collect()
+}
+
+/// Binds the formulas of the storyboard's conditions.
+fn story_formulas(spec: &DriveSpec, schema: &Schema) -> Result<Vec<Monitor>, SceneError> {
+    let formulas = spec.story.iter().flat_map(|story| story.formulas());
+    let bound = formulas.map(|formula| {
+        let parsed = formula.text.parse::<Formula>();
+        let monitor =
+            parsed.and_then(|it| it.bind_with(schema, &spec.formulas, &Settings::default()));
+        monitor.map_err(|source| SceneError::Condition {
+            source: Box::new(source),
+        })
+    });
     bound.collect()
 }
 

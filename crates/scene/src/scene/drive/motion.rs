@@ -342,7 +342,7 @@ impl Scene for DriveScene {
         let story = layout.spec.story.as_ref();
         let resolved = story.map(|board| board.at_values(&self.state.parameters));
         self.story = resolved.and_then(|board| match board {
-            Ok(board) => Some(Box::new(StoryExecution::new(board))),
+            Ok(board) => Some(Box::new(StoryExecution::new(board, &layout))),
             Err(why) => {
                 self.unmet = Some(format!("storyboard: {why}"));
                 None

@@ -27,6 +27,7 @@ use crate::ego::Command;
 use crate::road::{Course, Road, RoadNetwork, wrapped};
 use crate::sim::{Pose, rotation_by};
 use crate::stl::{Monitor, OnlineMonitor};
+use crate::story::robustness::{RobustnessAt, SampledRobustness};
 use crate::story::view::AgentMotion;
 
 /// Speed below which a body keeps its heading.
@@ -88,8 +89,8 @@ enum PlanPhase {
     /// Waits for the formula of the step.
     Waits {
         since_s: f64,
-        /// Time and robustness at the previous sample.
-        before: Option<(f64, f64)>,
+        /// Robustness at the previous sample.
+        before: Option<RobustnessAt>,
         watch: Box<OnlineMonitor>,
     },
     /// Waits for a time.
@@ -257,19 +258,20 @@ impl PlanRun {
         let Ok(seen) = watch.push(row) else {
             return;
         };
-        let now = seen.lo;
-        if now < 0.0 {
-            *before = Some((time_s, now));
+        let now = RobustnessAt {
+            at_s: time_s,
+            rho: seen.lo,
+        };
+        if !now.holds() {
+            *before = Some(now);
             return;
         }
-        let came_s = match *before {
-            Some((at_s, rho)) if rho.is_finite() && now.is_finite() => {
-                at_s + (time_s - at_s) * (-rho / (now - rho))
-            }
-            Some(_) => time_s,
-            // It held when it was first checked.
-            None => *since_s,
+        let sampled = SampledRobustness {
+            before: *before,
+            now,
         };
+        // Without a change it held when it was first checked.
+        let came_s = sampled.change_s().unwrap_or(*since_s);
         self.phase = PlanPhase::Due(came_s + self.steps[self.step].after_s);
     }
 

@@ -6,6 +6,7 @@
 
 mod across;
 mod along;
+mod formulas;
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -21,12 +22,14 @@ use crate::ego::{Command, Phase};
 use crate::road::{Course, OnRoad, Road};
 use crate::sim::{Body, BodyState, Pose, PosedBody, body_gap_m};
 use crate::story::check::CheckedStoryboard;
+use crate::story::robustness::SampledRobustness;
 use crate::story::run::{ElementChange, StoryRun};
 use crate::story::values::SignalState;
 use crate::story::view::{
     ActorAction, ActorLane, AgentMotion, AgentSize, MotionDomain, PosedAgent, RoadLimits,
     SceneChange, StoryStage, StoryView,
 };
+use formulas::StoryFormulas;
 
 /// State of a storyboard, with the sample over which it runs next.
 #[derive(Clone, Debug)]
@@ -34,6 +37,7 @@ pub(super) struct StoryExecution {
     /// Storyboard with the numbers of the start.
     board: Arc<CheckedStoryboard>,
     run: StoryRun,
+    formulas: StoryFormulas,
     /// Changes of its elements so far, in the order of time.
     changes: Vec<ElementChange>,
     past: PastSample,
@@ -58,6 +62,7 @@ struct SampleStage<'a> {
     /// Plans at the end of the sample.
     plans: &'a mut [Option<PlanRun>],
     past: &'a mut PastSample,
+    formulas: &'a mut StoryFormulas,
     board: &'a CheckedStoryboard,
     /// Motion of the agents whose plans depend on others, once it is known.
     traces: RefCell<Vec<AgentTrace>>,
@@ -77,9 +82,11 @@ enum AgentTrace {
 }
 
 impl StoryExecution {
-    pub(super) fn new(board: Arc<CheckedStoryboard>) -> StoryExecution {
+    /// Begins a storyboard that has the numbers of the start.
+    pub(super) fn new(board: Arc<CheckedStoryboard>, layout: &DriveLayout) -> StoryExecution {
         StoryExecution {
             run: StoryRun::new(&board),
+            formulas: StoryFormulas::new(&layout.story_formulas),
             board,
             changes: Vec::new(),
             past: PastSample::default(),
@@ -89,6 +96,11 @@ impl StoryExecution {
     /// Returns the changes of the elements so far, in the order of time.
     pub(super) fn changes(&self) -> &[ElementChange] {
         &self.changes
+    }
+
+    /// Rates the formulas of its conditions at the current sample, before it runs.
+    pub(super) fn rate(&mut self, row: &[f64], at_s: f64) {
+        self.formulas.rate(row, at_s);
     }
 
     /// Runs up to the current sample, and changes the plans whose laws begin in it.
@@ -110,6 +122,7 @@ impl StoryExecution {
             state,
             plans: &mut *plans,
             past: &mut self.past,
+            formulas: &mut self.formulas,
             board: &self.board,
             traces: RefCell::default(),
             applied: Vec::new(),
@@ -406,6 +419,10 @@ impl StoryView for SampleStage<'_> {
     fn parameter(&self, number: usize) -> f64 {
         self.state.parameters[number]
     }
+
+    fn robustness(&self, formula: usize) -> SampledRobustness {
+        self.formulas.robustness(formula)
+    }
 }
 
 impl StoryStage for SampleStage<'_> {
@@ -438,5 +455,10 @@ impl StoryStage for SampleStage<'_> {
             MotionDomain::Lateral => StoryLaw::KeepPlace,
         };
         self.begin_law(agent, DueLaw { at_s, law });
+    }
+
+    fn watch(&mut self, formula: usize, at_s: f64) {
+        let monitor = &self.layout.story_formulas[formula];
+        self.formulas.restart(formula, monitor, at_s);
     }
 }
