@@ -121,20 +121,20 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
             }
             AgentQuantity::Headway {
                 other,
-                system,
+                measured,
                 freespace,
             } => {
-                let seen = self.ahead(agent, other, system, freespace)?;
+                let seen = self.ahead(agent, other, measured, freespace)?;
                 (seen.own_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / seen.own_mps)
             }
             AgentQuantity::Collision {
                 other,
-                system,
+                measured,
                 freespace,
             } => {
                 // Whichever of the two is behind approaches the other.
-                let ahead = self.ahead(agent, other, system, freespace);
-                let seen = ahead.or_else(|| self.ahead(other, agent, system, freespace))?;
+                let ahead = self.ahead(agent, other, measured, freespace);
+                let seen = ahead.or_else(|| self.ahead(other, agent, measured, freespace))?;
                 let closing_mps = seen.own_mps - seen.other_mps;
                 (closing_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / closing_mps)
             }
@@ -174,8 +174,9 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 apart_m(&self.reference(agent), &self.reference(other))
             }
             _ => {
-                let own = self.span(agent, agent, measured, freespace);
-                own.distance_m(&self.span(agent, other, measured, freespace))
+                let axis = self.axis(agent, measured);
+                let own = self.span(agent, freespace, &axis);
+                own.distance_m(&self.span(other, freespace, &axis))
             }
         }
     }
@@ -186,45 +187,40 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         if measured.along == DistanceType::Euclidean {
             return apart_m(&own, &pose);
         }
-        let at = |pose: &Pose| self.on_axis(agent, pose, measured);
+        let at = self.axis(agent, measured);
         (at(&pose) - at(&own)).abs()
     }
 
-    /// Returns the place of a point along the measured axis of an agent.
-    fn on_axis(&self, viewer: usize, pose: &Pose, measured: MeasuredAxis) -> f64 {
-        let (along_m, across_m) = match measured.system {
-            CoordinateSystem::Road => {
-                let at = self.view.on_road(viewer, pose);
-                (at.s_m, at.lateral_m)
+    /// Returns what measures places of points along an axis of an agent.
+    fn axis(&self, viewer: usize, measured: MeasuredAxis) -> impl Fn(&Pose) -> f64 {
+        let is_road = measured.system == CoordinateSystem::Road;
+        // Found once, since a motion is a part of a plan that is played.
+        let frame = (!is_road).then(|| self.motion(viewer).pose.frame());
+        move |pose| {
+            let (along_m, across_m) = match &frame {
+                None => {
+                    let at = self.view.on_road(viewer, pose);
+                    (at.s_m, at.lateral_m)
+                }
+                Some(frame) => {
+                    let at = frame.to_local(pose.point_m());
+                    (at.x, at.y)
+                }
+            };
+            if measured.along == DistanceType::Lateral {
+                across_m
+            } else {
+                along_m
             }
-            CoordinateSystem::Entity => {
-                let at = self.motion(viewer).pose.frame().to_local(pose.point_m());
-                (at.x, at.y)
-            }
-        };
-        if measured.along == DistanceType::Lateral {
-            across_m
-        } else {
-            along_m
         }
     }
 
-    /// Returns the interval of a body along the measured axis of `viewer`.
+    /// Returns the interval of a body along an axis.
     ///
     /// Without `freespace` it is that of the reference point alone.
-    fn span(
-        &self,
-        viewer: usize,
-        agent: usize,
-        measured: MeasuredAxis,
-        freespace: bool,
-    ) -> AxisSpan {
-        AxisSpan::of(
-            self.view.size(agent),
-            &self.motion(agent).pose,
-            freespace,
-            |pose| self.on_axis(viewer, pose, measured),
-        )
+    fn span(&self, agent: usize, freespace: bool, axis: &impl Fn(&Pose) -> f64) -> AxisSpan {
+        let front = self.motion(agent).pose;
+        AxisSpan::of(self.view.size(agent), &front, freespace, axis)
     }
 
     /// Returns distance and both speeds along an axis if `other` is ahead of an agent.
@@ -232,16 +228,15 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         &self,
         agent: usize,
         other: usize,
-        system: CoordinateSystem,
+        measured: MeasuredAxis,
         freespace: bool,
     ) -> Option<AgentAhead> {
-        let measured = MeasuredAxis {
-            along: DistanceType::Longitudinal,
-            system,
-        };
+        let system = measured.system;
+        let along = DistanceType::Longitudinal;
+        let axis = self.axis(agent, MeasuredAxis { along, system });
         let (own, its) = (
-            self.span(agent, agent, measured, freespace),
-            self.span(agent, other, measured, freespace),
+            self.span(agent, freespace, &axis),
+            self.span(other, freespace, &axis),
         );
         // Along a road an agent may drive against its stations.
         let towards = match system {
@@ -251,7 +246,10 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         let is_ahead = towards * (its.middle_m() - own.middle_m()) > 0.0;
         let speed_mps = |it: usize| towards * self.speed_along_mps(agent, it, system);
         is_ahead.then(|| AgentAhead {
-            ahead_m: own.distance_m(&its),
+            ahead_m: match measured.along {
+                DistanceType::Longitudinal => own.distance_m(&its),
+                _ => self.distance_m(agent, other, measured, freespace),
+            },
             own_mps: speed_mps(agent),
             other_mps: speed_mps(other),
         })

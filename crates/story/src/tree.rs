@@ -109,12 +109,12 @@ pub(crate) enum AgentQuantity {
     },
     Headway {
         other: usize,
-        system: CoordinateSystem,
+        measured: MeasuredAxis,
         freespace: bool,
     },
     Collision {
         other: usize,
-        system: CoordinateSystem,
+        measured: MeasuredAxis,
         freespace: bool,
     },
 }

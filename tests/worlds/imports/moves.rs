@@ -22,6 +22,13 @@ fn small_scenarios_move_as_their_files_say() {
     let owner = r#"<Story name="story"><ParameterDeclarations><ParameterDeclaration name="$owner" parameterType="string" value="Lead"/></ParameterDeclarations>"#;
     let reached = r#"<ReachPositionCondition tolerance="0.5"><Position><LanePosition roadId="0" laneId="-2" s="170"/></Position></ReachPositionCondition>"#;
     let collision = r#"<TimeToCollisionCondition freespace="true" relativeDistanceType="longitudinal" value="5" rule="lessThan"><TimeToCollisionConditionTarget><EntityRef entityRef="Lead"/></TimeToCollisionConditionTarget></TimeToCollisionCondition>"#;
+    let worded = r#"<ParameterDeclarations><ParameterDeclaration name="shape" parameterType="string" value="linear"/></ParameterDeclarations><CatalogLocations><RouteCatalog/></CatalogLocations>"#;
+    let assigned = r#"<PrivateAction><ControllerAction><AssignControllerAction><Controller name="c"><Properties/></Controller></AssignControllerAction></ControllerAction></PrivateAction>"#;
+    let own_lane = lane_change("linear", "time", 4.0).replace(r#"value="-1""#, r#"value="-2""#);
+    let headway = |kind: &str| {
+        let of = r#"entityRef="Lead" freespace="false" value="0.3" rule="lessThan""#;
+        watch("Ego", &format!("<TimeHeadwayCondition {of} {kind}/>"))
+    };
     let once = r#"priority="override" maximumExecutionCount="1""#;
     let curve = r#"<paramPoly3 pRange="arcLength" aU="0" bU="1" cU="0" dU="0" aV="0" bV="0" cV="0.00001" dV="0"/>"#;
     table! {
@@ -164,6 +171,31 @@ fn small_scenarios_move_as_their_files_say() {
         "a speed relative to another":
             [first(watch("Lead", r#"<RelativeSpeedCondition entityRef="Ego" value="-9" rule="lessThan"/>"#))]
             => lead([(12.0, 216.0, 0.0)]);
+        "a word that is a parameter, and a list of catalogs that names none":
+            [
+                edit("<ParameterDeclarations/>\n  <CatalogLocations/>", worded),
+                edit(r#"dynamicsShape="linear""#, r#"dynamicsShape="$shape""#),
+            ] => lead([(12.0, 228.0, 0.0)]);
+        "a controller that only the ego gets":
+            [
+                edit("<!--ego init-->", assigned),
+                lead_init(r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="true"/></ControllerAction>"#),
+            ] => lead([(12.0, 228.0, 0.0)]);
+        "a change to its own lane, which ends at once":
+            [does(own_lane), second(&after("event", "first", 0.0), SLOWER)]
+            => lead([(12.0, 228.0, 0.0)]);
+        "a profile in the Init":
+            [lead_init(&profile(&[(5.0, 3.0)]))] => lead([(2.0, 167.2, 0.0), (12.0, 212.32, 0.0)]);
+        "a change of lane in the Init":
+            [lead_init(&lane_change("linear", "time", 4.0))]
+            => lead([(2.0, 169.923, 1.75), (12.0, 227.838, 3.5)]);
+        "a headway along the straight line between two lanes":
+            [near(), first(headway(""))] => lead([(12.0, 219.076, 0.0)]);
+        "a headway along the axis":
+            [near(), first(headway(r#"relativeDistanceType="longitudinal""#))]
+            => lead([(12.0, 218.4, 0.0)]);
+        "a headway along the road":
+            [near(), first(headway(r#"alongRoute="true""#))] => lead([(12.0, 218.4, 0.0)]);
         "a headway to what is ahead only":
             [
                 near(),

@@ -164,3 +164,54 @@ fn catalogs_are_found_beside_the_scenario_whatever_name_is_in_them() {
     let episode = run(&world(&import(&files).expect("a world")));
     assert_eq!(off(&episode, "lead", (12.0, 228.0, 0.0)), None);
 }
+
+#[test]
+fn an_ego_that_stands_askew_drives_off_from_there() {
+    let edits = [
+        edit(
+            r#"laneId="-1" s="50"/>"#,
+            r#"laneId="-1" s="50"><Orientation type="relative" h="0.5"/></LanePosition>"#,
+        ),
+        edit(EGO_SPEED, r#"<AbsoluteTargetSpeed value="0"/>"#),
+    ];
+    let episode = run(&world(&imported(&edits)));
+    let (ego, lead) = (at(&episode, "ego", 2.0), at(&episode, "lead", 2.0));
+    let apart_m = (lead.0 - ego.0).hypot(lead.1 - ego.1);
+    assert!((apart_m - 120.0_f64.hypot(3.5)).abs() < 0.02, "{apart_m}");
+}
+
+#[test]
+fn a_walker_beside_a_way_that_bends_walks_ahead() {
+    let walker = r#"<Pedestrian name="walker" mass="80" pedestrianCategory="pedestrian" model="x"><BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.5" length="0.6" height="1.8"/></BoundingBox><Properties/></Pedestrian>"#;
+    let walker = format!(r#"<ScenarioObject name="Lead">{walker}"#);
+    // The ego turns left, from road 1 into road 2.
+    let stop = |road: u32| {
+        format!(
+            r#"<Waypoint routeStrategy="shortest"><Position><LanePosition roadId="{road}" laneId="-1" s="60"/></Position></Waypoint>"#
+        )
+    };
+    let route = format!(
+        r#"<PrivateAction><RoutingAction><AssignRouteAction><Route name="r" closed="false">{}{}</Route></AssignRouteAction></RoutingAction></PrivateAction>"#,
+        stop(1),
+        stop(2)
+    );
+    let edits = [
+        on_network(),
+        edit(EGO, r#"<LanePosition roadId="1" laneId="-1" s="20"/>"#),
+        edit("<!--ego init-->", route),
+        edit(lead_object("<!--lead object-->"), walker),
+        edit(
+            LEAD,
+            r#"<LanePosition roadId="1" laneId="-1" s="60"><Orientation type="relative" h="1.5707963"/></LanePosition>"#,
+        ),
+        edit(LEAD_SPEED, r#"<AbsoluteTargetSpeed value="1.5"/>"#),
+        edit(LATER_SPEED, r#"<AbsoluteTargetSpeed value="1.5"/>"#),
+    ];
+    let episode = run(&world(&imported(&edits)));
+    let (from, to) = (
+        at_by(&episode, "lead", 0.0, 0.3),
+        at_by(&episode, "lead", 2.0, 0.3),
+    );
+    assert!((to.0 - from.0).abs() < 1e-3, "{from:?} {to:?}");
+    assert!((to.1 - from.1 - 3.0).abs() < 0.02, "{from:?} {to:?}");
+}

@@ -4,15 +4,12 @@ use super::*;
 
 #[test]
 fn storyboards_that_would_move_otherwise_are_refused_by_line_and_fix() {
-    let late_speed = r#"<LongitudinalAction><SpeedProfileAction><SpeedProfileEntry speed="3" time="5"/></SpeedProfileAction></LongitudinalAction>"#;
     let turned_off = r#"<RoutingAction><AssignRouteAction><Route name="r" closed="false"><Waypoint routeStrategy="shortest"><Position><RelativeObjectPosition entityRef="Ego" dx="50" dy="40"/></Position></Waypoint></Route></AssignRouteAction></RoutingAction>"#;
     table! {
         "a delay below 0": [first(time(2.0, "none", -1.0))] => on("delay", "a delay of -1 s");
         "an event after itself":
             [second(&after("event", "other", 0.0), FASTER)]
             => on("StoryboardElementStateCondition", "no `event` called `other`");
-        "a profile in the Init":
-            [lead_init(late_speed)] => on("SpeedProfileAction", "not read in Init");
         "a controller of the lead":
             [
                 lead_init(r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>"#),

@@ -149,16 +149,32 @@ impl XmlNode {
         tree.root.ok_or_else(none)
     }
 
-    /// Returns an element of a name around it, at its place in the file.
-    pub fn within(self, name: &str) -> XmlNode {
+    /// Returns an element of a name around others, at the place of this one in the file.
+    pub fn around(
+        &self,
+        name: &str,
+        attributes: &[(&str, &str)],
+        children: Vec<XmlNode>,
+    ) -> XmlNode {
+        let attributes = attributes.iter();
         XmlNode {
             name: name.to_owned(),
-            attributes: Vec::new(),
+            attributes: attributes
+                .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
+                .collect(),
             words: String::new(),
             line: self.line,
             place: self.place,
             file: Rc::clone(&self.file),
-            children: vec![self],
+            children,
+        }
+    }
+
+    /// Writes another value of an attribute that it has.
+    pub fn write(&mut self, name: &str, value: String) {
+        let mut attributes = self.attributes.iter_mut();
+        if let Some(known) = attributes.find(|(known, _)| known == name) {
+            known.1 = value;
         }
     }
 

@@ -171,6 +171,7 @@ impl Check<'_, '_> {
             }
             Is::TimeHeadway {
                 entity,
+                distance_type,
                 coordinate_system,
                 freespace,
                 rule,
@@ -178,13 +179,17 @@ impl Check<'_, '_> {
             } => {
                 let quantity = AgentQuantity::Headway {
                     other: self.entity(path, entity),
-                    system: *coordinate_system,
+                    measured: MeasuredAxis {
+                        along: *distance_type,
+                        system: *coordinate_system,
+                    },
                     freespace: *freespace,
                 };
                 self.number_of(path, quantity, *rule, ("value_s", value_s))
             }
             Is::TimeToCollision {
                 entity,
+                distance_type,
                 coordinate_system,
                 freespace,
                 rule,
@@ -192,7 +197,10 @@ impl Check<'_, '_> {
             } => {
                 let quantity = AgentQuantity::Collision {
                     other: self.entity(path, entity),
-                    system: *coordinate_system,
+                    measured: MeasuredAxis {
+                        along: *distance_type,
+                        system: *coordinate_system,
+                    },
                     freespace: *freespace,
                 };
                 self.number_of(path, quantity, *rule, ("value_s", value_s))

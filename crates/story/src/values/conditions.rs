@@ -161,6 +161,16 @@ pub enum CoordinateSystem {
     Road,
 }
 
+fn longitudinal() -> DistanceType {
+    DistanceType::Longitudinal
+}
+
+// Serde passes a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_longitudinal(it: &DistanceType) -> bool {
+    *it == DistanceType::Longitudinal
+}
+
 /// Condition on the motion of an agent.
 ///
 /// A quantity that is undefined fulfils no comparison, not even `NotEqualTo`.
@@ -239,10 +249,13 @@ pub enum EntityCondition {
         /// Radius around the place.
         tolerance_m: StoryNumber,
     },
-    /// Distance to an agent ahead along an axis, divided by the own speed.
+    /// Distance to an agent ahead, divided by the own speed.
     TimeHeadway {
         /// Agent ahead.
         entity: String,
+        /// Direction of the distance. Default: `Longitudinal`.
+        #[serde(default = "longitudinal", skip_serializing_if = "is_longitudinal")]
+        distance_type: DistanceType,
         /// System of the distance.
         #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
@@ -257,6 +270,9 @@ pub enum EntityCondition {
     TimeToCollision {
         /// Other agent.
         entity: String,
+        /// Direction of the distance. Default: `Longitudinal`.
+        #[serde(default = "longitudinal", skip_serializing_if = "is_longitudinal")]
+        distance_type: DistanceType,
         /// System of the distance.
         #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,

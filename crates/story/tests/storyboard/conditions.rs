@@ -2,9 +2,11 @@
 
 use crate::toy::{Played, Toy, event, events, speed, when};
 
-/// Three agents: `a` closes in on `b` at 10 m/s from 50 m, and `c` stands.
+/// `a` closes in on `b` at 10 m/s from 50 m, `c` stands, and `d` drives 40 m beside `b`.
 fn toy() -> Toy {
-    Toy::new(&[(0.0, 20.0), (50.0, 10.0), (30.0, 0.0)])
+    let mut toy = Toy::new(&[(0.0, 20.0), (50.0, 10.0), (30.0, 0.0), (50.0, 10.0)]);
+    toy.legs[3].y_m = 40.0;
+    toy
 }
 
 fn start_of(trigger: &str) -> Vec<(String, f64)> {
@@ -229,6 +231,14 @@ fn times_are_defined_while_they_have_a_meaning() {
         &time("TimeToCollision", "b", "a", true, "LessThan", 2.0),
         2.6,
     );
+    // The straight line to `d` has 50 m when 30 m are left along the axis.
+    let beside = |kind: &str, along: &str, value_s: f64| {
+        time(kind, "a", "d", false, "LessThan", value_s)
+            .replace("freespace", &format!("distance_type: {along}, freespace"))
+    };
+    starts(&beside("TimeHeadway", "Longitudinal", 2.0), 1.0);
+    starts(&beside("TimeHeadway", "Euclidean", 2.5), 2.0);
+    starts(&beside("TimeToCollision", "Euclidean", 5.0), 2.0);
     // Behind, at rest or moving away: unknown fulfils neither comparison.
     for rule in ["LessThan", "GreaterThan", "NotEqualTo"] {
         never(&time("TimeHeadway", "c", "b", false, rule, 1.0));

@@ -224,7 +224,7 @@ impl StoryStage for Toy {
     }
 }
 
-const AGENTS: [&str; 3] = ["a", "b", "c"];
+const AGENTS: [&str; 4] = ["a", "b", "c", "d"];
 
 /// Checks a storyboard of agents a, b and c, of which `c` cannot act.
 pub fn checked(text: &str) -> Result<CheckedStoryboard, Vec<String>> {
@@ -235,7 +235,7 @@ pub fn checked(text: &str) -> Result<CheckedStoryboard, Vec<String>> {
         agents: owned(&AGENTS),
         actors: owned(&AGENTS[..2]),
         on_foot: owned(&["b"]),
-        lanes: vec![2, 1, 1],
+        lanes: vec![2, 1, 1, 1],
         lights: owned(&["light"]),
         roads: owned(&["side"]),
         parameters: owned(&["gap"]),

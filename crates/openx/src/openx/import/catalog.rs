@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::dropped::DropLog;
+use super::words::write_words;
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::files::Files;
 use crate::opendrive::scope::ParameterScope;
@@ -36,6 +37,8 @@ impl Catalogs {
             .child("CatalogLocations")
             .into_iter()
             .flat_map(|it| &it.children)
+            // An empty one names no place to look at.
+            .filter(|it| !it.children.is_empty())
         {
             let path = location.inner("Directory").and_then(|it| it.need("path"));
             let Some(directory) = blockers.keep(path) else {
@@ -115,7 +118,9 @@ impl Catalogs {
         // Parameters of the entry start from the caller's scope: assigned
         // values may refer to it.
         let own = ParameterScope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
-        Ok((entry.clone(), own))
+        let mut entry = entry.clone();
+        write_words(&mut entry, &own);
+        Ok((entry, own))
     }
 
     fn catalog(

@@ -6,7 +6,6 @@ use super::places::Placed;
 use crate::opendrive::error::At;
 use crate::opendrive::roads::RoadMap;
 use crate::sim::wrapped;
-use crate::story::values::Effect;
 
 /// Sine of the least angle between a lane and a pedestrian that walks across it.
 const ACROSS_SINE: f64 = 0.1;
@@ -19,8 +18,6 @@ pub(super) struct ImportedEntity {
     pub body: ImportedBody,
     pub placed: Placed,
     pub speed_mps: f64,
-    /// Change of speed with which it begins.
-    pub ramp: Option<FirstRamp>,
     pub later: LaterMotion,
     pub approach: Option<Approached>,
     /// Roads that its route visits, if the route turns off.
@@ -31,14 +28,6 @@ pub(super) struct ImportedEntity {
     pub at: At,
 }
 
-/// Change of speed from the start on.
-#[derive(Clone, Debug)]
-pub(super) struct FirstRamp {
-    /// Its effect in the storyboard, and the speed to which it leads.
-    pub effect: Effect,
-    pub to_mps: f64,
-}
-
 impl ImportedEntity {
     pub(super) fn moves(&self) -> bool {
         self.speed_mps != 0.0 || self.is_driven()
@@ -46,7 +35,7 @@ impl ImportedEntity {
 
     /// Returns whether it moves otherwise than at its first speed.
     pub(super) fn is_driven(&self) -> bool {
-        self.ramp.is_some() || self.later.acts || self.approach.is_some()
+        self.later.acts || self.approach.is_some()
     }
 
     pub(super) fn changes_lane(&self) -> bool {
@@ -61,7 +50,7 @@ impl ImportedEntity {
             .placed
             .lane
             .as_ref()
-            .filter(|_| self.placed.way.is_none())
+            .filter(|_| self.placed.way.as_ref().is_none_or(|on| !on.is_lane))
         else {
             return false;
         };
@@ -99,26 +88,19 @@ impl ImportedEntity {
                     0.0
                 };
         }
-        driven_s(&self.later.speeds, self.first_most_mps(), ahead_m)
-    }
-
-    /// Greatest speed in m/s before the storyboard changes it.
-    fn first_most_mps(&self) -> f64 {
-        let ramp = self.ramp.as_ref();
-        ramp.map_or(0.0, |ramp| ramp.to_mps).max(self.speed_mps)
+        driven_s(&self.later.speeds, self.speed_mps, ahead_m)
     }
 
     /// Greatest speed in m/s that it may have.
     pub(super) fn most_mps(&self) -> f64 {
         let later = self.later.speeds.iter().map(|it| it.most_mps);
-        later.fold(self.first_most_mps(), f64::max)
+        later.fold(self.speed_mps, f64::max)
     }
 
     /// Least of its known speeds in m/s.
     pub(super) fn slowest_mps(&self) -> f64 {
         let later = self.later.speeds.iter().map(|it| it.most_mps);
-        let ramp = self.ramp.iter().map(|it| it.to_mps);
-        later.chain(ramp).fold(self.speed_mps, f64::min)
+        later.fold(self.speed_mps, f64::min)
     }
 }
 

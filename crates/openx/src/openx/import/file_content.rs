@@ -70,13 +70,24 @@ pub(super) fn absent(init: &XmlNode) -> Vec<String> {
 
 /// Names of the entities that a controller may move.
 pub(super) fn steered(root: &XmlNode, objects: &[&XmlNode]) -> Vec<String> {
-    fn assigns(node: &XmlNode) -> bool {
-        node.name == "AssignControllerAction" || node.children.iter().any(assigns)
+    /// Collects who may get a controller from actions: any entity, or those with a name.
+    fn assigned<'a>(node: &'a XmlNode, who: Option<&'a str>, all: &mut Vec<Option<&'a str>>) {
+        let who = match node.name.as_str() {
+            "Private" => node.raw("entityRef"),
+            "AssignControllerAction" => {
+                all.push(who);
+                return;
+            }
+            _ => who,
+        };
+        node.children.iter().for_each(|it| assigned(it, who, all));
     }
-    let may_be_assigned = assigns(root);
+    let mut may_get = Vec::new();
+    assigned(root, None, &mut may_get);
     let has_one = |it: &&XmlNode| {
         let mut own = it.all("ObjectController");
-        may_be_assigned || own.any(|own| !own.children.is_empty())
+        let gets = [None, it.raw("name")].iter().any(|it| may_get.contains(it));
+        gets || own.any(|own| !own.children.is_empty())
     };
     let steered = objects.iter().copied().filter(has_one);
     steered

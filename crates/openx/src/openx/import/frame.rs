@@ -11,7 +11,7 @@ use crate::opendrive::roads::RoadMap;
 use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::{MOST_ASIDE_M, OnWay, SAME_WAY_M, SAME_WAY_RAD};
 use crate::road::Course;
-use crate::sim::Pose;
+use crate::sim::{Pose, wrapped};
 
 /// Least length in metres of the ego's lane ahead of the ego on a single road.
 const LEAST_AHEAD_M: f64 = 100.0;
@@ -22,6 +22,9 @@ const MOST_M: f64 = 5_000.0;
 /// Longest run in seconds for which ways are read, and their length beyond it.
 const USUAL_S: f64 = 60.0;
 const BEYOND_M: f64 = 200.0;
+/// Least angle in radians between an entity and a lane that it does not follow, which no
+/// slant of a lane has.
+const TURNED_RAD: f64 = 0.1;
 /// Help about an ego that the file deletes.
 pub(super) const DELETED: &str = "name another entity with --ego, or keep this one";
 /// Usual width of a lane in metres, where the file has none.
@@ -68,7 +71,9 @@ impl FrameOfEgo {
         let Some(ego) = entities.iter().position(|it| it.is_ego) else {
             return Err(asks.refused("the ego is deleted", DELETED));
         };
-        let it = if keeps_road(asks, roads, entities, ego)? {
+        let it = if stands_askew(roads, &entities[ego]) {
+            FrameOfEgo::ahead_of(&entities[ego])
+        } else if keeps_road(asks, roads, entities, ego)? {
             FrameOfEgo::of_road(asks, roads, &entities[ego])?
         } else {
             let of_way = FrameOfEgo::of_way(asks, roads, &mut entities[ego], reach_m);
@@ -205,7 +210,8 @@ impl FrameOfEgo {
         )?;
         let in_middle = LaneFollower {
             left_m: 0.0,
-            slowest_mps: ego.slowest_mps(),
+            // The user drives the ego, so no slant of its lane delays it.
+            slowest_mps: f64::INFINITY,
         };
         let on = roads.lane_way(asks, &drive, in_middle)?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
@@ -266,7 +272,13 @@ impl FrameOfEgo {
             is_lane: true,
             ..OnWay::start(way.clone(), way.end_s_m())
         };
-        if entity.placed.way.is_some() || entity.body.on_foot {
+        if entity.placed.way.is_some() {
+            return Ok(());
+        }
+        if entity.body.on_foot && entity.moves() && is_turned(roads, entity) {
+            // Who faces off its lane walks straight ahead.
+            let ahead = Course::straight_from(entity.placed.spot);
+            entity.placed.way = Some(OnWay::start(ahead, MOST_M));
             return Ok(());
         }
         if !entity.moves() {
@@ -307,6 +319,22 @@ impl FrameOfEgo {
         }
         Ok(())
     }
+}
+
+/// Returns whether an ego stands off the direction of its lane, so that it drives off from
+/// there.
+fn stands_askew(roads: &RoadMap, ego: &ImportedEntity) -> bool {
+    !ego.moves() && ego.placed.way.is_none() && is_turned(roads, ego)
+}
+
+/// Returns whether an entity faces off the direction of its lane.
+fn is_turned(roads: &RoadMap, entity: &ImportedEntity) -> bool {
+    let on = entity.placed.lane.as_ref();
+    let road = on.and_then(|on| Some((on, roads.get(&on.road)?)));
+    road.is_some_and(|(on, road)| {
+        let lane_rad = road.at(on.s_m, on.t_m).heading_rad + if on.forward { 0.0 } else { PI };
+        wrapped(entity.placed.spot.heading_rad - lane_rad).abs() > TURNED_RAD
+    })
 }
 
 /// Length in metres of the ways that a run needs at most.

@@ -20,6 +20,7 @@ mod dropped;
 mod ego_events;
 mod entity;
 mod file_content;
+mod first_story;
 mod frame;
 mod gaps;
 mod later;
@@ -36,6 +37,7 @@ mod seen;
 mod still;
 mod story;
 mod trajectories;
+mod words;
 mod world;
 
 pub use crate::opendrive::{Files, ImportError};

@@ -5,12 +5,11 @@ use std::collections::BTreeSet;
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
 use super::dropped::{DropLog, time_s, times};
-use super::entity::{FirstRamp, ImportedEntity};
-use super::laws::{gap_of, unknown_target};
+use super::entity::ImportedEntity;
+use super::first_story::is_timed;
+use super::laws::unknown_target;
 use super::places::{Placed, PositionContext};
-use super::seen::named;
 use super::still::is_still;
-use super::story::{StatedIn, StoryNumbers, speed};
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
@@ -19,8 +18,6 @@ use crate::opendrive::tree::XmlNode;
 const NO_INIT: &str = "an action of this kind is not read in Init";
 const PLACES: &str =
     "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events";
-/// Longitudinal actions that an Init may contain.
-const FIRST: [&str; 2] = ["SpeedAction", "LongitudinalDistanceAction"];
 
 /// Orders the entities of an Init so that each follows those to which it is relative.
 pub(super) fn ordered<'a>(privates: &[&'a XmlNode]) -> Vec<&'a XmlNode> {
@@ -79,7 +76,7 @@ pub(super) fn present(
         };
         let mut teleport = added.clone();
         teleport.name = "TeleportAction".to_owned();
-        let teleport = teleport.within("PrivateAction");
+        let teleport = action.around("PrivateAction", &[], vec![teleport]);
         if let Some(private) = present.iter_mut().find(|it| is_its(it)) {
             private.children.insert(0, teleport);
         } else {
@@ -161,13 +158,22 @@ impl<'a> FirstPlace<'a> {
         scope: &ParameterScope,
         ground: PositionContext<'_>,
     ) -> Result<(), ImportError> {
-        let is_left = ground.ego.is_left && ground.ego.name == self.name;
+        let is_ego = ground.ego.name == self.name;
+        let is_left = ground.ego.is_left && is_ego;
         match it.name.as_str() {
             "TeleportAction" => self.at = Some(ground.place(it.inner("Position")?, scope)?),
             "RoutingAction" => {
-                let it = it.only()?;
+                let (routing, it) = (it, it.only()?);
                 match it.name.as_str() {
                     "AssignRouteAction" => self.routes.push(it),
+                    "FollowTrajectoryAction" if is_timed(routing) && !is_ego => {
+                        // It only moves the entity, which may stand elsewhere before.
+                        let first = self
+                            .at
+                            .take()
+                            .map_or_else(|| on_first(it, scope, ground), Ok);
+                        self.at = Some(first?);
+                    }
                     "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
                         Ok(on) if !(is_left && on.turns()) => self.at = Some(on),
                         Err(error) if !is_left => return Err(error),
@@ -180,14 +186,7 @@ impl<'a> FirstPlace<'a> {
                     _ => return Err(it.refused(NO_INIT, PLACES)),
                 }
             }
-            "LongitudinalAction" => match it.only()? {
-                it if FIRST.contains(&it.name.as_str()) => {}
-                _ if is_left => ground.ego.leave(self.private),
-                it => {
-                    let help = "state the speed with which it starts, as a step, in a SpeedAction";
-                    return Err(it.refused(NO_INIT, help));
-                }
-            },
+            "LongitudinalAction" => {}
             _ if is_still(it, scope, !ground.is_steered(self.name))? => {}
             _ if is_left => ground.ego.leave(self.private),
             _ => return Err(it.refused(NO_INIT, PLACES)),
@@ -255,40 +254,32 @@ fn on_trajectory(
     })
 }
 
-fn longitudinal<'a>(private: &'a XmlNode, name: &'a str) -> impl Iterator<Item = &'a XmlNode> {
-    let actions = private.all("PrivateAction");
-    let along = actions.filter_map(|it| it.child("LongitudinalAction"));
-    along.filter_map(move |it| it.child(name))
-}
-
-/// Initial speed of an entity in m/s, and the change with which it begins.
+/// Initial speed of an entity in m/s.
 pub(super) fn first_speed_mps(
     private: &XmlNode,
     scope: &ParameterScope,
     before: &[ImportedEntity],
     body: Option<&ImportedBody>,
-    context: FirstSpeedContext<'_>,
-) -> Result<(f64, Option<FirstRamp>), ImportError> {
+    unplaced: &[String],
+) -> Result<f64, ImportError> {
     let most_mps = body.map_or(f64::INFINITY, |it| it.most_mps);
-    let own = private.need("entityRef")?;
     let mut speed_mps = 0.0;
-    let mut ramp = None;
-    let of = |name: &str| before.iter().find(|it| it.name == name);
-    let absent = |node: &XmlNode, name: &str| {
-        let what = format!("`{name}` is not placed before");
-        let help = "write an `AbsoluteTargetSpeed`, or place it before";
-        let follows = context.unplaced.iter().any(|it| it == name);
-        node.refused(what, help).following(follows)
-    };
-    for action in longitudinal(private, "SpeedAction") {
-        let dynamics = action.inner("SpeedActionDynamics")?;
+    let actions = private.all("PrivateAction");
+    let along = actions.filter_map(|it| it.child("LongitudinalAction"));
+    for action in along.filter_map(|it| it.child("SpeedAction")) {
         let target = action.inner("SpeedActionTarget")?.only()?;
         let value = scope.number(target, "value")?;
         let target_mps = match target.name.as_str() {
             "AbsoluteTargetSpeed" => value,
             "RelativeTargetSpeed" => {
                 let name = scope.text(target, "entityRef")?;
-                let other = of(&name).ok_or_else(|| absent(target, &name))?;
+                let other = before.iter().find(|it| it.name == name);
+                let other = other.ok_or_else(|| {
+                    let what = format!("`{name}` is not placed before");
+                    let help = "write an `AbsoluteTargetSpeed`, or place it before";
+                    let follows = unplaced.contains(&name);
+                    target.refused(what, help).following(follows)
+                })?;
                 match target.raw("speedTargetValueType") {
                     Some("factor") => value * other.speed_mps,
                     _ => value + other.speed_mps,
@@ -296,59 +287,16 @@ pub(super) fn first_speed_mps(
             }
             _ => return Err(unknown_target(target)),
         };
-        // A change in no time equals a step.
-        let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
-        let keeps_on = target.raw("continuous") == Some("true");
-        if (dynamics.raw("dynamicsShape") != Some("step") && lasts) || keeps_on {
-            let at = StatedIn {
-                node: action,
-                scope,
-                owner: own,
-            };
-            let names = |node: &XmlNode, name: &str| match of(name) {
-                Some(_) => Ok(named(name)),
-                None => Err(absent(node, name)),
-            };
-            let effect = speed(at, context.numbers, Some(&named(own)), &names)?;
-            let to_mps = target_mps.max(0.0);
-            if ramp.replace(FirstRamp { effect, to_mps }).is_some() {
-                let what = "a second speed that is only reached after the start";
-                return Err(dynamics.refused(what, "keep one of them in Init"));
-            }
-            continue;
-        }
         // A body is never faster than its greatest speed.
         speed_mps = target_mps.min(most_mps);
     }
     if speed_mps >= 0.0 {
-        Ok((speed_mps, ramp))
+        Ok(speed_mps)
     } else {
         let what = format!("it starts at {speed_mps} m/s");
         let help = "reversing is not read: a speed is at least 0";
         Err(private.refused(what, help))
     }
-}
-
-/// Context of the first speed of an entity.
-#[derive(Clone, Copy)]
-pub(super) struct FirstSpeedContext<'a> {
-    pub numbers: &'a StoryNumbers,
-    /// Entities whose place another message refuses.
-    pub unplaced: &'a [String],
-}
-
-/// Initial bumper-to-bumper gap in metres of an entity ahead of the ego, if stated.
-pub(super) fn first_gap_m(
-    private: &XmlNode,
-    scope: &ParameterScope,
-    ego: &str,
-    speed_mps: f64,
-) -> Result<Option<f64>, ImportError> {
-    let mut gap_m = None;
-    for action in longitudinal(private, "LongitudinalDistanceAction") {
-        gap_m = Some(gap_of(action, scope, ego, speed_mps)?);
-    }
-    Ok(gap_m)
 }
 
 /// Time in seconds at which the file ends the run, if it states a time alone.

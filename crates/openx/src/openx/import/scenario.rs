@@ -14,11 +14,12 @@ use super::dropped::DropLog;
 use super::ego_events::{EgoEvent, EgoRequest};
 use super::entity::ImportedEntity;
 use super::file_content::{FileContent, absent, changed_parameters, steered, turns_relative};
+use super::first_story::with_first_story;
 use super::frame::{DELETED, FrameOfEgo};
 use super::later::LaterMotion;
 use super::lights::lights;
 use super::motion;
-use super::motion::{FirstSpeedContext, ordered};
+use super::motion::ordered;
 use super::places::{Placed, PositionContext};
 use super::points::ImportedPoint;
 use super::request::Import;
@@ -196,7 +197,11 @@ impl Protocol {
         ado: Option<&str>,
         blockers: &mut Blockers,
     ) -> Option<Draft> {
-        let (board, init, objects) = blockers.keep(self.parts())?;
+        let (board, objects) = blockers.keep(self.parts())?;
+        let board = &with_first_story(board, &self.ego, scope);
+        let init = board.inner("Init").and_then(|it| it.inner("Actions"));
+        let rest = UnreadPart::RestOfScenario;
+        let init = blockers.keep(init.map_err(|error| error.before(rest)))?;
         let unread = |error: ImportError| error.before(UnreadPart::OnTheRoads);
         let roads = blockers
             .keep(self.road_map(scope, files).map_err(unread))
@@ -220,7 +225,7 @@ impl Protocol {
         for private in ordered(&privates) {
             // An entity cannot refer to a later one.
             let ground = content.ground(&begun.placed, &begun.unread);
-            let read = self.entity(private, scope, ground, &objects, &begun.entities, &numbers);
+            let read = self.entity(private, scope, ground, &objects, &begun.entities);
             match blockers.keep(read) {
                 Some(entity) => begun.add(entity),
                 None => begun
@@ -290,15 +295,14 @@ impl Protocol {
         blockers.keep(draft(concrete, seen, story, numbers.parameters(), ado))
     }
 
-    /// Returns the storyboard, its Init and the entities.
+    /// Returns the storyboard and the entities.
     ///
     /// # Errors
     ///
     /// Returns an error for a missing part, and for a file without the ego.
-    fn parts(&self) -> Result<(&XmlNode, &XmlNode, Vec<&XmlNode>), ImportError> {
+    fn parts(&self) -> Result<(&XmlNode, Vec<&XmlNode>), ImportError> {
         let unread = |error: ImportError| error.before(UnreadPart::RestOfScenario);
         let board = self.root.inner("Storyboard").map_err(unread)?;
-        let init = board.inner("Init").and_then(|it| it.inner("Actions"));
         let objects: Vec<&XmlNode> = self
             .root
             .inner("Entities")
@@ -316,7 +320,7 @@ impl Protocol {
             let help = "give each entity a name of its own";
             return Err(unread(second.refused("a second entity of this name", help)));
         }
-        Ok((board, init.map_err(unread)?, objects))
+        Ok((board, objects))
     }
 
     /// Returns the scenario in the frame of its ego.
@@ -418,7 +422,6 @@ impl Protocol {
         ground: PositionContext<'_>,
         objects: &[&XmlNode],
         before: &[ImportedEntity],
-        numbers: &StoryNumbers,
     ) -> Result<ImportedEntity, ImportError> {
         let name = begun.need("entityRef")?;
         let object = objects
@@ -438,26 +441,13 @@ impl Protocol {
         let body = blockers.keep(self.body(object, scope, ground.files));
         let body = body.map(|body| body.beside(before.iter().map(|it| &it.body)));
         let begins = blockers.keep(motion::begins(begun, scope, ground));
-        let context = FirstSpeedContext {
-            numbers,
-            unplaced: ground.unplaced,
-        };
-        let first = motion::first_speed_mps(begun, scope, before, body.as_ref(), context);
-        let (speed_mps, ramp) = blockers.keep(first).unwrap_or_default();
+        let first = motion::first_speed_mps(begun, scope, before, body.as_ref(), ground.unplaced);
+        let speed_mps = blockers.keep(first).unwrap_or_default();
         let is_ego = name == self.ego.name;
         // The trajectory of an ego that is left states the speed with which it begins.
         let timed_mps =
             motion::timed_mps(begun, scope, ground).filter(|_| is_ego && self.ego.is_left);
         let speed_mps = timed_mps.unwrap_or(speed_mps);
-        if is_ego && ramp.is_some() && !self.ego.is_left {
-            let help = "--leave-ego leaves its events to your controller and lists them";
-            blockers.add(begun.refused("the ego begins with a change of speed", help));
-        }
-        if is_ego && ramp.is_some() {
-            self.ego.leave(begun);
-        }
-        let first_gap_m = motion::first_gap_m(begun, scope, &self.ego.name, speed_mps);
-        let gap_m = blockers.keep(first_gap_m);
         blockers.none()?;
         let (Some(body), Some((placed, route))) = (body, begins) else {
             return Err(begun.refused("it is not read", "report this file"));
@@ -466,10 +456,9 @@ impl Protocol {
             name: name.to_owned(),
             is_ego,
             body,
-            gap_m: gap_m.flatten(),
+            gap_m: None,
             placed,
             speed_mps,
-            ramp: ramp.filter(|_| !is_ego),
             later: LaterMotion::default(),
             approach: None,
             route,

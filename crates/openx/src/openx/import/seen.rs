@@ -109,7 +109,8 @@ pub(super) fn seen<'a>(
     // Who walks on a path in another direction than these does so on its own.
     let is_square = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter().any(near);
     let turns = own.is_some_and(|on| on.has_corners());
-    let own = own.filter(|_| moves && (turns || entity.body.on_foot && !is_square));
+    let leaves = entity.body.on_foot && (!is_square || !shares_road);
+    let own = own.filter(|_| moves && (turns || leaves));
     let path = if let Some(on) = own {
         EntityPath::Own(concrete.in_plane(&on.way.start()), on)
     } else if entity.body.on_foot {

@@ -10,6 +10,9 @@ use crate::road::ChangeShape;
 use crate::sim::Pose;
 use crate::story::values::{Dimension, SpeedPoint};
 
+/// Distance in metres from its target at which a change across the road has nothing to do.
+const THERE_M: f64 = 1e-6;
+
 /// Law that begins at an instant.
 #[derive(Clone, Debug)]
 pub(super) struct DueLaw {
@@ -100,6 +103,9 @@ impl LateralTiming {
         let LateralTiming::Size(Dimension::Distance(road_m)) = self else {
             return None;
         };
+        if by_m.abs() < THERE_M {
+            return None;
+        }
         // The line that moves aside on this length of road is longer than that.
         let step = 1.0 / f64::from(PARTS);
         let lengths_m = (0..PARTS).map(|part| {
@@ -118,6 +124,7 @@ impl LateralTiming {
         let way_m = by_m.abs();
         match self {
             LateralTiming::Size(Dimension::Rate(rate)) => shape.peak() * way_m / rate,
+            LateralTiming::Size(Dimension::Time(_)) if way_m < THERE_M => 0.0,
             LateralTiming::Size(Dimension::Time(time_s)) => time_s,
             // The way decides, and the speed on it when it is driven.
             LateralTiming::Size(Dimension::Distance(_)) => 0.0,

@@ -15,13 +15,13 @@ mod speeds;
 mod survey;
 mod triggers;
 
-pub(super) use numbers::{StatedIn, StoryNumbers};
+pub(super) use numbers::StoryNumbers;
 pub(super) use parts::{StoryParts, catalog_maneuvers};
-pub(super) use speeds::speed;
 pub(super) use survey::{StorySurvey, survey};
 
 use std::collections::BTreeMap;
 
+use numbers::StatedIn;
 use parts::{PartKind, StoryPart};
 use speeds::UNLIMITED;
 use survey::{TakenAction, content};
@@ -36,7 +36,7 @@ use crate::opendrive::scope::number;
 use crate::opendrive::tree::XmlNode;
 use crate::ron_file::ValuePath;
 use crate::story::values::{
-    Act, Action, DynamicLimits, EntityPerformance, EventPriority, ManeuverGroup, Story, StoryEvent,
+    Act, DynamicLimits, EntityPerformance, EventPriority, ManeuverGroup, Story, StoryEvent,
     StoryManeuver, StoryNumber, Storyboard, Variable,
 };
 
@@ -133,8 +133,6 @@ impl<'a> StoryWriter<'a> {
     fn board(&mut self) -> Storyboard {
         let stories = ValuePath::top().to("storyboard").to("stories");
         let mut written = Vec::new();
-        // They come first: at one instant a later change of speed wins.
-        written.extend(self.ramps(&stories));
         for number in self.relevant(PartKind::Story, None) {
             let path = stories.at(written.len());
             let part = &self.parts.0[number];
@@ -183,41 +181,6 @@ impl<'a> StoryWriter<'a> {
             }
         });
         limited.filter(|it| !it.limits.is_unlimited()).collect()
-    }
-
-    /// Changes of speed with which entities begin, as a story.
-    fn ramps(&mut self, stories: &ValuePath) -> Option<Story> {
-        let all = self.frame.as_ref()?.all;
-        // The user drives the ego, whatever its Init says.
-        let begins: Vec<_> = all.iter().filter(|it| !it.entity.is_ego).collect();
-        let mut groups = Vec::new();
-        for it in begins {
-            let Some(ramp) = &it.entity.ramp else {
-                continue;
-            };
-            let path = stories.at(0).to("acts").at(0).to("maneuver_groups");
-            self.origins
-                .push((path.at(groups.len()), it.entity.at.clone()));
-            let action = Action {
-                name: "speed".to_owned(),
-                does: ramp.effect.clone(),
-            };
-            groups.push(group_of(&it.name, vec![it.name.clone()], action));
-        }
-        // Its name must be free.
-        let taken = |name: &str| self.parts.0.iter().any(|part| part.name == name);
-        let mut names = ["Init", "init", "begin of the run"].into_iter();
-        let name = names.find(|name| !taken(name)).unwrap_or("Init");
-        let act = Act {
-            name: name.to_owned(),
-            start_trigger: Vec::new(),
-            stop_trigger: Vec::new(),
-            maneuver_groups: groups,
-        };
-        (!act.maneuver_groups.is_empty()).then(|| Story {
-            name: name.to_owned(),
-            acts: vec![act],
-        })
     }
 
     fn act(&mut self, number: usize, path: &ValuePath) -> Act {
@@ -478,25 +441,5 @@ impl<'a> StoryWriter<'a> {
                 self.ground.catalogs.note(kind, node);
             }
         }
-    }
-}
-
-/// Group of one event that begins at once.
-fn group_of(name: &str, actors: Vec<String>, action: Action) -> ManeuverGroup {
-    ManeuverGroup {
-        name: name.to_owned(),
-        actors,
-        actors_are_triggering: false,
-        maximum_execution_count: 1,
-        maneuvers: vec![StoryManeuver {
-            name: name.to_owned(),
-            events: vec![StoryEvent {
-                name: name.to_owned(),
-                priority: EventPriority::Override,
-                maximum_execution_count: 1,
-                start_trigger: Vec::new(),
-                actions: vec![action],
-            }],
-        }],
     }
 }

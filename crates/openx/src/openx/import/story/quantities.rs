@@ -58,24 +58,26 @@ impl StoryWriter<'_> {
             }
             "RelativeDistanceCondition" => EntityCondition::RelativeDistance {
                 entity: self.other(at)?,
-                distance_type: distance_type(it, DistanceType::Longitudinal)?,
+                distance_type: distance_type(it)?.unwrap_or(DistanceType::Longitudinal),
                 coordinate_system: coordinate_system(it)?,
                 freespace: is_true(at, "freespace")?,
                 rule: rule(it)?,
                 value_m: value("value")?,
             },
             "TimeHeadwayCondition" => {
-                along_only(it)?;
+                let entity = self.other(at)?;
+                let (distance_type, coordinate_system) = time_distance(it)?;
                 EntityCondition::TimeHeadway {
-                    entity: self.other(at)?,
-                    coordinate_system: coordinate_system(it)?,
+                    entity,
+                    distance_type,
+                    coordinate_system,
                     freespace: is_true(at, "freespace")?,
                     rule: rule(it)?,
                     value_s: value("value")?,
                 }
             }
             "TimeToCollisionCondition" => {
-                along_only(it)?;
+                let (distance_type, coordinate_system) = time_distance(it)?;
                 let target = it.inner("TimeToCollisionConditionTarget")?.only()?;
                 if target.raw("entityRef").is_none() {
                     let help = "name an entity as the target";
@@ -84,7 +86,8 @@ impl StoryWriter<'_> {
                 let name = at.scope.text(target, "entityRef")?;
                 EntityCondition::TimeToCollision {
                     entity: self.entity(target, &name)?,
-                    coordinate_system: coordinate_system(it)?,
+                    distance_type,
+                    coordinate_system,
                     freespace: is_true(at, "freespace")?,
                     rule: rule(it)?,
                     value_s: value("value")?,
@@ -120,13 +123,13 @@ impl StoryWriter<'_> {
 
     fn place_distance(&mut self, at: StatedIn<'_>) -> Result<EntityCondition, ImportError> {
         let it = at.node;
-        let kind = distance_type(it, DistanceType::Euclidean)?;
+        let (kind, system) = measured(it)?;
         let value_m: StoryNumber = self.numbers.of(at, "value", |value| value)?;
         if let Some(name) = followed(at)? {
             return Ok(EntityCondition::RelativeDistance {
                 entity: self.entity(it, &name)?,
                 distance_type: kind,
-                coordinate_system: coordinate_system(it)?,
+                coordinate_system: system,
                 freespace: is_true(at, "freespace")?,
                 rule: rule(it)?,
                 value_m,
@@ -139,7 +142,7 @@ impl StoryWriter<'_> {
         Ok(EntityCondition::Distance {
             position: self.position(at.at(it.inner("Position")?))?,
             distance_type: kind,
-            coordinate_system: coordinate_system(it)?,
+            coordinate_system: system,
             rule: rule(it)?,
             value_m,
         })
@@ -156,8 +159,6 @@ pub(super) fn coordinate_system(it: &XmlNode) -> Result<CoordinateSystem, Import
     match it.raw("coordinateSystem") {
         Some("entity") => Ok(CoordinateSystem::Entity),
         Some("lane" | "road") => Ok(CoordinateSystem::Road),
-        // The older attribute means the same.
-        None if it.raw("alongRoute") == Some("true") => Ok(CoordinateSystem::Road),
         None => Ok(CoordinateSystem::Entity),
         Some(system) => {
             let what = format!("a distance in the coordinate system `{system}` is not read");
@@ -167,12 +168,25 @@ pub(super) fn coordinate_system(it: &XmlNode) -> Result<CoordinateSystem, Import
     }
 }
 
-fn distance_type(it: &XmlNode, missing: DistanceType) -> Result<DistanceType, ImportError> {
+/// Returns direction and system of a distance. Without both it is a straight line.
+fn measured(it: &XmlNode) -> Result<(DistanceType, CoordinateSystem), ImportError> {
+    let stated = (distance_type(it)?, coordinate_system(it)?);
+    let is_older = ["relativeDistanceType", "coordinateSystem"]
+        .iter()
+        .all(|name| it.raw(name).is_none());
+    // The older attribute is ignored beside the newer ones.
+    if is_older && it.raw("alongRoute") == Some("true") {
+        return Ok((DistanceType::Longitudinal, CoordinateSystem::Road));
+    }
+    Ok((stated.0.unwrap_or(DistanceType::Euclidean), stated.1))
+}
+
+fn distance_type(it: &XmlNode) -> Result<Option<DistanceType>, ImportError> {
     match it.raw("relativeDistanceType") {
-        None => Ok(missing),
-        Some("longitudinal") => Ok(DistanceType::Longitudinal),
-        Some("lateral") => Ok(DistanceType::Lateral),
-        Some("cartesianDistance" | "euclidianDistance") => Ok(DistanceType::Euclidean),
+        None => Ok(None),
+        Some("longitudinal") => Ok(Some(DistanceType::Longitudinal)),
+        Some("lateral") => Ok(Some(DistanceType::Lateral)),
+        Some("cartesianDistance" | "euclidianDistance") => Ok(Some(DistanceType::Euclidean)),
         Some(other) => {
             let help = "measure it longitudinally, laterally or as euclidianDistance";
             let what = format!("a distance of the type `{other}` is not read");
@@ -181,14 +195,14 @@ fn distance_type(it: &XmlNode, missing: DistanceType) -> Result<DistanceType, Im
     }
 }
 
-/// Refuses a headway or a time to collision that is not along the way.
-fn along_only(it: &XmlNode) -> Result<(), ImportError> {
-    match distance_type(it, DistanceType::Longitudinal)? {
-        DistanceType::Longitudinal => Ok(()),
-        _ => {
+/// Returns how the distance of a headway or of a time to collision is measured.
+fn time_distance(it: &XmlNode) -> Result<(DistanceType, CoordinateSystem), ImportError> {
+    match measured(it)? {
+        (DistanceType::Lateral, _) => {
             let help = "write relativeDistanceType=\"longitudinal\"";
             Err(it.refused("a time across the way is not read", help))
         }
+        along => Ok(along),
     }
 }
 

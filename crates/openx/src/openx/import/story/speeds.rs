@@ -58,11 +58,10 @@ pub(super) fn shape(it: &XmlNode) -> Result<DynamicsShape, ImportError> {
 }
 
 /// Names of entities in a world, by those of the file.
-pub(in super::super) type EntityNames<'a> =
-    &'a dyn Fn(&XmlNode, &str) -> Result<String, ImportError>;
+pub(super) type EntityNames<'a> = &'a dyn Fn(&XmlNode, &str) -> Result<String, ImportError>;
 
 /// Reads a speed action of an entity.
-pub(in super::super) fn speed(
+pub(super) fn speed(
     at: StatedIn<'_>,
     numbers: &StoryNumbers,
     own: Option<&str>,

@@ -363,7 +363,7 @@ impl<'a> EntitySurvey<'a, '_> {
     }
 
     fn stands(&self) -> bool {
-        self.entity.speed_mps == 0.0 && self.entity.ramp.is_none()
+        self.entity.speed_mps == 0.0
     }
 
     /// Puts an entity that stands at the start of a path onto it, from the start on.
