@@ -5,9 +5,12 @@ use super::root;
 
 const ESCAPE: char = '\u{1b}';
 
+/// Variables of the environment, options, and whether the output has colours.
+type ColourCase<'a> = (&'a [(&'a str, &'a str)], &'a [&'a str], bool);
+
 #[test]
 fn colours_follow_the_option_then_the_variables_then_the_terminal() {
-    let cases: [(&[(&str, &str)], &[&str], bool); 9] = [
+    let cases: [ColourCase<'_>; 9] = [
         (&[], &[], false),
         (&[], &["--color", "always"], true),
         (&[("NO_COLOR", "1")], &["--color=always"], true),
