@@ -15,7 +15,7 @@ use crate::campaign::{
 };
 
 /// Rows that are printed, at most, and rows and gates of the details.
-const SHOWN: usize = 10;
+const SHOWN: usize = 8;
 const SHOWN_IN_DETAILS: usize = 40;
 
 /// Legend of the columns of rates.

@@ -11,6 +11,9 @@ use crate::run_dir::Row;
 /// Egos in the table of many egos. The details have all of them.
 const EGOS_SHOWN: usize = 12;
 
+/// Warnings below that table.
+const WARNINGS_SHOWN: usize = 2;
+
 /// Legend of the columns of a block's egos and of its summary.
 const BLOCKS_EXPLAINED: &str = "
 reachable      starts that search solves; –: no search was asked for
@@ -27,10 +30,13 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> Answer {
     if egos.len() < 2 {
         return rows(&all);
     }
+    let warnings = warnings(&all);
+    let lines: Vec<&str> = warnings.lines().filter(|line| !line.is_empty()).collect();
+    let (shown, more) = lines.split_at(lines.len().min(WARNINGS_SHOWN));
     Answer {
         verdict: verdict(&all),
-        table: format!("{}{}", by_ego(egos), warnings(&all)),
-        details: blocks(egos, summaries),
+        table: format!("{}\n{}", by_ego(egos), shown.join("\n")),
+        details: format!("{}{}", more.join("\n"), blocks(egos, summaries)),
         legend: format!("{}{BLOCKS_EXPLAINED}", legend(&all)),
     }
 }

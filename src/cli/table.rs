@@ -69,12 +69,16 @@ fn in_legend(text: &str) -> String {
 /// Formats the remarks without which a table would mislead, a line each.
 pub(super) fn warnings(rows: &[Row]) -> String {
     let mut text = String::new();
+    let mut trainings: Vec<&str> = Vec::new();
     for row in rows {
-        if let Some(warning) = &row.warning {
-            text.push_str(&format!(
-                "\nwarning: {}, {}: {}",
-                row.ego, row.ado, warning.what
-            ));
+        // A training is as doubtful for every ego.
+        if let Some(warning) = row
+            .warning
+            .as_ref()
+            .filter(|it| !trainings.contains(&&*it.what))
+        {
+            trainings.push(&warning.what);
+            text.push_str(&format!("\nwarning: {}: {}", row.ado, warning.what));
         }
         if let Some(warning) = success_warning(row) {
             text.push_str(&format!(

@@ -4,7 +4,7 @@ use std::process::Output;
 
 use super::campaign::SMALL;
 use super::log::recording;
-use super::{brakecheck, code, path, scratch, small_run, stderr};
+use super::{brakecheck, brakecheck_in, code, path, root, scratch, small_run, stderr};
 
 /// Most lines of an answer on a terminal of 100 columns.
 const MOST_LINES: usize = 25;
@@ -92,13 +92,12 @@ fn every_verb_answers_first_and_in_few_lines() {
     let trace = write("trace.csv", "time,gap\n0,2\n0.1,3\n0.2,-4\n");
     let tracks = write("tracks.csv", &recording());
     let campaign = write("campaign.ron", SMALL);
-    let [new, kept, plan, svg, scenarios, mine] =
-        ["mine2", "kept", "plan", "crash.svg", "scenarios", "mine"].map(scratch);
-    let page = scratch("page.html");
+    let [new, kept, plan, svg, scenarios, page] =
+        ["new", "kept", "plan", "crash.svg", "scenarios", "page.html"].map(scratch);
     let crash = "tests/regressions/acc-nominal-0001.ron";
     let short = ["--plant", "kinematic", "--starts", "8"];
     let cases: Vec<(Vec<&str>, &str)> = vec![
-        (vec!["new", &mine], "mine.ron"),
+        (vec!["new", "mine"], "mine.ron"),
         (vec!["check", "acc"], "`acc` is valid: "),
         (vec!["check", "sandwich"], "`sandwich` is valid: "),
         (
@@ -221,6 +220,8 @@ fn every_verb_answers_first_and_in_few_lines() {
         assert!(is_tested != is_exempt, "`{verb}` requires a case here");
     }
     for (args, verdict) in &cases {
-        answers(&brakecheck(args), args, verdict);
+        // A new world is written where the program is called.
+        let place = if args[0] == "new" { dir.path() } else { root() };
+        answers(&brakecheck_in(place, args), args, verdict);
     }
 }
