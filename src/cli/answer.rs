@@ -18,7 +18,7 @@ pub(super) struct AnswerArgs {
 
 /// Output of a verb, in the order in which it is printed.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Answer {
+pub(super) struct PrintedAnswer {
     /// Verdict, in one to three lines.
     pub(super) verdict: Vec<String>,
     /// Table of the verb, with the remarks without which it would mislead.
@@ -29,13 +29,14 @@ pub(super) struct Answer {
     pub(super) legend: String,
 }
 
-impl Answer {
+impl PrintedAnswer {
     /// Puts this answer before another, whose verdict and table become details.
     ///
     /// Without a table, it adds its verdict and details to the other.
-    pub(super) fn before(self, rows: Answer) -> Answer {
+    pub(super) fn before(self, rows: PrintedAnswer) -> PrintedAnswer {
+        // Without a table of its own, the rows stay the main result.
         if self.table.is_empty() {
-            return Answer {
+            return PrintedAnswer {
                 verdict: [rows.verdict, self.verdict].concat(),
                 details: format!("{}\n{}", rows.details, self.details),
                 ..rows
@@ -47,7 +48,7 @@ impl Answer {
             &rows.table,
             &rows.details,
         ];
-        Answer {
+        PrintedAnswer {
             verdict: self.verdict,
             table: self.table,
             details: details.map(|part| part.trim_matches('\n')).join("\n"),
@@ -58,23 +59,26 @@ impl Answer {
     /// Returns the text to print.
     pub(super) fn text(&self, args: AnswerArgs) -> String {
         let verdict = self.verdict.join("\n");
+        // The verdict alone is what a quiet script reads.
         if is_quiet() {
             return verdict;
         }
         let mut parts = vec![verdict.as_str(), &self.table];
         let mut more = Vec::new();
-        for (part, is_asked, option) in [
+        for (part, is_wanted, option) in [
             (&self.details, args.details, "more with --details"),
             (&self.legend, args.explain, "columns with --explain"),
         ] {
-            if is_asked {
+            if is_wanted {
                 parts.push(part);
             } else if !part.trim().is_empty() {
+                // An option that would print nothing is not advertised.
                 more.push(option);
             }
         }
         let more = more.join(", ");
         parts.push(&more);
+        // Some parts begin or end with a newline, which would leave blank lines.
         let parts = parts.iter().map(|part| part.trim_matches('\n'));
         let parts: Vec<&str> = parts.filter(|part| !part.is_empty()).collect();
         parts.join("\n")
@@ -87,7 +91,7 @@ mod tests {
 
     #[test]
     fn details_and_columns_are_printed_on_request_only() {
-        let answer = Answer {
+        let answer = PrintedAnswer {
             verdict: vec!["it fails".to_owned()],
             table: "table\n".to_owned(),
             details: "\nwhy".to_owned(),
@@ -103,9 +107,9 @@ mod tests {
             text(true, false),
             "it fails\ntable\nwhy\ncolumns with --explain"
         );
-        let bare = Answer {
+        let bare = PrintedAnswer {
             verdict: answer.verdict.clone(),
-            ..Answer::default()
+            ..PrintedAnswer::default()
         };
         assert_eq!(bare.text(AnswerArgs::default()), "it fails");
     }

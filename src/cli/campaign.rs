@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::answer::{Answer, AnswerArgs};
+use super::answer::{AnswerArgs, PrintedAnswer};
 use super::common::{finished, print_json, table_of};
 use super::failure::{Exit, Failure};
 use super::terminal::{self, Common};
@@ -94,6 +94,7 @@ struct MergeArgs {
 
 fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
+        // `NaN` and `inf` are parsed as numbers, too.
         Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
         _ => Err("seconds are a number above 0, such as 10".to_owned()),
     }
@@ -232,6 +233,7 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
         };
         terminal::data(&format!("{done} of {all} pieces{of} are there"))?;
     }
+    // Pieces often fail for the same reason, so one error is printed in full.
     let more = ran.failed.len().saturating_sub(1);
     if let Some((piece, error)) = ran.failed.into_iter().next() {
         terminal::note(&format!(
@@ -309,7 +311,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
 }
 
 /// Returns the numbers of closed gates and of failing egos, with the worst rates.
-fn answer(merged: &Merged, page: &Path) -> Answer {
+fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
     let (rows, all) = (&merged.summary.rows, &merged.summary.gates);
     let worst = rows.iter().reduce(|a, b| {
         if b.success_rate > a.success_rate {
@@ -329,7 +331,7 @@ fn answer(merged: &Merged, page: &Path) -> Answer {
         details.push_str(&gates(all));
     }
     let verdict = (!all.is_empty()).then(|| open_gates(all));
-    Answer {
+    PrintedAnswer {
         verdict: verdict.into_iter().chain(worst).collect(),
         table: format!(
             "{}{} rows in {}\npage: {}",

@@ -47,6 +47,7 @@ pub(super) fn read<P: CommandLine>(
     colour(color_choice(&arguments, &defaults));
     let mut command = defaults
         .of_command(command::<P>(own_words(&arguments).any(|word| word == ALL)))
+        // Lines as wide as a large screen are hard to read.
         .term_width(stdout_columns().min(MOST_COLUMNS));
     let read = command.try_get_matches_from_mut(&arguments);
     let matches = read.map_err(|error| ended(&error, &command, &arguments))?;
@@ -92,6 +93,7 @@ fn shaped(command: Command, shows_all: bool) -> Command {
         } else {
             argument
         };
+        // Otherwise clap takes the minus of `-3` for the start of an option.
         if shown.get_action().takes_values() {
             shown.allow_negative_numbers(true)
         } else {
@@ -110,6 +112,7 @@ fn with_help_as_option(arguments: Vec<OsString>) -> Vec<OsString> {
     }
     let mut others = arguments;
     others.remove(1);
+    // The option is global, so it may follow the verbs.
     others.push("--help".into());
     others
 }
@@ -117,6 +120,7 @@ fn with_help_as_option(arguments: Vec<OsString>) -> Vec<OsString> {
 /// Returns the words before those of a program after `--`.
 fn own_words(arguments: &[OsString]) -> impl Iterator<Item = &str> {
     let words = arguments.iter().take_while(|word| *word != "--");
+    // Options are ASCII, so a word that is not UTF-8 cannot be one.
     words.filter_map(|word| word.to_str())
 }
 
@@ -132,8 +136,10 @@ fn color_choice(arguments: &[OsString], defaults: &Defaults) -> ColorChoice {
         }
     }
     let variable = std::env::var(COLOR).ok();
+    // The same precedence as clap's: typed, environment, default.
     let choice = typed.or(variable.as_deref()).or(defaults.value("color"));
     let known = choice.and_then(|word| ColorChoice::from_str(word, true).ok());
+    // An invalid choice is ignored here, because the parser reports it.
     known.unwrap_or_default()
 }
 
@@ -147,6 +153,7 @@ fn ended(error: &clap::Error, command: &Command, arguments: &[OsString]) -> Ende
         }
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = error.print();
+            // No work was requested, so a script must not take this for success.
             Ended::Printed(Exit::Input)
         }
         _ => Ended::Refused(usage_error::failure(error, command, arguments)),
@@ -156,6 +163,7 @@ fn ended(error: &clap::Error, command: &Command, arguments: &[OsString]) -> Ende
 /// Returns where each setting of the command comes from, if it was not typed.
 fn origins(matches: &ArgMatches, defaults: &Defaults) -> Vec<String> {
     let mut of_verb = matches;
+    // clap copies global options into the innermost verb, so its values decide.
     while let Some((_, inner)) = of_verb.subcommand() {
         of_verb = inner;
     }
@@ -167,6 +175,7 @@ fn origins(matches: &ArgMatches, defaults: &Defaults) -> Vec<String> {
         match of_verb.value_source(setting)? {
             ValueSource::EnvVariable => Some(format!("`--{setting} {value}` is from {variable}")),
             ValueSource::DefaultValue => {
+                // A default of the program itself needs no mention.
                 defaults.value(setting)?;
                 let file = defaults.file.display();
                 Some(format!("`--{setting} {value}` is from `{file}`"))

@@ -79,6 +79,7 @@ pub(super) fn refuse_program(verb: &str, program: &[String]) -> Result<(), Failu
     if program.is_empty() {
         return Ok(());
     }
+    // RON quotes strings as Rust's `Debug` does.
     let command: Vec<String> = program.iter().map(|word| format!("{word:?}")).collect();
     let change = format!(
         "Change(controller: Process(command: [{}]))",
@@ -137,6 +138,7 @@ pub(super) fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
         // A script that reads JSON gets an object even without a row.
         print_json(&json!({ "rows": [], "faults": faults }))?;
     }
+    // Without an interruption, only faults of the ego leave no row.
     Ok(Exit::Fault)
 }
 
@@ -149,6 +151,7 @@ pub(super) fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
             .is_some_and(|it| it.left_out && it.starts > 0)
     };
     let found = rows.iter().any(|row| row.successes > 0 || alone(row));
+    // Missing starts may change the answer, so an interruption takes precedence.
     if terminal::stopped() {
         terminal::note("interrupted: the rows cover the starts that were finished");
         return Exit::Interrupted;

@@ -54,12 +54,14 @@ impl Defaults {
     /// The file cannot be read, or it has an unknown key or an invalid value.
     pub(super) fn in_directory(directory: &Path) -> Result<Defaults, Failure> {
         let is_root = |parent: &&Path| parent.join(".git").exists();
+        // Outside a repository, a file of a foreign parent must not apply.
         let root = directory.ancestors().find(is_root).unwrap_or(directory);
         let within = |parent: &&Path| parent.starts_with(root);
         let mut files = directory
             .ancestors()
             .take_while(within)
             .map(|parent| parent.join(FILE));
+        // A dangling link is an error below, and not an absent file.
         let Some(file) = files.find(|file| file.symlink_metadata().is_ok()) else {
             return Ok(Defaults::default());
         };
@@ -88,6 +90,7 @@ impl Defaults {
     pub(super) fn of_command(&self, command: Command) -> Command {
         let mut with_defaults =
             command.mut_args(|argument| match self.value(argument.get_id().as_str()) {
+                // As a default, it yields to typed options and to the environment.
                 Some(value) => argument.default_value(value.to_owned()),
                 None => argument,
             });
@@ -135,6 +138,7 @@ fn values(text: &str) -> Result<Vec<(&'static str, String)>, Vec<Problem>> {
 
 /// Reports a key that is no setting.
 fn unknown(key: &str, span: Range<usize>) -> Problem {
+    // Either spelling deserves the reason instead of a guess at the key.
     let is_consent = key.replace('-', "_") == "allow_programs";
     let (what, help) = if is_consent {
         (
@@ -159,6 +163,7 @@ fn unknown(key: &str, span: Range<usize>) -> Problem {
 fn value_of(name: &str, value: &DeValue<'_>) -> Result<String, String> {
     match (name, value) {
         ("jobs", DeValue::Integer(number)) => {
+            // TOML also has hexadecimal, octal and binary numbers.
             let jobs = i64::from_str_radix(number.as_str(), number.radix());
             let valid = jobs.ok().filter(|jobs| (1..=MOST_JOBS).contains(jobs));
             valid

@@ -60,6 +60,7 @@ impl OutputArgs {
             (false, false) => Verbosity::Usual,
         };
         VERBOSITY.store(verbosity as u8, Ordering::Relaxed);
+        // Replaces the choice that was guessed before parsing.
         colour(self.color);
     }
 }
@@ -109,8 +110,10 @@ pub(super) fn stdout_columns() -> usize {
 fn columns_of(terminal: Option<u16>) -> usize {
     let named = || {
         let text = std::env::var("COLUMNS").ok()?;
+        // A width of 0 stands for an unknown one.
         text.parse::<u16>().ok().filter(|columns| *columns > 0)
     };
     let columns = terminal.or_else(named).map_or(USUAL_COLUMNS, usize::from);
+    // In fewer columns a table would wrap nearly every word.
     columns.max(LEAST_COLUMNS)
 }

@@ -151,6 +151,7 @@ fn trained(
     })?;
     let request = TrainRequest {
         decisions: Some(decisions),
+        // The kinematic plant is the faster one, and a driver waits for the training.
         plant: Some(PlantKind::Kinematic),
         ..TrainRequest::default()
     };
@@ -186,6 +187,7 @@ fn watched(args: &DriveArgs) -> Result<Option<WatchedWorld>, Failure> {
             files,
         }
     };
+    // A change of an included file alters the world, too.
     let files = world_input::read(&args.what).files;
     let reload: Reload = Box::new(load);
     Ok(Some(WatchedWorld::new(files, reload)))
@@ -212,6 +214,7 @@ fn announce(args: &DriveArgs, address: &str) {
 fn open(address: &str) {
     let command = match std::env::consts::OS {
         "macos" => "open",
+        // `start` is built into the shell there, so it is no program to spawn.
         "windows" => "explorer",
         _ => "xdg-open",
     };

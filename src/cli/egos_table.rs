@@ -1,6 +1,6 @@
 //! Tables of several egos: the worst first, and blocks with summaries.
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::display::stdout_columns;
 use super::table::{contacts, found, interval, legend, remarks, rows, success, warnings};
 use super::verdict::{ego, percent, severity, strongest, verdict};
@@ -24,7 +24,7 @@ mean, least    over those egos of which search solves enough to ask for recall";
 /// Puts the verdict of the rows of several egos above a table of the egos.
 ///
 /// For a single ego it formats the rows only.
-pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> Answer {
+pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> PrintedAnswer {
     let all: Vec<Row> = egos.iter().flat_map(|ego| ego.rows.clone()).collect();
     // Means over a single ego would repeat its rows.
     if egos.len() < 2 {
@@ -32,8 +32,9 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> Answer {
     }
     let warnings = warnings(&all);
     let lines: Vec<&str> = warnings.lines().filter(|line| !line.is_empty()).collect();
+    // The warnings of many egos would push the table off the screen.
     let (shown, more) = lines.split_at(lines.len().min(WARNINGS_SHOWN));
-    Answer {
+    PrintedAnswer {
         verdict: verdict(&all),
         table: format!("{}\n{}", by_ego(egos), shown.join("\n")),
         details: format!("{}{}", more.join("\n"), blocks(egos, summaries)),
@@ -84,6 +85,7 @@ fn by_ego(egos: &[ReusedOn]) -> String {
 fn blocks(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     let mut text = String::new();
     let mut relations: Vec<_> = egos.iter().map(|ego| ego.relation).collect();
+    // `dedup` removes neighbours only.
     relations.sort();
     relations.dedup();
     for relation in relations {
@@ -105,6 +107,7 @@ fn blocks(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     let of_all = summaries
         .iter()
         .filter(|sum| sum.relation == Relation::Changed);
+    // A heading above an empty table would suggest a lost result.
     if of_all.clone().count() > 0 {
         let heading = Relation::Changed.heading();
         text.push_str(&format!("\n\n# {heading}\n{}", summary(of_all)));
@@ -130,6 +133,7 @@ fn without_adversary(block: &[&ReusedOn]) -> String {
 
 /// One line per ado: its means over the block.
 fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
+    // With few reachable starts, recall is too noisy for a mean.
     let recall = format!("mean recall, reachable ≥ {:.0} %", 100.0 * LEAST_REACHABLE);
     let columns = [
         "ado",

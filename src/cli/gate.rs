@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::common::{exit_of, interrupted_early, one_of};
 use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
@@ -96,7 +96,7 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
 const REMARKED: usize = 2;
 
 /// Returns the decision, with a line per ego.
-fn answer(gates: &[DecidedGate]) -> Answer {
+fn answer(gates: &[DecidedGate]) -> PrintedAnswer {
     let closed = gates.iter().filter(|gate| gate.is_closed());
     let names: Vec<String> = closed.map(|it| format!("`{}`", it.gate.ego)).collect();
     let verdict = match gates {
@@ -112,10 +112,11 @@ fn answer(gates: &[DecidedGate]) -> Answer {
     let remarks: Vec<String> = gates.iter().flat_map(DecidedGate::remarks).collect();
     let decisions: Vec<String> = gates.iter().map(ToString::to_string).collect();
     let mut table = gate_table(gates).to_terminal(stdout_columns());
+    // The remarks of many gates would hide the table.
     if gates.len() <= REMARKED {
         table = [vec![table], remarks].concat().join("\n");
     }
-    Answer {
+    PrintedAnswer {
         verdict: vec![verdict],
         table,
         details: decisions.join("\n\n"),
@@ -125,6 +126,7 @@ fn answer(gates: &[DecidedGate]) -> Answer {
 
 /// Refuses a gate that compared nothing, so that CI never passes without an answer.
 fn answered(gates: &[DecidedGate]) -> Result<(), Failure> {
+    // A closed gate fails CI anyway, so only open ones need an answer.
     let mut open = gates.iter().filter(|gate| !gate.is_closed());
     match open.find(|gate| gate.gate.is_unanswered()) {
         Some(gate) => Err(Failure::fault(

@@ -49,11 +49,14 @@ impl Opened {
             return None;
         };
         let head = bytes.get_ref().get(..HEAD).unwrap_or(bytes.get_ref());
+        // The head may end within a character, or be binary.
         let text = String::from_utf8_lossy(head);
+        // Some editors write a byte order mark before the first element.
         let is_xml = text
             .trim_start_matches('\u{feff}')
             .trim_start()
             .starts_with('<');
+        // The first five of the eight magic bytes of MCAP.
         if head.starts_with(b"\x89MCAP") {
             Some("mcap")
         } else if is_xml && text.contains("<OpenSCENARIO") {
@@ -90,9 +93,11 @@ pub(super) fn open(path: &Path) -> Result<Opened> {
 fn stdin_bytes() -> Result<Vec<u8>> {
     let stdin = io::stdin();
     if stdin.is_terminal() {
+        // Without a note the command would seem to hang.
         terminal::note("reading standard input: Ctrl-D ends it");
     }
     let mut bytes = Vec::new();
+    // One byte more shows that the limit is exceeded.
     stdin.lock().take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > MOST_BYTES {
         let why = format!("it is larger than {MOST_BYTES} bytes");

@@ -1,5 +1,6 @@
 //! Option of `eval`, `gate`, `sweep` and `search` for kept counterexamples.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -58,7 +59,7 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
         }
     } else if !files.is_empty() {
         let lines = files
-            .into_iter()
+            .iter()
             .take(SHOWN)
             .map(|(file, about)| line(file, about));
         let columns = [
@@ -71,6 +72,13 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
         ];
         let table = TextTable::new(columns, lines).numbers_from(2);
         terminal::note(&table.to_terminal(stdout_columns()));
+        let reasons = files.iter().filter_map(|(_, about)| {
+            let runs = about.ego_runs.as_ref()?;
+            runs.ended.as_ref().map(ToString::to_string)
+        });
+        for reason in BTreeSet::from_iter(reasons) {
+            terminal::note(&format!("not all labels are known: {reason}"));
+        }
     }
 }
 

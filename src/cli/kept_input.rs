@@ -14,6 +14,7 @@ pub(super) fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Fa
     if !input::is_stdin(what) {
         return Ok(Regressions::find(what, episode)?);
     }
+    // Standard input is a single counterexample, so `episode` selects nothing.
     let text = input::text(what).map_err(|error| {
         Failure::input(
             format!("cannot read standard input: {error}"),

@@ -31,6 +31,7 @@ fn in_words(fault: &PanicHookInfo<'_>) -> String {
 
 fn report(what: &str, place: &str) -> String {
     let (version, arch) = (env!("CARGO_PKG_VERSION"), std::env::consts::ARCH);
+    // A panic may quote large values.
     let what: String = what.chars().take(2000).collect();
     format!(
         "brakecheck itself failed: {what}\n  \

@@ -8,8 +8,10 @@ use super::terminal;
 use crate::stl::sampling::rate_of;
 
 /// Distances of adjacent lanes that are widths of lanes in feet, and of none in metres.
+// Lanes are 2.7 to 4.6 m wide, which is 9 to 15 ft.
 const LANES_IN_FEET: RangeInclusive<f64> = 9.0..=15.0;
 /// Median speed that traffic on no public road has, in m/s.
+// About 200 km/h.
 const FASTEST_MPS: f64 = 55.0;
 
 /// Prints a line each on what was read, left out, corrected and contradictory.

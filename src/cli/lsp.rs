@@ -82,6 +82,7 @@ impl WorldLanguage for Worlds {
 
 /// Returns whether a text begins as a world, typing errors included.
 fn is_world(text: &str) -> bool {
+    // Editors open RON files of all kinds, and only worlds are to be marked.
     let own = text.strip_prefix('\u{feff}').unwrap_or(text);
     first_word(own).is_some_and(|word| did_you_mean(&own[word], KINDS).is_some())
 }

@@ -36,6 +36,7 @@ pub(super) fn run(args: &ManArgs) -> Result<Exit, Failure> {
 /// Writes the pages of a command and of its verbs, and returns their number.
 fn write_pages(command: &Command, directory: &Path) -> Result<usize, Failure> {
     let mut pages = 1;
+    // A hidden verb is not part of the documented interface.
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
         pages += write_pages(verb, directory)?;
     }

@@ -20,6 +20,7 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
         if range.contains(&value) {
             Ok(value)
         } else if *most == u64::MAX {
+            // `u64::MAX` means no upper limit, so the message names none.
             Err(format!("{value} is less than {least}"))
         } else {
             Err(format!("{value} is not in {least}..={most}"))

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::common::{interrupted_early, print_json, table_of};
 use super::display::stdout_columns;
 use super::eval_args::EvalArgs;
@@ -97,7 +97,7 @@ fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(),
     args.test.live.data(&answer.text(args.test.answer))
 }
 
-fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Answer {
+fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> PrintedAnswer {
     let points = tables.first().map_or(0, |table| table.points.len());
     let verdict = match tables {
         [table] => format!("`{}`: {}", table.ego, table.summary()),
@@ -143,7 +143,7 @@ fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Answer {
             args.run.display()
         ));
     }
-    Answer {
+    PrintedAnswer {
         verdict: vec![verdict, origin],
         table,
         details: text,

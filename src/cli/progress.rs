@@ -24,6 +24,7 @@ const LOOK: Duration = Duration::from_secs(2);
 /// Remaining seconds from which a phase is announced before [`EVERY`] is over.
 const LONG_S: u64 = 10;
 /// Share of a phase below which its rate is unreliable.
+// The divisor of a share: one twentieth is 5 %.
 const TELLING: u64 = 20;
 
 /// State of the current phase.
@@ -96,6 +97,7 @@ impl ProgressPhase {
     fn line(&self, spent: PhaseTime, at_once: u64) -> String {
         let mut line = self.label();
         let elapsed_s = spent.elapsed_s;
+        // Writing into a string cannot fail.
         let _ = match self.total {
             Some(total) => write!(line, ": {} of {total} after {elapsed_s} s", self.done),
             None => write!(line, ": {elapsed_s} s so far"),
@@ -141,6 +143,7 @@ impl Present {
 
     fn begin(&mut self, what: &str, step: Option<(usize, usize)>) {
         self.phase = ProgressPhase {
+            // The title is that of the command, so it outlives the phase.
             title: std::mem::take(&mut self.phase.title),
             what: what.to_owned(),
             step,
@@ -268,6 +271,7 @@ pub fn bar(common: &Common, title: &str) -> Bar {
         match remark {
             Remark::Phase { what, step } => {
                 reported.present().begin(what, step);
+                // The counts of the phase before would be wrong under the new label.
                 named.set_length(0);
                 named.set_position(0);
             }
@@ -327,6 +331,7 @@ impl Bar {
 
 impl Drop for Bar {
     fn drop(&mut self) {
+        // Set under the lock, so that the writer cannot miss the wake-up.
         self.shared.present().ended = true;
         self.shared.ended.notify_all();
         if let Some(lines) = self.lines.take() {

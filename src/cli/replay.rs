@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::answer::{Answer, AnswerArgs};
+use super::answer::{AnswerArgs, PrintedAnswer};
 use super::common::{finite_or_word, print_json};
 use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
@@ -134,7 +134,7 @@ fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), 
         _ if args.answer.details => (String::new(), labels(replayed, &known(), compares)),
         _ => (String::new(), "labels".to_owned()),
     };
-    let answer = Answer {
+    let answer = PrintedAnswer {
         verdict: vec![if recorded {
             as_recorded(&in_all, replayed)
         } else {
@@ -142,7 +142,7 @@ fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), 
         }],
         table: format!(
             "{}{}{below}",
-            Rows {
+            ReplayTable {
                 all: args.answer.details,
                 compares
             }
@@ -192,6 +192,7 @@ fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit
 /// Counts the replays that are as recorded, in words.
 fn as_recorded(in_all: &ReplayCounts, replayed: &[Replayed]) -> String {
     let same = replayed.iter().filter(|one| one.identical).count();
+    // A replay that did not run is counted as invalid, not as different.
     let differs = |one: &&Replayed| !one.identical && one.fault().is_none();
     let differ = replayed.iter().filter(differs).count();
     let first = format!("{same} of {} as recorded, {differ} differ", in_all.replayed);
@@ -273,6 +274,7 @@ fn faults(replayed: &[Replayed], compares: bool) -> String {
                 }
             ));
         }
+        // A fault already explains the missing answer.
         if let Some(why) = one.no_answer().filter(|_| one.fault().is_none()) {
             text.push_str(&format!("\n{file}: no answer, because {why}"));
         }
@@ -323,14 +325,14 @@ fn rules_until_contact(episode: &Episode) -> serde_json::Value {
 }
 
 /// Rows and columns of the table.
-struct Rows {
+struct ReplayTable {
     /// All replays, and not only the first.
     all: bool,
     /// Compare with the records.
     compares: bool,
 }
 
-impl Rows {
+impl ReplayTable {
     /// Draws the replays, of which the first are those that still fail or have no answer.
     fn table(&self, replayed: &[Replayed]) -> String {
         let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
@@ -360,8 +362,8 @@ impl Rows {
     }
 
     fn line(&self, replayed: &Replayed) -> [String; 6] {
-        let contact = replayed.episode.contact.as_ref();
-        let contact = contact.map_or("–".to_owned(), |touch| {
+        let touch = replayed.episode.contact.as_ref();
+        let contact = touch.map_or("–".to_owned(), |touch| {
             format!("{:.2} s, {:.1} m/s", touch.time_s, touch.closing_speed_mps)
         });
         let bits = match &replayed.first_difference {

@@ -110,7 +110,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
         write_scenarios(&html, &mut report, args.seed)?;
     }
     let rows = report.nominal.as_ref().map(|nominal| nominal.row.clone());
-    let pages = Pages {
+    let pages = ReportTexts {
         verdict: rows.map_or(Vec::new(), |row| verdict(&[row])),
         html: report.html(),
         junit: report.junit(),
@@ -175,7 +175,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     let name = args.run.file_stem().unwrap_or_default();
     let usual = Path::new(name).with_extension("html");
     let html = args.output.clone().unwrap_or(usual);
-    let pages = Pages {
+    let pages = ReportTexts {
         verdict: vec![table.summary()],
         html: page.html(),
         junit: page.junit(),
@@ -185,14 +185,14 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
 }
 
 /// Texts of a page and of its JUnit file.
-pub(super) struct Pages {
+pub(super) struct ReportTexts {
     /// Verdict to print.
     pub(super) verdict: Vec<String>,
     pub(super) html: String,
     pub(super) junit: String,
 }
 
-impl Pages {
+impl ReportTexts {
     /// Writes the page and the JUnit file, and prints the verdict and their paths.
     pub(super) fn write(&self, args: &ReportArgs, html: &Path) -> Result<(), Failure> {
         let junit = html.with_extension("junit.xml");

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::failure::{Exit, Failure};
-use super::report::{MOST_EXAMPLES, Pages, ReportArgs, this_page};
+use super::report::{MOST_EXAMPLES, ReportArgs, ReportTexts, this_page};
 use crate::crashes::{Regressions, ReplayQuestion, replay_page};
 use crate::evaluation::{DecidedGate, gate_page};
 use crate::report::{ResultPage, TestSuite, junit};
@@ -15,6 +15,7 @@ use crate::visible::command_line;
 
 /// Returns whether a path is a directory of kept crashes, and no run.
 pub(super) fn is_kept(path: &Path) -> bool {
+    // A run may contain RON files, too, and it has a page of its own.
     let is_run = ["manifest.json", "population.json"].map(|file| path.join(file).is_file());
     let mut files = std::fs::read_dir(path).into_iter().flatten().flatten();
     let is_crash = |file: &Path| file.extension().is_some_and(|it| it == "ron");
@@ -44,6 +45,7 @@ pub(super) fn of_crashes(args: &ReportArgs) -> Result<Exit, Failure> {
     let suite = kept.suite(&replayed, ReplayQuestion::StillFails);
     let usual = args.run.join("report.html");
     write(args, &usual, page, vec![suite])?;
+    // Checked last, so that the page shows the faults, too.
     kept.check_faults(&replayed)?;
     Ok(Exit::Done)
 }
@@ -73,12 +75,15 @@ pub(super) fn of_file(args: &ReportArgs) -> Result<Exit, Failure> {
     if object.get("gates").is_some() {
         let gates: Vec<DecidedGate> = serde_json::from_value(object["gates"].clone())
             .map_err(|error| wrong(error.to_string()))?;
+        // An edited file could claim a decision that its numbers refute.
         if let Some(why) = gates.iter().find_map(DecidedGate::contradiction) {
             return Err(wrong(why));
         }
+        // A suite without a test case would look like a pass in CI.
         if gates.is_empty() {
             return Err(wrong("it has no gate".to_owned()));
         }
+        // Gates do not name their world, but the rows beside them do.
         let world = object["rows"][0]["world"].as_str().unwrap_or("world");
         let suites = gates.iter().map(|gate| gate.suite(world)).collect();
         write(args, &usual, gate_page(&gates, world), suites)?;
@@ -119,7 +124,7 @@ fn write(
         commands: vec![this_page(args)],
         ..page
     };
-    let pages = Pages {
+    let pages = ReportTexts {
         verdict: vec![page.verdict.clone()],
         html: page.html(),
         junit: junit(&suites),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::answer::{Answer, AnswerArgs};
+use super::answer::{AnswerArgs, PrintedAnswer};
 use super::common::{
     finished, interrupted_early, load_world, one_of, open_run, placed, print_json,
 };
@@ -203,6 +203,7 @@ fn known(
     }
     for path in &args.known {
         let found = KnownFailure::of_files(world, path)?;
+        // A wrong path would silently leave the proposals without examples.
         if found.is_empty() {
             return Err(Failure::input(
                 format!(
@@ -220,6 +221,7 @@ fn known(
 
 /// Returns the policy of a trained ado, if a surrogate can use one.
 fn policy(args: &RiskArgs, run: Option<&RunDir>) -> Result<Option<Box<dyn Policy>>, Failure> {
+    // Without a surrogate nothing plays the policy, so it is not read.
     match run.filter(|_| args.surrogate.is_some()) {
         Some(run) => Ok(Some(run.policy()?)),
         None => Ok(None),
@@ -230,11 +232,11 @@ fn show(args: &RiskArgs, report: &RiskReport) -> Result<(), Failure> {
     if args.common.json {
         return print_json(&json!(report));
     }
-    let answer = Answer {
+    let answer = PrintedAnswer {
         verdict: report.verdict(),
         table: report.readings(),
         details: report.details(),
-        ..Answer::default()
+        ..PrintedAnswer::default()
     };
     terminal::data(&answer.text(args.answer))?;
     for ego in &report.egos {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::common::{open_run, placed, print_json};
 use super::failure::Failure;
 use super::input;
@@ -43,7 +43,7 @@ pub(super) struct Supplement {
     pub(super) key: &'static str,
     pub(super) value: Value,
     /// Its verdict and table come before those of the rows.
-    pub(super) answer: Answer,
+    pub(super) answer: PrintedAnswer,
 }
 
 /// Run and its world, on the plant to test on, with the requested ados.

@@ -81,13 +81,7 @@ fn method_of_the_list() -> impl TypedValueParser<Value = MethodInfo> {
 }
 
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
-    // An option without effect is refused before any file is read.
-    args.method.refuse_others(&given(args))?;
-    args.live.admit(args.common.json)?;
-    let is_run = args.world.is_dir();
-    let run = is_run
-        .then(|| open_run(&args.world, &args.common))
-        .transpose()?;
+    let run = opened(args)?;
     let (world, nominal) = worlds(args, run.as_ref())?;
     args.traffic.keep_one(args.keep.dir())?;
     let egos = args.traffic.levels(args.ego.find(&nominal)?);
@@ -125,6 +119,17 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     };
     args.keep.last_step(&args.common, step, keep)?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
+}
+
+/// Opens the run, if one is named.
+fn opened(args: &SearchArgs) -> Result<Option<RunDir>, Failure> {
+    // An option without effect is refused before any file is read.
+    args.method.refuse_others(&given(args))?;
+    args.live.admit(args.common.json)?;
+    if !args.world.is_dir() {
+        return Ok(None);
+    }
+    Ok(Some(open_run(&args.world, &args.common)?))
 }
 
 /// Returns the world that draws the starts and the world that plays them.

@@ -102,6 +102,7 @@ fn rule_file(args: &StlArgs) -> Result<(String, TrafficRuleFile), Failure> {
         TrafficRuleFile::of(vec![rule])
     };
     for (constant, value) in constants(&args.constants)? {
+        // A typed constant replaces that of the file.
         rules.constants.insert(constant, value);
     }
     let source = if is_file { name.as_str() } else { "formula" };
@@ -121,6 +122,7 @@ fn in_rule_file(source: &str, rules: &TrafficRuleFile, error: RulesError) -> Fai
     } = &error
         && let Some(found) = rules.rules.iter().find(|it| it.name == *rule)
     {
+        // A typed formula is its own name, so the name would only repeat it.
         let place = if found.name == found.stl {
             source.to_owned()
         } else {
@@ -208,6 +210,7 @@ impl CheckedRecording {
 /// Returns a picture of a rule's worst instant, `None` for a rule without a violation.
 fn worst_instant(analysis: &Analysis, rule: &RuleResult) -> Option<String> {
     let worst = rule.worst.as_ref()?;
+    // Rounded, because the quotient is a whole number up to float errors.
     let sample = (worst.time_s / analysis.recording.dt_s).round() as usize;
     let lead = worst.lead.as_ref();
     let behind = lead.map_or(String::new(), |lead| format!(" behind {lead}"));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::common::{exit_of, interrupted_early, table_of};
 use super::failure::{Exit, Failure};
 use super::progress;
@@ -65,7 +65,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     Ok(exit_of(&rows_of(evaluated)?, false))
 }
 
-fn answer(swept: &Swept) -> Answer {
+fn answer(swept: &Swept) -> PrintedAnswer {
     let parameter = &swept.parameter;
     let lines = swept.points.iter().map(|point| {
         let SweepPoint {
@@ -93,11 +93,11 @@ fn answer(swept: &Swept) -> Answer {
         ]
     });
     let header = [parameter.as_str(), "failing", "95 % interval", "in 40ths"];
-    Answer {
+    PrintedAnswer {
         verdict: vec![safety(swept)],
         table: table_of(header, lines),
         legend: EXPLAINED.to_owned(),
-        ..Answer::default()
+        ..PrintedAnswer::default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rows as tables for people.
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::display::stdout_columns;
 use super::verdict::{bound_in_words, ego, percent, severity, verdict};
 use crate::report::TextTable;
@@ -21,8 +21,8 @@ cpu s          processor time spent on all of the starts";
 const LEGEND_INDENT: usize = 15;
 
 /// Puts the verdict of rows above their table.
-pub(super) fn rows(rows: &[Row]) -> Answer {
-    Answer {
+pub(super) fn rows(rows: &[Row]) -> PrintedAnswer {
+    PrintedAnswer {
         verdict: verdict(rows),
         table: format!("{}{}", found(rows), warnings(rows)),
         details: format!("{}{}", contacts(rows), remarks(rows)),
@@ -51,6 +51,7 @@ pub(super) fn legend(rows: &[Row]) -> String {
 /// Breaks a text into indented lines of the legend, between words.
 fn in_legend(text: &str) -> String {
     let mut lines = String::new();
+    // With this width, the first word begins a new line.
     let mut width = usize::MAX;
     for word in text.split(' ') {
         let more = 1 + word.chars().count();
@@ -177,6 +178,7 @@ fn success_warning(row: &Row) -> Option<String> {
 pub(super) fn success(row: &Row) -> String {
     match (row.starts, row.partial) {
         (_, Some(partial)) => format!("at least {}/{}", row.successes, partial.of),
+        // A rate of 0 % over no starts would look safe.
         (0, None) => "– (0/0)".to_owned(),
         (starts, None) => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
     }
@@ -313,6 +315,7 @@ fn bounds(rows: &[Row]) -> String {
         } else {
             format!("{ado} on {}", row.ego)
         };
+        // The bound depends on the number of starts only, so such rows share a line.
         match by_starts.iter_mut().find(|line| line.0 == row.starts) {
             Some((_, _, names)) => names.push(name),
             None => by_starts.push((row.starts, bound, vec![name])),
@@ -348,7 +351,7 @@ mod tests {
 
     /// The whole answer.
     fn text(rows: &[Row]) -> String {
-        let Answer {
+        let PrintedAnswer {
             verdict,
             table,
             details,

@@ -78,6 +78,7 @@ pub struct Common {
 impl Common {
     /// Returns the log of the faults in all episodes of the command.
     pub(super) fn faults(&self) -> FaultLog {
+        // Created late, because the allowed share is known only after parsing.
         let log = || FaultLog::allowing(self.allow_invalid);
         self.faults.get_or_init(log).clone()
     }
@@ -139,6 +140,7 @@ pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsStri
     if program.saves_when_interrupted() {
         listen_for_interrupts();
     }
+    // `carry_out` consumes the program, and faults are settled after it.
     let common = program.common();
     let result = with_jobs(&common, move || program.carry_out());
     let settled = |exit| settled(&common, exit);
@@ -219,6 +221,7 @@ pub(super) fn listen_for_interrupts() {
     let _ = ctrlc::set_handler(|| {
         // The second Ctrl-C is for work that does not stop soon.
         if STOP.swap(true, Ordering::Relaxed) {
+            // 128 + 2: the code by which shells report the end by SIGINT.
             std::process::exit(130);
         }
         // A program that hangs would delay the end by its timeout.

@@ -1,6 +1,6 @@
 //! Output of `eval --theorems`.
 
-use super::answer::Answer;
+use super::answer::PrintedAnswer;
 use super::common::table_of;
 use crate::evaluation::TheoremsChecked;
 use crate::theorems::{
@@ -9,19 +9,19 @@ use crate::theorems::{
 };
 
 /// Returns the verdict, with tables and sentences as details.
-pub(super) fn answer(checked: &TheoremsChecked) -> Answer {
+pub(super) fn answer(checked: &TheoremsChecked) -> PrintedAnswer {
     let verdict = if checked.is_refuted() {
         "a theorem is refuted"
     } else {
         "no theorem is refuted"
     };
-    Answer {
+    PrintedAnswer {
         verdict: vec![verdict.to_owned()],
         details: match checked {
             TheoremsChecked::Grid(checked) => on_a_grid(checked),
             TheoremsChecked::CarryOver(carried) => on_the_road(carried),
         },
-        ..Answer::default()
+        ..PrintedAnswer::default()
     }
 }
 

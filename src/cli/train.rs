@@ -164,6 +164,7 @@ fn train_league(args: &TrainArgs, world: &Scenario, rounds: usize) -> Result<Exi
 
 /// Returns the run directory.
 fn output(args: &TrainArgs, world: &Scenario) -> PathBuf {
+    // The seed is in the name, so that trainings of several seeds do not collide.
     let default = || PathBuf::from(format!("runs/{}-{}", world.name, args.seed.unwrap_or(0)));
     args.output.clone().unwrap_or_else(default)
 }
@@ -256,6 +257,7 @@ fn show(
     rows: &[Row],
 ) -> Result<(), Failure> {
     if !args.common.json {
+        // A stream may occupy stdout, so the table yields to it.
         args.live.data(&table::rows(rows).text(args.answer))?;
         note_end(trained);
         return Ok(());

@@ -11,6 +11,7 @@ use crate::world::Scenario;
 
 /// Returns the failure of a command line that clap refuses.
 pub(super) fn failure(error: &clap::Error, command: &Command, arguments: &[OsString]) -> Failure {
+    // The rendered text has usage and tips in one form for every kind of error.
     let text = error.render().to_string();
     let mut parts = text.split("\n\n");
     let first = parts.next().unwrap_or_default();
@@ -38,6 +39,7 @@ pub(super) fn failure(error: &clap::Error, command: &Command, arguments: &[OsStr
             .or_else(|| verbs_with(error, command, arguments)),
         _ => None,
     };
+    // clap guesses by spelling only, so a known cause replaces its tips.
     if let Some(likely) = likely {
         help = vec![likely];
     }
@@ -53,6 +55,7 @@ pub(super) fn failure(error: &clap::Error, command: &Command, arguments: &[OsStr
 fn usage_of(text: &str) -> Option<String> {
     let (_, rest) = text.split_once("Usage: ")?;
     let usage = rest.split("\n\n").next().unwrap_or(rest);
+    // A usage may be broken over several indented lines.
     Some(usage.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
@@ -114,6 +117,7 @@ const FORMER: [(&str, &str, &str); 6] = [
 /// Returns the successor of an option of earlier versions.
 fn former(error: &clap::Error, verb: &str) -> Option<String> {
     let option = argument_of(error)?;
+    // The verb has the name of the program before it.
     let of_verb = |it: &&(&str, &str, &str)| it.1 == option && verb.ends_with(it.0);
     let (_, _, successor) = FORMER.iter().find(of_verb)?;
     Some(format!("its successor is {successor}"))
@@ -132,6 +136,7 @@ fn verb_first(error: &clap::Error, program: &str) -> Option<String> {
 fn with_dashes(error: &clap::Error, command: &Command, arguments: &[OsString]) -> Option<String> {
     let word = argument_of(error).filter(|word| !word.starts_with('-'))?;
     let verb = path_of(command, arguments).pop()?;
+    // A hidden program is accepted only to be refused with a fix.
     let takes_program = verb
         .get_positionals()
         .any(|it| it.is_last_set() && !it.is_hide_set());
@@ -175,6 +180,7 @@ fn variable_of(error: &clap::Error, command: &Command, arguments: &[OsString]) -
     let mut typed = arguments.iter().filter_map(|word| word.to_str());
     let is_typed = typed.any(|word| {
         let name = word.split('=').next().unwrap_or(word);
+        // Of the options with a variable, `jobs` alone has a short form.
         name == format!("--{long}") || (long == "jobs" && word.starts_with("-j"))
     });
     if is_typed {

@@ -20,6 +20,7 @@ const GROUPS: [(&str, &[&str]); 6] = [
 
 /// Returns the program with its verbs in groups.
 pub(super) fn grouped(program: Command) -> Command {
+    // clap cannot group subcommands, so the list is part of the template.
     let header = program.get_styles().get_header();
     let literal = program.get_styles().get_literal();
     let mut list = String::new();
@@ -32,6 +33,7 @@ pub(super) fn grouped(program: Command) -> Command {
         {
             let about = verb.get_about().map(ToString::to_string);
             let (name, about) = (verb.get_name(), about.unwrap_or_default());
+            // Wide enough for the longest verb, `completions`.
             list.push_str(&format!("  {literal}{name:<12}{literal:#} {about}\n"));
         }
     }

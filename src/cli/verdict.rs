@@ -5,6 +5,7 @@ use crate::run_dir::{AdversaryId, Row};
 /// Returns the verdict of rows on their egos, of which the strongest adversary decides.
 pub(super) fn verdict(rows: &[Row]) -> Vec<String> {
     let mut egos: Vec<String> = rows.iter().map(ego).collect();
+    // Rows of one ego are adjacent, so no sorting is needed.
     egos.dedup();
     let Some(worst) = strongest(rows.iter()) else {
         return vec!["no result: no row was evaluated".to_owned()];
@@ -28,6 +29,7 @@ pub(super) fn verdict(rows: &[Row]) -> Vec<String> {
 
 /// Returns the row with the highest rate, the first of equal ones.
 pub(super) fn strongest<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<&'a Row> {
+    // `max_by` would return the last of equal rows.
     rows.reduce(|a, b| {
         if b.success_rate > a.success_rate {
             b
@@ -45,6 +47,7 @@ fn sentence(row: &Row) -> String {
         ado if ado.is_search() => "the search".to_owned(),
         ado => format!("the ado `{ado}`"),
     };
+    // Solved starts end sooner, so a rate of the decided ones would be too high.
     if let Some(partial) = row.partial {
         return format!(
             "interrupted: `{ego}` fails from at least {} of {} starts against {against}",
@@ -67,11 +70,10 @@ fn sentence(row: &Row) -> String {
             )
         }
         (starts, successes) => {
-            let interval = row.ci95.map(|ends| ends.map(|share| 100.0 * share));
+            let percents = row.ci95.map(|ends| ends.map(|share| 100.0 * share));
             let interval =
-                interval.map_or(String::new(), |[lo, hi]| format!(" [{lo:.1}, {hi:.1}]"));
-            let severity = severity(row);
-            let severity = severity.map_or(String::new(), |it| format!("; contact: {it}"));
+                percents.map_or(String::new(), |[lo, hi]| format!(" [{lo:.1}, {hi:.1}]"));
+            let severity = severity(row).map_or(String::new(), |it| format!("; contact: {it}"));
             format!(
                 "`{ego}` fails from {successes} of {starts} starts against {against}: {}{interval}{severity}",
                 percent(row.success_rate)
@@ -92,6 +94,7 @@ pub(super) fn bound_in_words(at_most: f64) -> String {
 /// `None` without a success or if it was not recorded.
 pub(super) fn severity(row: &Row) -> Option<String> {
     let contacts = row.success_contacts.as_ref()?.contacts;
+    // Without a success the share would be 0/0.
     let share = (row.successes > 0).then(|| contacts as f64 / row.successes as f64)?;
     // Rows of earlier versions have the closing speed of all contacts only.
     let closing = row.success_closing_mps.or(row.closing_speed_mps);
@@ -126,6 +129,7 @@ fn opening(rows: &[Row]) -> String {
         .partial
         .map_or(0, |partial| partial.of - partial.decided);
     let all = row.starts + row.trivial + row.invalid + open;
+    // Without any start the share is 0 instead of NaN.
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
         "{} on the {} plant, {all} starts of seed {}",

@@ -142,6 +142,7 @@ fn of_training(
     run: &RunDir,
     all: bool,
 ) -> Result<(Vec<Replayed>, String), Failure> {
+    // A replay may start the program of the ego.
     consent_to(&[EgoUnderTest::nominal(&run.scenario()?)])?;
     let name = args.what.display();
     let tested = run.manifest().ego.as_ref();
@@ -249,6 +250,7 @@ fn draw(
 /// Writes the recording and prints its path.
 fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     let beside = replayed.path.with_extension("rrd");
+    // The current directory is the default, so that kept directories stay as they are.
     let here = beside.file_name().map(PathBuf::from).unwrap_or(beside);
     let output = args.output.clone().unwrap_or(here);
     let (file, bytes, samples) = record(replayed, &output)?;

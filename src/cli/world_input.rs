@@ -29,6 +29,7 @@ pub(super) fn read(path: &Path) -> ReadWorld {
     } else {
         Scenario::load_with(path, &listed)
     };
+    // Standard input is no file that can be watched or read again.
     let own = (!input::is_stdin(path)).then(|| path.to_owned());
     let files = own.into_iter().chain(listed.read()).collect();
     ReadWorld { world, files }

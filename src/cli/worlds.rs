@@ -54,8 +54,9 @@ pub(super) fn run(args: &WorldsArgs) -> Result<Exit, Failure> {
     match &args.output {
         Some(file) => copy(args, plain, text, file)?,
         None if args.json => {
-            let files = Scenario::shipped_files(plain).map(|(file, _)| file);
-            let files: Vec<&str> = files.collect();
+            let files: Vec<&str> = Scenario::shipped_files(plain)
+                .map(|(file, _)| file)
+                .collect();
             print_json(&json!({ "name": plain, "text": text, "files": files }))?;
         }
         None => terminal::data(text.trim_end())?,
@@ -117,6 +118,7 @@ fn line(world: &ShippedWorld, width: usize) -> String {
     match whole.char_indices().nth(columns) {
         None => whole,
         Some(_) => {
+            // The last column is for the ellipsis.
             let cut: String = whole.chars().take(columns - 1).collect();
             format!("{cut}…")
         }
@@ -138,6 +140,7 @@ fn kind(world: &Scenario) -> &'static str {
 fn copy(args: &WorldsArgs, name: &str, text: &str, file: &Path) -> Result<(), Failure> {
     let is_directory = file.is_dir();
     let file = if is_directory {
+        // Names of protocol worlds have a folder, as in `ncap/cpna`.
         let stem = name.rsplit('/').next().unwrap_or(name);
         file.join(format!("{stem}.ron"))
     } else {
@@ -152,6 +155,7 @@ fn copy(args: &WorldsArgs, name: &str, text: &str, file: &Path) -> Result<(), Fa
             files.push((beside, content));
         }
     }
+    // Checked before any is written, so that a refusal leaves no partial copy.
     for (path, _) in &files {
         new_world::refuse_taken(path)?;
     }

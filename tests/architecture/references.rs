@@ -285,7 +285,9 @@ fn taken(help: &str) -> BTreeSet<String> {
         if let Some(value) = line.strip_prefix("- ") {
             taken.extend(value.split(':').next().map(str::to_owned));
         } else if line.starts_with('-') {
-            let words = line.split([' ', ',']).filter(|word| word.starts_with("--"));
+            let words = line
+                .split([' ', ',', '['])
+                .filter(|word| word.starts_with("--"));
             taken.extend(words.map(str::to_owned));
         }
     }

@@ -164,7 +164,7 @@ fn each_verb_has_a_manual_page_that_groff_renders() {
         let page = std::fs::read_to_string(&file).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(page.contains(".SH NAME"), "{name}: {page}");
         let groff = Process::new("groff")
-            .args(["-Kutf8", "-man", "-Tutf8"])
+            .args(["-Kutf8", "-man", "-Tutf8", "-P-cbou"])
             .arg(&file)
             .output();
         // A machine may lack it.

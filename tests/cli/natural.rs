@@ -48,7 +48,13 @@ fn kept(more: &[&str]) -> Vec<serde_json::Value> {
         "--switches",
         "1",
     ];
-    let keep = ["--starts", "40", "--keep", &format!("{kept},all")];
+    let keep = [
+        "--starts",
+        "40",
+        "--details",
+        "--keep",
+        &format!("{kept},all"),
+    ];
     let found = brakecheck(&[&asked[..], &keep, more].concat());
     assert_eq!(code(&found), 0, "{}", stderr(&found));
     assert_eq!(stderr(&found).contains("drivers of"), !more.is_empty());

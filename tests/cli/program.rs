@@ -47,8 +47,9 @@ pub fn code(output: &Output) -> i32 {
     output.status.code().expect("an exit code")
 }
 
+/// Standard error, in which long messages are one line again.
 pub fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    String::from_utf8_lossy(&output.stderr).replace("\n  │ ", " ")
 }
 
 pub fn json(output: &Output) -> Value {

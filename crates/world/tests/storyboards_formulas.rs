@@ -275,8 +275,7 @@ fn mistakes_have_places() {
         (what.as_str(), at.as_str()),
         ("the world has no storyboard", "Story")
     );
-    let of_nobody = of("other.s >= 1").replace("actors: [\"other\"]", "actors: []");
-    let (what, at) = PLAIN.mistake(&of_nobody);
+    let (what, at) = PLAIN.mistake("storyboard: (stories: []),");
     let unmoved = "no action of the storyboard moves `other`";
     assert_eq!((what.as_str(), at.as_str()), (unmoved, "Story"));
     let ado = World {

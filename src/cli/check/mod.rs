@@ -10,7 +10,7 @@ use clap::Args;
 use serde_json::json;
 
 use self::programs::ProgramCheck;
-use super::answer::{Answer, AnswerArgs};
+use super::answer::{AnswerArgs, PrintedAnswer};
 use super::common::{note_warnings, print_json};
 use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
@@ -224,7 +224,7 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
-fn answer(scenario: &Scenario) -> Answer {
+fn answer(scenario: &Scenario) -> PrintedAnswer {
     let count = |number: usize, word: &str| match number {
         1 => format!("1 {word}"),
         _ => format!("{number} {word}s"),
@@ -297,7 +297,7 @@ fn answer(scenario: &Scenario) -> Answer {
     out.push_str(&listed("observed", &observed));
     let signals: Vec<String> = signals::names(scenario);
     out.push_str(&listed("signals", &signals));
-    Answer {
+    PrintedAnswer {
         verdict: vec![
             format!(
                 "`{}` is valid{warnings}: {}",

@@ -10,6 +10,7 @@ use super::CheckArgs;
 use crate::run_files::WatchedFiles;
 
 /// Between two looks at the files.
+// Short enough to seem immediate, and long enough to leave the processor idle.
 const EVERY: Duration = Duration::from_millis(200);
 
 /// Checks a world file until Ctrl-C.

@@ -75,7 +75,7 @@ fn problems_of_events_beside_one_another_are_all_named() {
         "no edge `odd`",
         "SetMonitorAction",
         "UserDefinedAction",
-        "LateralAction",
+        "LateralDistanceAction",
         "AcquirePositionAction",
     ] {
         assert!(shown.contains(says), "{says}: {shown}");

@@ -120,6 +120,13 @@ type Place = (f64, f64, f64);
 /// What differs from a place at a time by more than a step of esmini.
 fn off(episode: &Episode, name: &str, place: Place) -> Option<String> {
     let (time_s, x_m, y_m) = place;
+    let rows = episode.trace.signal(&format!("{name}.x"));
+    let end_s = 0.05 * rows.map_or(0, <[f64]>::len).saturating_sub(1) as f64;
+    if time_s > end_s + 0.01 {
+        return Some(format!(
+            "the episode ends at {end_s:.2} s, before {time_s} s"
+        ));
+    }
     let (x, y) = at(episode, name, time_s);
     let off_m = (x - x_m).hypot(y - y_m);
     (off_m > 0.02).then(|| format!("({x:.3}, {y:.3}), not ({x_m}, {y_m}), at {time_s} s"))

@@ -6,7 +6,7 @@ use super::picture::example;
 use super::replay::{ReplayCounts, Replayed};
 use super::replay_suite::case_name;
 use crate::experiment::worse_first;
-use crate::report::{ResultPage, ResultTable, ShownEpisode, TextTable};
+use crate::report::{PageEpisode, ResultPage, ResultTable, TextTable};
 
 /// Returns the page of replays against an ego, which shows at most `most` of them moving.
 ///
@@ -36,7 +36,7 @@ pub fn replay_page<'a>(replayed: &'a [Replayed], ego: &str, most: usize) -> Resu
         still.then_with(|| worse_first(&a.episode, &b.episode))
     });
     shown.truncate(most);
-    let examples = shown.par_iter().map(|one| ShownEpisode {
+    let examples = shown.par_iter().map(|one| PageEpisode {
         scenario: &one.scenario,
         example: example(one, case_name(&one.path)),
     });

@@ -3,15 +3,16 @@
 //! `brakecheck gate` and the gates of campaigns share it.
 
 mod as_json;
+mod gate_on;
 mod result;
 mod words;
 
+pub use gate_on::GateOn;
 pub use result::{gate_page, gate_table};
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use crate::preventability::Avoidability;
 use crate::run_dir::ClosingSpeed;
@@ -19,36 +20,6 @@ use crate::stats::{Flips, StartOutcome};
 
 /// Factor of the ego's Δv above which a failure is more severe than the baseline's.
 const MORE_SEVERE: f64 = 1.2;
-
-/// Reason that closes a gate.
-#[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    Serialize,
-    Deserialize,
-    VariantArray,
-    EnumString,
-    IntoStaticStr,
-    EnumMessage,
-)]
-#[strum(serialize_all = "kebab-case")]
-pub enum GateOn {
-    /// Newly failing starts, unless the crash is shown to be unavoidable.
-    #[default]
-    UnlessUnavoidable,
-    /// Newly failing starts that CC_LATCHED or FSM would have avoided.
-    Preventable,
-    /// All newly failing starts.
-    Any,
-    /// No newly failing start.
-    Never,
-    /// In addition, failures of both egos with Δv up by more than 20 %.
-    Severity,
-}
 
 /// Contact after a failure.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -57,14 +57,15 @@ impl RowCases<'_> {
         let marks: Vec<StartOutcome> = self.row.solved.iter().copied().collect();
         let outcomes = self.outcomes.unwrap_or(&marks);
         let share_s = self.row.cpu_s / outcomes.len().max(1) as f64;
-        let case = |(start, outcome): (usize, &StartOutcome)| TestCase {
+        let numbered = outcomes.iter().enumerate();
+        let cases = numbered.map(|(start, outcome)| TestCase {
             class: self.class.clone(),
             name: name(start),
             time_s: Some(share_s),
             requirement: self.requirement.clone(),
             outcome: self.outcome(*outcome, || details(start)),
-        };
-        outcomes.iter().enumerate().map(case).collect()
+        });
+        cases.collect()
     }
 
     fn outcome(&self, outcome: StartOutcome, details: impl Fn() -> String) -> TestOutcome {

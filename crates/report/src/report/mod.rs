@@ -43,7 +43,7 @@ pub use junit::RowCases;
 pub use junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 pub use points::{PointCase, PointsPage};
 pub use recorded_rules::recorded_rules_junit;
-pub use result_page::{ResultPage, ResultTable, ShownEpisode};
+pub use result_page::{PageEpisode, ResultPage, ResultTable};
 pub use start_map::{CellState, MapCell, StartMap};
 pub use table::TextTable;
 pub use verdict::outcome_in_words;

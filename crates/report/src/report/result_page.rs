@@ -23,7 +23,7 @@ pub struct ResultPage<'a> {
     /// Tables below their headings.
     pub tables: Vec<ResultTable>,
     /// Episodes to show, with their worlds, the worst first.
-    pub examples: Vec<ShownEpisode<'a>>,
+    pub examples: Vec<PageEpisode<'a>>,
     /// Commands that reproduce the page.
     pub commands: Vec<String>,
 }
@@ -37,7 +37,7 @@ pub struct ResultTable {
 }
 
 /// Episode of a page.
-pub struct ShownEpisode<'a> {
+pub struct PageEpisode<'a> {
     /// World of the episode.
     pub scenario: &'a Scenario,
     /// Episode with its labels.

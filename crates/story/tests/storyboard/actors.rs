@@ -14,7 +14,7 @@ fn triggered(actors: &str, condition: &str) -> String {
 }
 
 fn toy() -> Toy {
-    Toy::new(&[(0.0, 10.0), (50.0, 12.0), (0.0, 0.0)])
+    Toy::new(&[(0.0, 10.0), (50.0, 12.0), (0.0, 0.0), (0.0, 0.0)])
 }
 
 const BOTH: &str = "is: ByEntity(entities: [\"a\", \"b\"], rule: Any, condition: \

@@ -99,7 +99,7 @@ pub(super) mod reasons {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
 
-    use super::super::GateOn;
+    use super::super::gate_on::GateOn;
 
     pub(in super::super) fn serialize<S: Serializer>(
         all: &[GateOn],
