@@ -248,7 +248,9 @@ def test_archives_of_releases_have_the_licences(tmp_path):
         (tmp_path / name).write_text("text")
     program = tmp_path / "target/some/dist/brakecheck"
     program.parent.mkdir(parents=True)
-    program.write_text("program")
+    # It writes a manual page and completions.
+    program.write_text('#!/bin/sh\n[ "$1" = man ] && mkdir -p "$3" || echo completions\n')
+    program.chmod(0o755)
     done = shell(pack["run"], tmp_path, NAME="archive", TARGET="some", RUNNER_OS="Linux")
     assert done.returncode == 0, done.stderr
     packed = shell("tar -tzf dist/archive.tar.gz", tmp_path).stdout.split()

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from brakecheck import Env, InputError, ParallelEnv, VectorEnv, World, replay
 from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.save_video import save_video
 from gymnasium.wrappers import RecordVideo
 from pettingzoo.test import parallel_api_test
 

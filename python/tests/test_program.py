@@ -27,7 +27,8 @@ def test_the_version_is_the_package_s():
 def test_the_wheel_has_its_documents():
     described = metadata("brakecheck")
     text = described.get("Description") or described.get_payload()
-    assert text == (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    assert text.strip() == page.strip()
     assert described["License-Expression"] == "MIT" and "LICENSE" in described.get_all("License-File")[0]
     named = {name: getattr(brakecheck, name) for name in brakecheck.__all__}
     members = {
