@@ -49,7 +49,19 @@ pub fn clopper_pearson_upper(hits: usize, n: usize, error: f64) -> f64 {
         return 1.0;
     }
     let (above, below) = (hits as f64 + 1.0, (n - hits) as f64);
-    (1.0 - error).inv_inc_beta(above, below, above.ln_beta(below))
+    let ln_beta = above.ln_beta(below);
+    // The library's inverse has four digits only where rates are small.
+    let (mut lo, mut hi) = (0.0, 1.0);
+    // Rates of a millionth need the halvings that reach their last digit.
+    for _ in 0..100 {
+        let middle: f64 = 0.5 * (lo + hi);
+        if middle.inc_beta(above, below, ln_beta) < 1.0 - error {
+            lo = middle;
+        } else {
+            hi = middle;
+        }
+    }
+    0.5 * (lo + hi)
 }
 
 /// Returns the probability of at least `count` events of a Poisson law.
