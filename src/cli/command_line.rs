@@ -4,18 +4,44 @@ use std::ffi::OsString;
 
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgMatches, ColorChoice, Command, ValueEnum};
+use clap::{
+    Arg, ArgAction, ArgMatches, ColorChoice, Command, CommandFactory, FromArgMatches, ValueEnum,
+};
 
 use super::defaults::{Defaults, SETTINGS, note_plant};
-use super::display::{COLOR, colour, stdout_columns};
+use super::display::{COLOR, OutputArgs, colour, stdout_columns};
 use super::failure::{Exit, Failure};
-use super::terminal::CommandLine;
+use super::terminal::Common;
 use super::usage_error;
 
 /// Widest text of a help.
 const MOST_COLUMNS: usize = 100;
 /// Option that lists all options.
 const ALL: &str = "--help-all";
+
+/// Command line of a program.
+pub trait CommandLine: CommandFactory + FromArgMatches + Send {
+    /// Returns the command with the layout of its help.
+    fn laid_out(command: Command) -> Command {
+        command
+    }
+
+    /// Returns the options of the command that all commands share.
+    fn common(&self) -> Common;
+
+    /// Returns the options of the command about its output.
+    fn output(&self) -> OutputArgs;
+
+    /// Returns whether Ctrl-C makes it stop and save. Other commands just end.
+    fn saves_when_interrupted(&self) -> bool;
+
+    /// Carries out the command in the thread pool of the caller.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the command cannot be carried out.
+    fn carry_out(self) -> Result<Exit, Failure>;
+}
 
 /// Command line that was read.
 pub(super) struct ReadLine<P> {

@@ -41,10 +41,14 @@ mod notices;
 mod number_args;
 mod points;
 mod population;
+#[doc(hidden)]
+pub mod program;
 mod progress;
 mod replay;
 mod report;
+mod report_args;
 mod report_results;
+mod report_texts;
 mod risk;
 mod run_under_test;
 mod search;
@@ -73,8 +77,9 @@ use clap::{Command, Parser, Subcommand};
 
 use eval_args::EvalArgs;
 pub use failure::{ErrorReport, Exit, Failure, plain_theme};
+use program::CommandLine;
 use run_under_test::is_world;
-use terminal::{CommandLine, Common, OutputArgs};
+use terminal::{Common, OutputArgs};
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
@@ -127,7 +132,7 @@ enum Verb {
     Log(log::LogArgs),
     /// Write a page and JUnit XML about a run, crashes, a gate or a risk.
     #[command(after_help = examples::REPORT)]
-    Report(report::ReportArgs),
+    Report(report_args::ReportArgs),
     /// Play many worlds, egos, ados and starts in resumable pieces.
     #[command(after_help = examples::CAMPAIGN)]
     Campaign(campaign::CampaignArgs),
@@ -210,12 +215,12 @@ impl Verb {
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
-    terminal::main::<Cli>()
+    program::main::<Cli>()
 }
 
 /// Runs the program on `arguments`, its own name first.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    terminal::main_of::<Cli>(arguments)
+    program::main_of::<Cli>(arguments)
 }
 
 impl CommandLine for Cli {

@@ -1,66 +1,22 @@
 //! `brakecheck report`: one HTML page and JUnit XML about a run.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use clap::Args;
-use serde_json::json;
-
-use super::common::{finished, interrupted_early, load_world, open_run, print_json};
+use super::common::{finished, interrupted_early, load_world, open_run};
 use super::failure::{Exit, Failure};
-use super::headings::{INPUT, OUTPUT, TEST};
-use super::number_args::{STARTS, count, start_count};
 use super::progress;
+use super::report_args::{ReportArgs, quoted, shown};
 use super::report_results;
+use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use super::run_under_test::is_world;
-use super::terminal::{self, Common};
+use super::terminal;
 use super::verdict::verdict;
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::Report;
-use crate::run_dir::{RunDir, make_dir, write_file};
+use crate::run_dir::{RunDir, make_dir};
 use crate::world::Scenario;
-
-/// Episodes that the page of points or of kept crashes shows moving.
-pub(super) const MOST_EXAMPLES: usize = 12;
-
-#[derive(Args, Debug)]
-pub(super) struct ReportArgs {
-    /// A run, a world with points, kept crashes, or the JSON of `gate` or `risk`.
-    #[arg(value_name = "RUN|WORLD.ron|DIR|FILE.json")]
-    pub(super) run: PathBuf,
-    /// The page to write; JUnit XML goes beside it [default: RUN/report.html].
-    #[arg(short, long, value_name = "FILE.html")]
-    pub(super) output: Option<PathBuf>,
-    /// Another run of the same world, to show beside it; repeat for several.
-    #[arg(long, value_name = "RUN", num_args = 1..)]
-    pub(super) with: Vec<PathBuf>,
-    /// Rows to show, from `eval`, `gate`, `sweep` or `search` with `--json`; repeat for several.
-    #[arg(long, value_name = "FILE.json", help_heading = INPUT)]
-    pub(super) rows: Vec<PathBuf>,
-    /// Test starts for the nominal ego.
-    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
-    starts: usize,
-    /// Test starts for every changed ego, without `--rows` [default: as many as
-    /// 1000 episodes allow, 20 to 100].
-    #[arg(long, value_name = "N", value_parser = start_count(), help_heading = TEST)]
-    pub(super) reuse_starts: Option<usize>,
-    /// Also write each counterexample of the page as OpenSCENARIO, into a directory
-    /// beside it, and link it.
-    #[arg(long, help_heading = OUTPUT)]
-    pub(super) scenarios: bool,
-    /// Ego of the page: nominal, a name under `reuse`, or a RON file.
-    #[arg(long, value_name = "NAME|FILE.ron")]
-    pub(super) ego: Option<String>,
-    /// Program to run as the ego of the page, after `--` (`lag_s` is 0).
-    #[arg(last = true, value_name = "COMMAND")]
-    pub(super) program: Vec<String>,
-    /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX), help_heading = TEST)]
-    seed: u64,
-    #[command(flatten)]
-    pub(super) common: Common,
-}
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
     let is_json = args.run.extension().is_some_and(|it| it == "json");
@@ -169,7 +125,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     let Some(table) = points(&request, &bar.watch()) else {
         return interrupted_early(&args.common);
     };
-    let mut page = table.page(vec![this_page(args)]);
+    let mut page = table.page(vec![args.this_page()]);
     page.examples = table.examples(MOST_EXAMPLES, &bar.watch());
     drop(bar);
     let name = args.run.file_stem().unwrap_or_default();
@@ -182,32 +138,6 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     };
     pages.write(args, &html)?;
     Ok(finished(Exit::Done))
-}
-
-/// Texts of a page and of its JUnit file.
-pub(super) struct ReportTexts {
-    /// Verdict to print.
-    pub(super) verdict: Vec<String>,
-    pub(super) html: String,
-    pub(super) junit: String,
-}
-
-impl ReportTexts {
-    /// Writes the page and the JUnit file, and prints the verdict and their paths.
-    pub(super) fn write(&self, args: &ReportArgs, html: &Path) -> Result<(), Failure> {
-        let junit = html.with_extension("junit.xml");
-        write_file(html, self.html.as_bytes())?;
-        write_file(&junit, self.junit.as_bytes())?;
-        if args.common.json {
-            print_json(&json!({
-                "report": html.display().to_string(),
-                "junit": junit.display().to_string(),
-            }))
-        } else {
-            let paths = [html, &junit].map(|path| path.display().to_string());
-            terminal::data(&[&self.verdict[..], &paths].concat().join("\n"))
-        }
-    }
 }
 
 /// Writes the counterexamples of a page as scenarios, and links them.
@@ -296,65 +226,6 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
             args.seed, args.starts
         ),
         format!("brakecheck replay {here} --expect recorded"),
-        this_page(args),
+        args.this_page(),
     ]
-}
-
-/// The command that makes this very page, with every option that it depends on.
-pub(super) fn this_page(args: &ReportArgs) -> String {
-    let mut words = vec![quoted(&shown(&args.run))];
-    let mut option = |name: &str, values: Vec<String>| {
-        words.push(name.to_owned());
-        words.extend(values.iter().map(|value| quoted(value)));
-    };
-    if let Some(output) = &args.output {
-        option("-o", vec![shown(output)]);
-    }
-    if !args.with.is_empty() {
-        option("--with", args.with.iter().map(|run| shown(run)).collect());
-    }
-    for file in &args.rows {
-        option("--rows", vec![shown(file)]);
-    }
-    // Defaults are written out, because a later version may change them.
-    option("--starts", vec![args.starts.to_string()]);
-    if let Some(starts) = args.reuse_starts {
-        option("--reuse-starts", vec![starts.to_string()]);
-    }
-    option("--seed", vec![args.seed.to_string()]);
-    if args.scenarios {
-        option("--scenarios", Vec::new());
-    }
-    if args.common.allow_programs {
-        option("--allow-programs", Vec::new());
-    }
-    if let Some(ego) = &args.ego {
-        option("--ego", vec![ego.clone()]);
-    }
-    if args.common.allow_invalid > 0.0 {
-        option(
-            "--allow-invalid",
-            vec![args.common.allow_invalid.to_string()],
-        );
-    }
-    if !args.program.is_empty() {
-        words.push("--".to_owned());
-        words.extend(args.program.iter().map(|word| quoted(word)));
-    }
-    format!("brakecheck report {}", words.join(" "))
-}
-
-/// A word as a shell takes it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        // A shell ends the quotes at an apostrophe, so it is escaped outside of them.
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
-fn shown(path: &Path) -> String {
-    path.display().to_string()
 }

@@ -5,7 +5,8 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::failure::{Exit, Failure};
-use super::report::{MOST_EXAMPLES, ReportArgs, ReportTexts, this_page};
+use super::report_args::ReportArgs;
+use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use crate::crashes::{Regressions, ReplayQuestion, replay_page};
 use crate::evaluation::{DecidedGate, gate_page};
 use crate::report::{ResultPage, TestSuite, junit};
@@ -121,7 +122,7 @@ fn write(
 ) -> Result<(), Failure> {
     let html = args.output.as_deref().unwrap_or(usual);
     let page = ResultPage {
-        commands: vec![this_page(args)],
+        commands: vec![args.this_page()],
         ..page
     };
     let pages = ReportTexts {

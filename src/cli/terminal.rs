@@ -7,21 +7,16 @@
 //! Architecture Invariant: this program writes to a terminal only through this module
 //! and the progress bar. Foreign text is escaped (`crate::visible`).
 
-use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
-use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
 
-use clap::{Args, Command, CommandFactory, FromArgMatches};
+use clap::Args;
 
-use super::command_line::{self, Ended};
 use super::defaults::{JOBS, MOST_JOBS};
 use super::display::{is_quiet, is_verbose, message_columns, theme};
 use super::failure::{Exit, Failure};
 use super::headings::{OUTPUT, RUNNING};
-use super::last_resort;
 use crate::ego::stop_waiting;
 use crate::testbench::FaultLog;
 use crate::visible::{visible, visible_json};
@@ -91,87 +86,10 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Command line of a program.
-pub trait CommandLine: CommandFactory + FromArgMatches + Send {
-    /// Returns the command with the layout of its help.
-    fn laid_out(command: Command) -> Command {
-        command
-    }
-
-    /// Returns the options of the command that all commands share.
-    fn common(&self) -> Common;
-
-    /// Returns the options of the command about its output.
-    fn output(&self) -> OutputArgs;
-
-    /// Returns whether Ctrl-C makes it stop and save. Other commands just end.
-    fn saves_when_interrupted(&self) -> bool;
-
-    /// Carries out the command in the thread pool of the caller.
-    ///
-    /// # Errors
-    ///
-    /// Returns an error if the command cannot be carried out.
-    fn carry_out(self) -> Result<Exit, Failure>;
-}
-
-/// Runs a program on the process's arguments.
-pub fn main<P: CommandLine>() -> ExitCode {
-    last_resort::speak_plainly(complain);
-    // Parsing is guarded, too, because every panic is a fault of this program.
-    let exit = last_resort::guarded(|| main_of::<P>(std::env::args_os()));
-    ExitCode::from(exit as u8)
-}
-
-/// Runs a program on `arguments`, its own name first.
-pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    let began = Instant::now();
-    let line = match command_line::read::<P>(arguments) {
-        Ok(line) => line,
-        Err(Ended::Printed(exit)) => return exit,
-        Err(Ended::Refused(failure)) => return refuse(&failure),
-    };
-    let program = line.program;
-    program.output().obey();
-    for origin in &line.origins {
-        detail(origin);
-    }
-    // Without a handler the operating system ends the program at once.
-    if program.saves_when_interrupted() {
-        listen_for_interrupts();
-    }
-    // `carry_out` consumes the program, and faults are settled after it.
-    let common = program.common();
-    let result = with_jobs(&common, move || program.carry_out());
-    let settled = |exit| settled(&common, exit);
-    let exit = result
-        .and_then(settled)
-        .unwrap_or_else(|failure| refuse(&failure));
-    detail(&format!("took {:.2} s", began.elapsed().as_secs_f64()));
-    exit
-}
-
 /// Prints a failure, and returns its exit code.
 pub(super) fn refuse(failure: &Failure) -> Exit {
     write_message(failure.render(theme(), message_columns()).trim_end());
     failure.exit
-}
-
-/// Returns the exit code of a verb, or its failure because of faults.
-///
-/// If more episodes are invalid than allowed, the output is no verdict on the ego.
-fn settled(common: &Common, exit: Exit) -> Result<Exit, Failure> {
-    if is_torn() && !stopped() {
-        return Err(Failure::fault(
-            "the recording of `--rerun` is not whole".to_owned(),
-            Some("check the free space there, or leave it out".to_owned()),
-        ));
-    }
-    match common.faults().complaint() {
-        // An interruption has an exit code of its own, which takes precedence.
-        Some(complaint) if !stopped() => Err(complaint.into()),
-        _ => Ok(exit),
-    }
 }
 
 /// Carries out a command in a thread pool of the size asked for.
@@ -211,7 +129,7 @@ pub(super) fn note_torn() {
     TORN.store(true, Ordering::Relaxed);
 }
 
-fn is_torn() -> bool {
+pub(super) fn is_torn() -> bool {
     TORN.load(Ordering::Relaxed)
 }
 
@@ -252,7 +170,7 @@ pub(super) fn note_rendered(text: &str) {
 }
 
 /// Prints an error on stderr, its control characters escaped, in spite of `--quiet`.
-fn complain(text: &str) {
+pub(super) fn complain(text: &str) {
     write_message(&visible(text));
 }
 

@@ -47,10 +47,10 @@ pub struct Flipped {
     /// Position of the start.
     pub start: usize,
     /// Outcome on the baseline ego.
-    #[serde(with = "as_json::outcome")]
+    #[serde(with = "as_json::word")]
     pub before: StartOutcome,
     /// Outcome on the new ego.
-    #[serde(with = "as_json::outcome")]
+    #[serde(with = "as_json::word")]
     pub now: StartOutcome,
     /// Closing speed on the ego that fails, if it ends in contact.
     pub closing_mps: Option<f64>,
@@ -131,7 +131,7 @@ pub struct Gate {
     #[serde(
         default,
         skip_serializing_if = "Vec::is_empty",
-        with = "as_json::outcomes"
+        with = "as_json::words"
     )]
     pub outcomes: Vec<StartOutcome>,
     /// The same comparison while the ados take their neutral action, if it was made.
@@ -148,7 +148,7 @@ pub struct DecidedGate {
     /// Newly failing starts by avoidability.
     pub newly_failing_by: NewlyFailingCounts,
     /// Values of `--on` that close the gate, with an adversary or without. Empty: it is open.
-    #[serde(with = "as_json::reasons")]
+    #[serde(with = "as_json::words")]
     pub closed_by: Vec<GateOn>,
     /// The decision while the ados take their neutral action, if it was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -13,7 +13,8 @@ mod structures;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use brakecheck::cli::terminal::{self, CommandLine, Common, OutputArgs, start_count};
+use brakecheck::cli::program::{self, CommandLine};
+use brakecheck::cli::terminal::{Common, OutputArgs, start_count};
 use brakecheck::cli::{Exit, Failure};
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
@@ -122,7 +123,7 @@ enum What {
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
-    terminal::main::<ReproduceArgs>()
+    program::main::<ReproduceArgs>()
 }
 
 impl CommandLine for ReproduceArgs {

@@ -15,6 +15,8 @@ use rustix::process::{Pid, Signal, kill_process};
 pub(super) const MARK: &str = "BRAKECHECK_EGO";
 /// Longest search for marked processes, which may start new ones meanwhile.
 const LONGEST_SEARCH: Duration = Duration::from_secs(2);
+/// Empty lists in a row that are believed although processes were started meanwhile.
+const EMPTY_LISTS: u32 = 4;
 
 /// Returns a value with which no other program has been marked.
 pub(super) fn new_mark() -> String {
@@ -34,10 +36,16 @@ pub(super) fn new_mark() -> String {
 pub(super) fn end_marked(mark: &str) {
     let deadline = Instant::now() + LONGEST_SEARCH;
     let mut pause = Duration::from_micros(200);
+    let mut empty_lists = 0;
     loop {
+        let newest = newest_process();
         let found = marked(mark);
+        empty_lists = if found.is_empty() { empty_lists + 1 } else { 0 };
+        // A marked process may fork and end after the list was made, so an empty list
+        // proves something only if no process was started meanwhile.
+        let is_proof = newest == newest_process() || empty_lists == EMPTY_LISTS;
         // A process that cannot be killed, in a system call for instance, is left behind.
-        if found.is_empty() || deadline < Instant::now() {
+        if found.is_empty() && is_proof || deadline < Instant::now() {
             return;
         }
         for pid in found.into_iter().flatten() {
@@ -47,6 +55,12 @@ pub(super) fn end_marked(mark: &str) {
         // Most processes end at once, and a busy machine is not kept busy by looking.
         pause = (2 * pause).min(Duration::from_millis(10));
     }
+}
+
+/// Returns the number of the process that was started last. `None` without `/proc`.
+fn newest_process() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/loadavg").ok()?;
+    text.split_whitespace().last().map(str::to_owned)
 }
 
 /// Returns running processes whose environment holds `mark`.

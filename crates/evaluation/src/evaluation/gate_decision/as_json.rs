@@ -1,61 +1,67 @@
 //! Outcomes, avoidability and reasons of gates as JSON has them.
 
-/// One outcome per start, as a word.
-pub(super) mod outcome {
+use std::str::FromStr;
+
+use super::gate_on::GateOn;
+use crate::stats::StartOutcome;
+
+/// What a word stands for, so that an unknown one is refused by name.
+pub(super) trait Kind: FromStr {
+    const KIND: &str;
+}
+
+impl Kind for StartOutcome {
+    const KIND: &str = "outcome";
+}
+
+impl Kind for GateOn {
+    const KIND: &str = "reason";
+}
+
+/// A value as its word.
+pub(super) mod word {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
 
-    use crate::stats::StartOutcome;
+    use super::Kind;
 
-    const ALL: [StartOutcome; 8] = [
-        StartOutcome::Solved,
-        StartOutcome::Unsolved,
-        StartOutcome::Held,
-        StartOutcome::RuleViolation,
-        StartOutcome::Uncounted,
-        StartOutcome::Trivial,
-        StartOutcome::Invalid,
-        StartOutcome::NotReached,
-    ];
-
-    pub(in super::super) fn serialize<S: Serializer>(
-        outcome: &StartOutcome,
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
-        to.serialize_str(outcome.into())
+    pub(in super::super) fn serialize<T, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error>
+    where
+        for<'a> &'static str: From<&'a T>,
+    {
+        to.serialize_str(value.into())
     }
 
-    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
+    pub(in super::super) fn deserialize<'de, T: Kind, D: Deserializer<'de>>(
         from: D,
-    ) -> Result<StartOutcome, D::Error> {
+    ) -> Result<T, D::Error> {
         of(&String::deserialize(from)?)
     }
 
-    pub(super) fn of<E: Error>(word: &str) -> Result<StartOutcome, E> {
-        let mut all = ALL.into_iter();
-        let found = all.find(|outcome| <&str>::from(outcome) == word);
-        found.ok_or_else(|| E::custom(format!("unknown outcome `{word}`")))
+    pub(super) fn of<T: Kind, E: Error>(word: &str) -> Result<T, E> {
+        let unknown = |_| E::custom(format!("unknown {} `{word}`", T::KIND));
+        word.parse().map_err(unknown)
     }
 }
 
-/// Outcomes as words.
-pub(super) mod outcomes {
+/// Values as their words.
+pub(super) mod words {
     use serde::{Deserialize, Deserializer, Serializer};
 
-    use crate::stats::StartOutcome;
+    use super::Kind;
 
-    pub(in super::super) fn serialize<S: Serializer>(
-        all: &[StartOutcome],
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub(in super::super) fn serialize<T, S: Serializer>(all: &[T], to: S) -> Result<S::Ok, S::Error>
+    where
+        for<'a> &'static str: From<&'a T>,
+    {
         to.collect_seq(all.iter().map(<&'static str>::from))
     }
 
-    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
+    pub(in super::super) fn deserialize<'de, T: Kind, D: Deserializer<'de>>(
         from: D,
-    ) -> Result<Vec<StartOutcome>, D::Error> {
+    ) -> Result<Vec<T>, D::Error> {
         let words = Vec::<String>::deserialize(from)?;
-        words.iter().map(|word| super::outcome::of(word)).collect()
+        words.iter().map(|word| super::word::of(word)).collect()
     }
 }
 
@@ -91,31 +97,5 @@ pub(super) mod avoidability {
             unavoidable,
         } = Flags::deserialize(from)?;
         Ok(Avoidability::of_row(preventable, unavoidable))
-    }
-}
-
-/// Reasons that close a gate, as `--on` reads them.
-pub(super) mod reasons {
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    use super::super::gate_on::GateOn;
-
-    pub(in super::super) fn serialize<S: Serializer>(
-        all: &[GateOn],
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
-        to.collect_seq(all.iter().map(<&'static str>::from))
-    }
-
-    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<Vec<GateOn>, D::Error> {
-        let words = Vec::<String>::deserialize(from)?;
-        let reason = |word: &String| {
-            let unknown = |_| D::Error::custom(format!("unknown reason `{word}`"));
-            word.parse().map_err(unknown)
-        };
-        words.iter().map(reason).collect()
     }
 }
