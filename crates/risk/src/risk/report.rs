@@ -694,7 +694,7 @@ mod tests {
         };
         let text = said(0.9, &["ado.speed", "ego.speed"]);
         for line in [
-            "acc, kinematic, runs of 15 s, traffic: test",
+            "in traffic “test”, on the kinematic plant, in runs of 15 s, `ego` fails in",
             "starts uniform over the world's ranges, without a law: ado.speed, ego.speed",
             "90.0 % of the law of starts is inside the world's ranges",
             "of the failures:",
