@@ -124,6 +124,9 @@ def test_the_action_fails_with_the_code_of_the_program(project):
     done = action(project, {"arguments": "'my crashes' $(touch executed)"})
     assert done.returncode == 2 and "my crashes" in done.stderr
     assert not (project / "executed").exists()
+    # The words before the quote would be a command of their own: it would replay all crashes.
+    done = action(project, {"arguments": "crashes -- python3 'my ego.py"})
+    assert done.returncode == 2 and "unmatched quote" in done.stdout, done.stdout + done.stderr
 
 
 def test_the_action_installs_the_binary_of_its_release_if_its_sum_is_right(tmp_path):
