@@ -13,7 +13,7 @@ use super::headings::OUTPUT;
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
-use crate::evaluation::{DecidedGate, GateOn, gate_table};
+use crate::evaluation::{DecidedGate, GateOn, gate_table, gates_verdict};
 use crate::experiment::EgoUnderTest;
 use crate::report::junit;
 use crate::run_dir::write_file;
@@ -97,18 +97,6 @@ const REMARKED: usize = 2;
 
 /// Returns the decision, with a line per ego.
 fn answer(gates: &[DecidedGate]) -> PrintedAnswer {
-    let closed = gates.iter().filter(|gate| gate.is_closed());
-    let names: Vec<String> = closed.map(|it| format!("`{}`", it.gate.ego)).collect();
-    let verdict = match gates {
-        [gate] => gate.verdict(),
-        _ if names.is_empty() => format!("all {} gates are open", gates.len()),
-        _ => format!(
-            "{} of {} gates closed: {}",
-            names.len(),
-            gates.len(),
-            names.join(", ")
-        ),
-    };
     let remarks: Vec<String> = gates.iter().flat_map(DecidedGate::remarks).collect();
     let decisions: Vec<String> = gates.iter().map(ToString::to_string).collect();
     let mut table = gate_table(gates).to_terminal(stdout_columns());
@@ -117,7 +105,7 @@ fn answer(gates: &[DecidedGate]) -> PrintedAnswer {
         table = [vec![table], remarks].concat().join("\n");
     }
     PrintedAnswer {
-        verdict: vec![verdict],
+        verdict: vec![gates_verdict(gates)],
         table,
         details: decisions.join("\n\n"),
         legend: EXPLAINED.to_owned(),

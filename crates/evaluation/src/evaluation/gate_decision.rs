@@ -8,7 +8,7 @@ mod result;
 mod words;
 
 pub use gate_on::GateOn;
-pub use result::{gate_page, gate_table};
+pub use result::{gate_page, gate_table, gates_verdict};
 
 use std::collections::BTreeMap;
 

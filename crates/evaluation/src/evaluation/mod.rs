@@ -24,7 +24,7 @@ pub use break_even::{BreakEven, PerStart, break_even};
 pub use error::EvaluationError;
 pub use evaluation_plan::Evaluation;
 pub use gate_decision::{DecidedGate, Gate, GateContact, GateEgo, GateOn, NotRun};
-pub use gate_decision::{gate_page, gate_table};
+pub use gate_decision::{gate_page, gate_table, gates_verdict};
 pub use points::PointOutcome;
 pub use points::{PointResult, PointsRequest, PointsTable, VariedPoint, points};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, summarise};

@@ -85,6 +85,10 @@ impl DecidedGate {
                     it.before_mps, it.now_mps
                 ))
             }
+            // Not each start has a result on the baseline ego then.
+            (StartOutcome::Solved, _) if gate.not_run.baseline > 0 => {
+                skipped("fails on the baseline ego, too, or that did not run")
+            }
             (StartOutcome::Solved, _) => skipped("fails on the baseline ego, too"),
             (StartOutcome::Held | StartOutcome::Uncounted, _) => TestOutcome::Passed,
             (StartOutcome::RuleViolation, _) => skipped("no answer: an ado broke its rule first"),
@@ -117,6 +121,29 @@ fn words_of(avoidability: Avoidability) -> &'static str {
     }
 }
 
+/// Returns the decisions of gates in a sentence.
+pub fn gates_verdict(gates: &[DecidedGate]) -> String {
+    if let [gate] = gates {
+        return gate.verdict();
+    }
+    let closed = gates.iter().filter(|gate| gate.is_closed());
+    let names: Vec<String> = closed.map(|it| format!("`{}`", it.gate.ego)).collect();
+    // A gate without an answer is neither open nor closed.
+    let is_unanswered = |gate: &&DecidedGate| !gate.is_closed() && gate.gate.is_unanswered();
+    let unanswered = gates.iter().filter(is_unanswered).count();
+    if names.is_empty() && unanswered == 0 {
+        return format!("all {} gates are open", gates.len());
+    }
+    let mut text = format!("{} of {} gates closed", names.len(), gates.len());
+    if !names.is_empty() {
+        text.push_str(&format!(": {}", names.join(", ")));
+    }
+    if unanswered > 0 {
+        text.push_str(&format!(", {unanswered} without an answer"));
+    }
+    text
+}
+
 /// Returns a line per gate: its counts, the closing speeds where both fail, and p.
 pub fn gate_table(gates: &[DecidedGate]) -> TextTable {
     let rows = gates.iter().map(|decided| {
@@ -129,6 +156,8 @@ pub fn gate_table(gates: &[DecidedGate]) -> TextTable {
             gate.ego.clone(),
             if decided.is_closed() {
                 "closed"
+            } else if gate.is_unanswered() {
+                "no answer"
             } else {
                 "open"
             }
@@ -160,10 +189,6 @@ pub fn gate_table(gates: &[DecidedGate]) -> TextTable {
 pub fn gate_page(gates: &[DecidedGate], world: &str) -> ResultPage<'static> {
     let closed = gates.iter().filter(|gate| gate.is_closed()).count();
     let unanswered = gates.iter().any(|gate| gate.gate.is_unanswered());
-    let verdict = match gates {
-        [gate] => gate.verdict(),
-        _ => format!("{closed} of {} gates closed", gates.len()),
-    };
     let flipped = gates.iter().flat_map(|decided| {
         let gate = &decided.gate;
         let one = |flipped: &Flipped, what: &str| {
@@ -192,7 +217,7 @@ pub fn gate_page(gates: &[DecidedGate], world: &str) -> ResultPage<'static> {
     let changes = TextTable::new(columns, flipped);
     ResultPage {
         kind: format!("gate, {world}"),
-        verdict,
+        verdict: gates_verdict(gates),
         is_bad: closed > 0 || unanswered,
         notes: gates.iter().flat_map(DecidedGate::lines).collect(),
         tables: vec![

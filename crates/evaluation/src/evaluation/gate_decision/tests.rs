@@ -2,6 +2,7 @@ use proptest::prelude::*;
 use strum::VariantArray;
 
 use super::*;
+use crate::report::TestOutcome;
 
 /// Outcome, Δv of the contact if any, and label of a start.
 type Played = (StartOutcome, Option<f64>);
@@ -308,4 +309,45 @@ fn split(
     let new = starts.iter().map(|it| it.0).collect();
     let old = starts.iter().map(|it| it.1).collect();
     (new, old, starts.iter().map(|it| it.2).collect())
+}
+
+#[test]
+fn a_gate_without_an_answer_is_not_open() {
+    let [open, unanswered, closed] =
+        [HELD, FOUL, FAILS].map(|new| gate(&[new], &[HELD]).decided(&[]));
+    assert!(unanswered.gate.is_unanswered() && closed.is_closed());
+    assert_eq!(
+        gates_verdict(&[open.clone(), open.clone()]),
+        "all 2 gates are open"
+    );
+    assert_eq!(
+        gates_verdict(&[open.clone(), unanswered.clone()]),
+        "0 of 2 gates closed, 1 without an answer"
+    );
+    let table = gate_table(&[open.clone(), unanswered.clone()]).to_markdown();
+    assert!(
+        table.contains("| open |") && table.contains("| no answer |"),
+        "{table}"
+    );
+    assert_eq!(
+        gates_verdict(&[closed, unanswered, open]),
+        "1 of 3 gates closed: `new`, 1 without an answer"
+    );
+}
+
+#[test]
+fn a_failure_is_not_called_old_if_the_baseline_did_not_run() {
+    let why = |old: Played| {
+        let mut compared = gate(&[FAILS, HELD], &[old, HELD]);
+        compared.outcomes = vec![FAILS.0, HELD.0];
+        let suite = compared.decided(&[]).suite("acc");
+        // The case of the gate itself is the first.
+        match &suite.cases[1].outcome {
+            TestOutcome::Skipped(why) => why.clone(),
+            other => format!("{other:?}"),
+        }
+    };
+    assert_eq!(why(FAILS), "fails on the baseline ego, too");
+    let unknown = why((StartOutcome::Invalid, None));
+    assert!(unknown.ends_with("or that did not run"), "{unknown}");
 }
