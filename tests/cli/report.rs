@@ -319,4 +319,11 @@ fn a_break_even_is_compared_on_its_own_starts_and_says_when_it_is_a_bound() {
     }
     let starts = even["starts"].as_f64().expect("starts");
     assert!(costs.contains(&format!("at most {starts:.0}")), "{starts}");
+    // The given rows are of another ego, so the page plays its own.
+    let asked = ["report", &run, "--starts", "4", "--rows", &rows];
+    let reported = brakecheck(&[&asked[..], &["--ego", "wet road"]].concat());
+    assert_eq!(code(&reported), 0, "{}", stderr(&reported));
+    let junit = read(&format!("{run}/report.junit.xml"));
+    let cases = junit.matches("ego wet road against ado").count();
+    assert_eq!(cases, 4, "{junit}");
 }

@@ -203,6 +203,14 @@ impl<'a> ReportRequest<'a> {
                     outcomes: None,
                 })
                 .collect();
+            // Without the ego of the page, the JUnit file would have no test of it.
+            let is_own = |it: &Tested| it.row.ego == self.name() && it.is_adversary();
+            if !report.tested.iter().any(is_own) {
+                report
+                    .about_tested
+                    .push_str(" The trained ado was played for this page.");
+                report.tested.extend(cell.map(tested));
+            }
         }
         report.costs = costs(report, &self.given.break_even, self.name());
         Ok((!watch.interrupted()).then_some(()))

@@ -12,8 +12,8 @@ use crate::testbench::FaultCount;
 pub(super) fn xml(report: &Report<'_>) -> String {
     // On a page of another ego, the world's own is only a comparison.
     let of_page = |tested: &&Tested| report.ego.as_ref().is_none_or(|ego| tested.row.ego == *ego);
-    let tested = report.tested.iter().filter(is_adversary).filter(of_page);
-    let tested: Vec<&Tested> = tested.collect();
+    let adversaries = report.tested.iter().filter(|it| it.is_adversary());
+    let tested: Vec<&Tested> = adversaries.filter(of_page).collect();
     // An ego that failed to run is one more error, so that CI cannot pass.
     let not_run = (!report.faults.is_empty()).then(|| not_ran(report));
     let cases = tested.iter().flat_map(|it| cases_of(report, it));
@@ -23,11 +23,6 @@ pub(super) fn xml(report: &Report<'_>) -> String {
         time_s: Some(tested.iter().fold(0.0, |sum, it| sum + it.row.cpu_s)),
         cases: not_run.into_iter().chain(cases).collect(),
     }])
-}
-
-/// Returns true for a trained ado or a search, and false for a baseline.
-fn is_adversary(tested: &&Tested) -> bool {
-    tested.row.train_seed.is_some() || tested.row.ado.is_search()
 }
 
 /// Rows as test cases, one per start.

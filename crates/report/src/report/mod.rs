@@ -128,6 +128,13 @@ pub struct Tested {
     pub outcomes: Option<Vec<StartOutcome>>,
 }
 
+impl Tested {
+    /// Returns true for a trained ado or a search, and false for a baseline.
+    pub fn is_adversary(&self) -> bool {
+        self.row.train_seed.is_some() || self.row.ado.is_search()
+    }
+}
+
 /// Cost of testing n new starts: `fixed` + n · `per_start` simulations.
 pub struct TestingCost {
     /// Name of the method.
