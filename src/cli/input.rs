@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, Error, ErrorKind, IsTerminal, Read, Result};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::terminal;
 use crate::ron_file::{file_text, open_file};
@@ -13,6 +14,9 @@ const STDIN: &str = "-";
 const MOST_BYTES: u64 = 1 << 30;
 /// Bytes that show the format.
 const HEAD: usize = 4096;
+
+/// Set once standard input was read, as a property of the process.
+static IS_READ: AtomicBool = AtomicBool::new(false);
 
 /// Returns whether a path names standard input.
 pub(super) fn is_stdin(path: &Path) -> bool {
@@ -91,6 +95,10 @@ pub(super) fn open(path: &Path) -> Result<Opened> {
 }
 
 fn stdin_bytes() -> Result<Vec<u8>> {
+    // A second reader would take the end of the input for an empty file.
+    if IS_READ.swap(true, Ordering::Relaxed) {
+        return Err(Error::other("standard input was read already"));
+    }
     let stdin = io::stdin();
     if stdin.is_terminal() {
         // Without a note the command would seem to hang.

@@ -80,6 +80,12 @@ impl LogArgs {
 }
 
 pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
+    if args.fit.is_some() && args.files.iter().any(|file| input::is_stdin(file)) {
+        return Err(Failure::input(
+            "`--fit` reads a recording twice, and standard input can be read once",
+            "write the recording to a file, and name it",
+        ));
+    }
     let named = GivenColumns {
         map: args.map.as_deref(),
         time: args.time.as_deref(),

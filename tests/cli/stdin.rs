@@ -57,6 +57,11 @@ fn recordings_and_scenarios_come_from_standard_input() {
         json(&output)["recordings"].as_array().map(Vec::len),
         Some(1)
     );
+    // The model has the hash of each recording, which takes a second reading.
+    let output = run_piped(dir.path(), &["log", "-", "--fit", "model.ron"], &rows);
+    refusal(&output, "reads a recording twice");
+    let output = run_piped(dir.path(), &["log", "-", "-"], &rows);
+    refusal(&output, "was read already");
     let imports = root().join("tests/worlds/imports");
     let scene = text("tests/worlds/imports/base.xosc").replace("<!--global-->", "");
     let road = dir.path().join("straight.xodr");
