@@ -14,7 +14,13 @@ pub(super) fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Fa
     if !input::is_stdin(what) {
         return Ok(Regressions::find(what, episode)?);
     }
-    // Standard input is a single counterexample, so `episode` selects nothing.
+    // Standard input is a single counterexample, of number 0.
+    if let Some(other) = episode.filter(|it| *it != "0") {
+        return Err(Failure::input(
+            format!("standard input has one counterexample, and no `{other}`"),
+            "leave the number or name out",
+        ));
+    }
     let text = input::text(what).map_err(|error| {
         Failure::input(
             format!("cannot read standard input: {error}"),

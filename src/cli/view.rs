@@ -124,9 +124,9 @@ fn replayed(args: &ViewArgs) -> Result<(Vec<Replayed>, String), Failure> {
         }
     }
     let single = args.what.is_file() || input::is_stdin(&args.what);
-    let number = args.episode.as_deref().unwrap_or("0");
     // A file has a single counterexample, so the default number 0 must not select.
-    let episode = (!single && !all).then_some(number);
+    let usual = (!single && !all).then_some("0");
+    let episode = args.episode.as_deref().or(usual);
     let regressions = kept_input::find(&args.what, episode)?.allow_programs(args.allow_programs);
     let ego = ego(args, &regressions);
     let replayed = match args.ego.as_deref() {

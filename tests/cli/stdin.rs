@@ -1,7 +1,7 @@
 //! Standard input in the place of a file, and shipped worlds as files.
 
 use super::program::{code, json, run_piped, scratch, stderr};
-use super::{brakecheck_in, refusal, root};
+use super::{brakecheck_in, refusal, refused, root};
 
 fn text(file: &str) -> String {
     std::fs::read_to_string(root().join(file)).expect(file)
@@ -33,10 +33,16 @@ fn a_kept_counterexample_is_replayed_from_standard_input() {
         &kept,
     );
     assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let file = "tests/regressions/acc-nominal-0001.ron";
+    refused(&["view", file, "3", "-o", "3.svg"], "no episode 3");
     let dir = scratch();
     let output = run_piped(dir.path(), &["view", "-", "-o", "crash.svg"], &kept);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(dir.path().join("crash.svg").is_file());
+    let output = run_piped(dir.path(), &["replay", "-", "3"], &kept);
+    refusal(&output, "has one counterexample, and no `3`");
+    let output = run_piped(dir.path(), &["view", "-", "3", "-o", "3.svg"], &kept);
+    refusal(&output, "has one counterexample, and no `3`");
     let output = run_piped(dir.path(), &["replay", "-"], "no kept file");
     refusal(&output, "standard-input.ron");
 }
