@@ -86,6 +86,8 @@ impl DriveArgs {
 }
 
 pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
+    // Before a training, so that a world that is saved during it is loaded again.
+    let watch = watched(args)?;
     let Some(sandbox) = sandbox(args)? else {
         return Ok(Exit::Interrupted);
     };
@@ -94,7 +96,7 @@ pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
         keep: args.keep.clone(),
         seed: args.seed,
         index: usize::try_from(args.start).unwrap_or(usize::MAX),
-        watch: watched(args)?,
+        watch,
     };
     let ready = |address: &str| announce(args, address);
     let served = serve(
