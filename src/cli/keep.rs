@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::answer::AnswerArgs;
-use super::display::stdout_columns;
+use super::display::message_columns;
 use super::failure::Failure;
 use super::number_args::whole_number;
 use super::progress;
@@ -71,7 +71,11 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
             "variations",
         ];
         let table = TextTable::new(columns, lines).numbers_from(2);
-        terminal::note(&table.to_terminal(stdout_columns()));
+        terminal::note(&table.to_terminal(message_columns()));
+        match files.len().saturating_sub(SHOWN) {
+            0 => {}
+            more => terminal::note(&format!("{more} more kept crashes: `--details` lists them")),
+        }
         let reasons = files.iter().filter_map(|(_, about)| {
             let runs = about.ego_runs.as_ref()?;
             runs.ended.as_ref().map(ToString::to_string)

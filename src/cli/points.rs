@@ -187,9 +187,10 @@ fn points_table(
         .unwrap_or_default()
         .iter()
         .enumerate()
-        .filter(|(nth, _)| is_shown(*nth))
-        .take(most);
-    let rows = points.map(|(nth, point)| {
+        .filter(|(nth, _)| is_shown(*nth));
+    let points: Vec<(usize, &PointResult)> = points.collect();
+    let more = points.len().saturating_sub(most);
+    let rows = points.into_iter().take(most).map(|(nth, point)| {
         let values = point.start.values().map(|value| format!("{:.3}", value));
         let outcomes = tables.iter().map(move |table| outcome(&table.points[nth]));
         let cells = std::iter::once(point.point.to_string());
@@ -199,7 +200,11 @@ fn points_table(
     if rows.is_empty() {
         return String::new();
     }
-    TextTable::new(columns, rows).to_terminal(stdout_columns())
+    let table = TextTable::new(columns, rows).to_terminal(stdout_columns());
+    match more {
+        0 => table,
+        more => format!("{table}\n{more} more such points: `--details` lists them"),
+    }
 }
 
 /// Formats the outcome of a point in a few words.
