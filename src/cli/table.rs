@@ -388,6 +388,15 @@ mod tests {
     }
 
     #[test]
+    fn an_ego_without_a_result_is_counted_apart() {
+        let mut broken = row("broken", "search", 0, 0);
+        broken.invalid = 50;
+        let text = text(&[row("nominal", "search", 3, 50), broken]);
+        let verdict = "1 of 2 egos fail, 1 without a result, the worst of them: `nominal` fails";
+        assert!(text.starts_with(verdict), "{text}");
+    }
+
+    #[test]
     fn an_interrupted_row_has_counts_and_bounds_and_no_interval() {
         let mut row = row("nominal", "search", 19, 19);
         row.partial = Some(Partial {

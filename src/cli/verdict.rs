@@ -15,8 +15,17 @@ pub(super) fn verdict(rows: &[Row]) -> Vec<String> {
             let mut own = rows.iter().filter(|row| ego(row) == **name);
             own.any(|row| row.successes > 0)
         };
+        // An ego without an evaluated start neither fails nor passes.
+        let is_unknown = |name: &&String| {
+            let mut own = rows.iter().filter(|row| ego(row) == **name);
+            own.all(|row| row.starts == 0)
+        };
+        let unknown = match egos.iter().filter(is_unknown).count() {
+            0 => String::new(),
+            some => format!(", {some} without a result"),
+        };
         format!(
-            "{} of {} egos fail, the worst of them: {}",
+            "{} of {} egos fail{unknown}, the worst of them: {}",
             egos.iter().filter(fails).count(),
             egos.len(),
             sentence(worst)
