@@ -66,6 +66,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         print_json(&world_file::schema())?;
         return Ok(Exit::Done);
     }
+    if args.json && args.world.is_some() && !args.program.is_empty() {
+        return Err(Failure::input(
+            "`--json` prints one object, and a world and a program are two",
+            "check them in two commands",
+        ));
+    }
     let exit = match &args.world {
         Some(world) if args.watch => watch::run(args, world)?,
         Some(world) => {
@@ -235,7 +241,8 @@ fn answer(scenario: &Scenario) -> PrintedAnswer {
         count(1 + scenario.reuse.len(), "ego"),
         count(scenario.signals().len(), "signal"),
     ];
-    let warnings = match scenario.warnings.len() {
+    let neutral = usize::from(NeutralRule::of(scenario).is_some());
+    let warnings = match scenario.warnings.len() + neutral {
         0 => String::new(),
         some => format!(", with {}", count(some, "warning")),
     };
