@@ -51,10 +51,16 @@ impl SearchTable {
         let cases = self.cells.iter().flat_map(|cell| {
             let (scenario, ego) = (cell.ego.scenario(), cell.ego.name());
             let outcomes = cell.outcomes();
+            // Searches with several rates of `--natural` have the same egos and starts.
+            let natural = cell.row.naturalness.as_ref();
+            let limit = match natural.and_then(|it| it.limit_per_1000_km) {
+                Some(rate) => format!(".natural {rate}"),
+                None => String::new(),
+            };
             let row = RowCases {
                 row: &cell.row,
                 outcomes: Some(&outcomes),
-                class: format!("search.{}", scenario.name()),
+                class: format!("search.{}{limit}", scenario.name()),
                 requirement: scenario.requirement.clone(),
             };
             let closing = |start: usize| {
