@@ -3,8 +3,8 @@
 use std::ffi::OsString;
 use std::path::Path;
 
-use clap::Command;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Arg, Command};
 
 use super::failure::Failure;
 use crate::world::Scenario;
@@ -159,10 +159,14 @@ fn with_dashes(error: &clap::Error, command: &Command, arguments: &[OsString]) -
 /// Returns the verbs that have an option which this verb lacks.
 fn verbs_with(error: &clap::Error, command: &Command, arguments: &[OsString]) -> Option<String> {
     let option = argument_of(error)?;
-    let long = option.strip_prefix("--")?;
+    let is_named = |argument: &Arg| match option.strip_prefix("--") {
+        Some(long) => argument.get_long() == Some(long),
+        None => argument
+            .get_short()
+            .is_some_and(|short| option == format!("-{short}")),
+    };
     let named = |verb: &&Command| {
-        let mut options = verb.get_arguments();
-        let here = options.any(|argument| argument.get_long() == Some(long));
+        let here = verb.get_arguments().any(is_named);
         here && !verb.is_hide_set()
     };
     let verbs = command.get_subcommands().filter(named);

@@ -6,7 +6,7 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 24] = [
+const MISTAKES: [Mistake; 25] = [
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
         "acc search",
@@ -23,6 +23,7 @@ const MISTAKES: [Mistake; 24] = [
         &["'--over'", "it is an option of `sweep`"],
     ),
     ("search acc --from runs/x", &["'--from'", "`--bank RUN`"]),
+    ("check acc -j 4", &["'-j'", "it is an option of `train`"]),
     (
         "search acc python3 ego.py",
         &["'python3'", "`brakecheck search acc -- python3 ego.py`"],
