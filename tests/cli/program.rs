@@ -18,7 +18,15 @@ pub fn run_in(dir: &Path, program: &str, args: &[&str]) -> Output {
 
 /// Runs brakecheck with these of the variables that it knows.
 pub fn run_with(dir: &Path, variables: &[(&str, &str)], args: &[&str]) -> Output {
-    let known = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "COLUMNS"];
+    let known = [
+        "NO_COLOR",
+        "CLICOLOR",
+        "CLICOLOR_FORCE",
+        "COLUMNS",
+        "BRAKECHECK_JOBS",
+        "BRAKECHECK_PLANT",
+        "BRAKECHECK_COLOR",
+    ];
     let mut command = Command::cargo_bin("brakecheck").expect("the program");
     for name in known {
         command.env_remove(name);
