@@ -104,7 +104,7 @@ impl RerunArgs {
         }
     }
 
-    /// Opens the stream, if one is requested, after [`RerunArgs::check`].
+    /// Opens the stream, if one is requested, after [`RerunArgs::admit`].
     ///
     /// `name` is that of the recording.
     #[cfg(feature = "rerun")]
@@ -149,7 +149,7 @@ impl RerunArgs {
         Ok(Some(opened.map_err(failure)?))
     }
 
-    /// Returns no stream, because `check` refuses each.
+    /// Returns no stream, because `admit` refuses each.
     #[cfg(not(feature = "rerun"))]
     pub(super) fn open(&self, _: &str, _: Streamed) -> Result<Live, Failure> {
         Ok(Live::default())

@@ -126,6 +126,7 @@ fn refuse_options(args: &EvalArgs) -> Result<(), Failure> {
     let given = [
         (!test.ado.is_empty(), "--ado"),
         (test.tries > 1, "--tries"),
+        (test.temperature.is_some(), "--temperature"),
         (test.runs > 0, "--runs"),
         (test.keep.dir().is_some(), "--keep"),
         (args.theorems, "--theorems"),
