@@ -397,6 +397,16 @@ mod tests {
     }
 
     #[test]
+    fn an_ego_that_is_given_up_is_not_interrupted() {
+        let mut broken = row("broken", "search", 0, 0);
+        broken.invalid = 3;
+        broken.partial = Some(Partial { decided: 3, of: 50 });
+        let text = text(&[broken]);
+        let verdict = "no result: `broken` did not run from any of 3 starts";
+        assert!(text.starts_with(verdict), "{text}");
+    }
+
+    #[test]
     fn an_interrupted_row_has_counts_and_bounds_and_no_interval() {
         let mut row = row("nominal", "search", 19, 19);
         row.partial = Some(Partial {

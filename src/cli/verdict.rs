@@ -56,6 +56,13 @@ fn sentence(row: &Row) -> String {
         ado if ado.is_search() => "the search".to_owned(),
         ado => format!("the ado `{ado}`"),
     };
+    // Such an ego is given up, which is no interruption.
+    if row.starts == 0 && row.invalid > 0 {
+        return format!(
+            "no result: `{ego}` did not run from any of {} starts",
+            row.invalid
+        );
+    }
     // Solved starts end sooner, so a rate of the decided ones would be too high.
     if let Some(partial) = row.partial {
         return format!(
@@ -64,12 +71,6 @@ fn sentence(row: &Row) -> String {
         );
     }
     match (row.starts, row.successes) {
-        (0, _) if row.invalid > 0 => {
-            format!(
-                "no result: `{ego}` did not run from any of {} starts",
-                row.invalid
-            )
-        }
         (0, _) => format!("no result: no start was evaluated against {against}"),
         (starts, 0) => {
             let bound = row.at_most.map(bound_in_words);
