@@ -49,7 +49,9 @@ pub(super) fn which_rate(row: &Row, trainings: &[Training]) -> Markup {
     let closing = trainings.first().and_then(|it| it.closing.first());
     // Equal seeds and numbers mean equal starts, so both rates would be equal.
     let same = |other: &Row| other.starts == row.starts && other.start_seed == row.start_seed;
-    let Some(closing) = closing.filter(|closing| !same(closing)) else {
+    // A rate of another ego is no other rate of this one.
+    let own = closing.filter(|closing| closing.ego == row.ego);
+    let Some(closing) = own.filter(|closing| !same(closing)) else {
         return html! {};
     };
     html! {
