@@ -7,6 +7,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command};
 
 use super::failure::Failure;
+use crate::visible::command_line;
 use crate::world::Scenario;
 
 /// Returns the failure of a command line that clap refuses.
@@ -140,18 +141,19 @@ fn with_dashes(error: &clap::Error, command: &Command, arguments: &[OsString]) -
     let takes_program = verb
         .get_positionals()
         .any(|it| it.is_last_set() && !it.is_hide_set());
-    let words: Vec<&str> = arguments.iter().filter_map(|it| it.to_str()).collect();
-    let at = words.iter().position(|it| *it == word)?;
+    let words = arguments.iter().map(|it| it.to_string_lossy().into_owned());
+    let words: Vec<String> = words.collect();
+    let at = words.iter().position(|it| it == word)?;
     let (before, program) = words.split_at(at);
-    let typed = [command.get_name()]
-        .into_iter()
-        .chain(before.iter().skip(1).copied());
-    let typed: Vec<&str> = typed.collect();
+    let name = command.get_name().to_owned();
+    let before = before.iter().skip(1).cloned();
+    let typed: Vec<String> = std::iter::once(name).chain(before).collect();
     takes_program.then(|| {
         format!(
             "a program as the ego comes after `--`: `{} -- {}`",
-            typed.join(" "),
-            program.join(" ")
+            // Words with spaces are quoted, so that the line can be copied.
+            command_line(&typed),
+            command_line(program)
         )
     })
 }
