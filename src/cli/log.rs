@@ -138,12 +138,13 @@ fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Resul
 
 fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> {
     let recording = &analysis.recording;
-    let sample = (at_s / recording.dt_s).round().max(0.0) as usize;
+    let sample = (at_s / recording.dt_s).round();
     // An identity may have several tracks, because long holes split them.
     let drawn = recording.tracks.iter().enumerate().find_map(|(i, track)| {
         let title = format!("{}: {id} at {at_s} s", recording.name);
-        let is_it = track.id == id;
-        is_it.then(|| svg_instant(analysis, i, sample, &title))?
+        // No sample is before the first row, and a cast would take the first for it.
+        let is_it = track.id == id && sample >= 0.0;
+        is_it.then(|| svg_instant(analysis, i, sample as usize, &title))?
     });
     drawn.ok_or_else(|| {
         let tracks = recording.tracks.iter().filter(|it| it.id == id);

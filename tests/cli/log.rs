@@ -421,6 +421,7 @@ fn a_recording_and_an_instant_of_it_are_drawn() {
     let refused_at = |more: &[&str], says: &str| refused(&[&at[..], more].concat(), says);
     let said = refused_at(&["99", "--around", "own"], "no road user `own` at 99 s");
     assert!(said.contains("from 0.00 to 14.95 s"), "{said}");
+    refused_at(&["-3", "--around", "own"], "no road user `own` at -3 s");
     refused_at(&["3", "--around", "nobody"], "no road user `nobody`");
     refused_at(&["3"], "--around");
     refused(
