@@ -8,6 +8,7 @@ use serde_json::json;
 use super::answer::{AnswerArgs, PrintedAnswer};
 use super::common::{finished, print_json, table_of};
 use super::failure::{Exit, Failure};
+use super::number_args::positive;
 use super::terminal::{self, Common};
 use super::{examples, progress};
 use crate::campaign::{
@@ -55,7 +56,7 @@ struct PlanArgs {
     output: Option<PathBuf>,
     /// Cut pieces of about S seconds by an estimate from the worlds, without a pilot
     /// [default: a pilot, and 10 seconds].
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = positive)]
     piece_s: Option<f64>,
     /// Only print the number of pieces, hours and bytes.
     #[arg(long)]
@@ -90,14 +91,6 @@ struct MergeArgs {
     answer: AnswerArgs,
     #[command(flatten)]
     common: Common,
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        // `NaN` and `inf` are parsed as numbers, too.
-        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
-        _ => Err("seconds are a number above 0, such as 10".to_owned()),
-    }
 }
 
 impl CampaignArgs {
