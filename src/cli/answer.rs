@@ -21,8 +21,10 @@ pub(super) struct AnswerArgs {
 pub(super) struct PrintedAnswer {
     /// Verdict, in one to three lines.
     pub(super) verdict: Vec<String>,
-    /// Table of the verb, with the remarks without which it would mislead.
+    /// Table of the verb.
     pub(super) table: String,
+    /// Remarks without which the table would mislead.
+    pub(super) warnings: String,
     /// More tables and remarks, for `--details`.
     pub(super) details: String,
     /// Meaning of the columns, for `--explain`.
@@ -32,7 +34,8 @@ pub(super) struct PrintedAnswer {
 impl PrintedAnswer {
     /// Puts this answer before another, whose verdict and table become details.
     ///
-    /// Without a table, it adds its verdict and details to the other.
+    /// Warnings of either stay. Without a table, it adds its verdict and details to the
+    /// other.
     pub(super) fn before(self, rows: PrintedAnswer) -> PrintedAnswer {
         // Without a table of its own, the rows stay the main result.
         if self.table.is_empty() {
@@ -51,6 +54,7 @@ impl PrintedAnswer {
         PrintedAnswer {
             verdict: self.verdict,
             table: self.table,
+            warnings: format!("{}\n{}", self.warnings, rows.warnings),
             details: details.map(|part| part.trim_matches('\n')).join("\n"),
             legend: format!("{}\n{}", self.legend, rows.legend),
         }
@@ -63,7 +67,7 @@ impl PrintedAnswer {
         if is_quiet() {
             return verdict;
         }
-        let mut parts = vec![verdict.as_str(), &self.table];
+        let mut parts = vec![verdict.as_str(), &self.table, &self.warnings];
         let mut more = Vec::new();
         for (part, is_wanted, option) in [
             (&self.details, args.details, "more with --details"),
@@ -94,6 +98,7 @@ mod tests {
         let answer = PrintedAnswer {
             verdict: vec!["it fails".to_owned()],
             table: "table\n".to_owned(),
+            warnings: String::new(),
             details: "\nwhy".to_owned(),
             legend: "meaning".to_owned(),
         };
@@ -112,5 +117,20 @@ mod tests {
             ..PrintedAnswer::default()
         };
         assert_eq!(bare.text(AnswerArgs::default()), "it fails");
+    }
+
+    #[test]
+    fn warnings_stay_if_their_table_becomes_details() {
+        let of = |verdict: &str, warnings: &str| PrintedAnswer {
+            verdict: vec![verdict.to_owned()],
+            table: format!("table of {verdict}"),
+            warnings: warnings.to_owned(),
+            ..PrintedAnswer::default()
+        };
+        let answer = of("gate", "").before(of("rows", "\nwarning: it never learned"));
+        assert_eq!(
+            answer.text(AnswerArgs::default()),
+            "gate\ntable of gate\nwarning: it never learned\nmore with --details"
+        );
     }
 }

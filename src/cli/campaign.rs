@@ -335,6 +335,7 @@ fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
         ),
         details: format!("{details}\nSHA-256 {}", merged.sha256),
         legend: EXPLAINED.to_owned(),
+        ..PrintedAnswer::default()
     }
 }
 

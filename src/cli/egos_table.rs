@@ -36,7 +36,8 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> PrintedAnswer {
     let (shown, more) = lines.split_at(lines.len().min(WARNINGS_SHOWN));
     PrintedAnswer {
         verdict: verdict(&all),
-        table: format!("{}\n{}", by_ego(egos), shown.join("\n")),
+        table: by_ego(egos),
+        warnings: shown.join("\n"),
         details: format!("{}{}", more.join("\n"), blocks(egos, summaries)),
         legend: format!("{}{BLOCKS_EXPLAINED}", legend(&all)),
     }

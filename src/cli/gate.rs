@@ -109,6 +109,7 @@ fn answer(gates: &[DecidedGate]) -> PrintedAnswer {
         table,
         details: decisions.join("\n\n"),
         legend: EXPLAINED.to_owned(),
+        ..PrintedAnswer::default()
     }
 }
 

@@ -148,6 +148,7 @@ fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> PrintedA
         table,
         details: text,
         legend: EXPLAINED.to_owned(),
+        ..PrintedAnswer::default()
     }
 }
 

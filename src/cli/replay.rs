@@ -151,6 +151,7 @@ fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), 
         ),
         details,
         legend: EXPLAINED.to_owned(),
+        ..PrintedAnswer::default()
     };
     terminal::data(&answer.text(args.answer))
 }

@@ -24,7 +24,8 @@ const LEGEND_INDENT: usize = 15;
 pub(super) fn rows(rows: &[Row]) -> PrintedAnswer {
     PrintedAnswer {
         verdict: verdict(rows),
-        table: format!("{}{}", found(rows), warnings(rows)),
+        table: found(rows),
+        warnings: warnings(rows),
         details: format!("{}{}", contacts(rows), remarks(rows)),
         legend: legend(rows),
     }
@@ -354,10 +355,11 @@ mod tests {
         let PrintedAnswer {
             verdict,
             table,
+            warnings,
             details,
             legend,
         } = super::rows(rows);
-        [verdict.join("\n"), table, details, legend].join("\n")
+        [verdict.join("\n"), table, warnings, details, legend].join("\n")
     }
 
     /// Long names fit, and every mark is explained.

@@ -316,5 +316,6 @@ fn answer(scenario: &Scenario) -> PrintedAnswer {
         table: out,
         details: signals::table(scenario),
         legend: signals::EXPLAINED.to_owned(),
+        ..PrintedAnswer::default()
     }
 }
