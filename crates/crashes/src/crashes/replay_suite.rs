@@ -30,9 +30,8 @@ impl Regressions {
     pub fn suite(&self, replayed: &[Replayed], question: ReplayQuestion) -> TestSuite {
         let case = |kept: &SavedCounterexample| {
             let one = replayed.iter().find(|one| one.path == kept.path);
-            let world = one.map(|one| one.scenario.name());
             TestCase {
-                class: format!("replay.{}", world.unwrap_or("unknown")),
+                class: format!("replay.{}", kept.counterexample.world),
                 name: case_name(&kept.path),
                 time_s: None,
                 requirement: one.and_then(|one| one.scenario.requirement.clone()),
