@@ -18,6 +18,8 @@ use crate::campaign::{
 /// Rows that are printed, at most, and rows and gates of the details.
 const SHOWN: usize = 8;
 const SHOWN_IN_DETAILS: usize = 40;
+/// Closed gates that are named below the table.
+const CLOSED_SHOWN: usize = 3;
 
 /// Legend of the columns of rates.
 const EXPLAINED: &str = "
@@ -335,8 +337,31 @@ fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
         ),
         details: format!("{details}\nSHA-256 {}", merged.sha256),
         legend: EXPLAINED.to_owned(),
-        ..PrintedAnswer::default()
+        // They decide the exit code.
+        warnings: closed_gates(all),
     }
+}
+
+/// Names the first closed gates in one line, without their reasons.
+fn closed_gates(gates: &[UnitGate]) -> String {
+    let closed = gates.iter().filter(|gate| gate.decided.is_closed());
+    let named = closed.map(|it| {
+        let seed = it
+            .train_seed
+            .map_or(String::new(), |seed| format!(" {seed}"));
+        let ego = &it.decided.gate.ego;
+        format!("`{ego}` against {}{seed} in {}", it.ado, it.world)
+    });
+    let named: Vec<String> = named.collect();
+    if named.is_empty() {
+        return String::new();
+    }
+    let more = match named.len().saturating_sub(CLOSED_SHOWN) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let first: Vec<String> = named.into_iter().take(CLOSED_SHOWN).collect();
+    format!("closed gates: {}{more}", first.join(", "))
 }
 
 /// Formats the first rows, world by world. The page has all of them.
