@@ -2,6 +2,7 @@
 
 use std::ffi::OsString;
 
+use clap::builder::Resettable;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
 use clap::{
@@ -112,7 +113,8 @@ pub(super) fn command<P: CommandLine>(shows_all: bool) -> Command {
 
 /// Hides options with a heading, and takes negative numbers as values.
 fn shaped(command: Command, shows_all: bool) -> Command {
-    let argument = |argument: Arg| {
+    let argument = |given: Arg| {
+        let argument = without_empty_variable(given);
         let is_hidden = !shows_all && argument.get_help_heading().is_some();
         let shown = if is_hidden {
             argument.hide(true)
@@ -131,13 +133,30 @@ fn shaped(command: Command, shows_all: bool) -> Command {
         .mut_subcommands(|verb| shaped(verb, shows_all))
 }
 
+/// Forgets the environment variable of an argument if it is empty.
+///
+/// CI systems set a variable without a value to the empty text.
+fn without_empty_variable(argument: Arg) -> Arg {
+    let variable = argument.get_env().and_then(std::env::var_os);
+    match variable.filter(|value| value.is_empty()) {
+        Some(_) => argument.env(Resettable::Reset),
+        None => argument,
+    }
+}
+
 /// Returns `VERB --help` for `help VERB`.
 fn with_help_as_option(arguments: Vec<OsString>) -> Vec<OsString> {
-    if arguments.get(1).is_none_or(|word| word != "help") {
+    // Options of the program may stand before the verb.
+    let is_verb = |at: &usize| {
+        let is_value = arguments[at - 1] == "--color";
+        !is_value && !arguments[*at].as_encoded_bytes().starts_with(b"-")
+    };
+    let first = (1..arguments.len()).find(is_verb);
+    let Some(at) = first.filter(|at| arguments[*at] == "help") else {
         return arguments;
-    }
+    };
     let mut others = arguments;
-    others.remove(1);
+    others.remove(at);
     // The option is global, so it may follow the verbs.
     others.push("--help".into());
     others
@@ -161,7 +180,7 @@ fn color_choice(arguments: &[OsString], defaults: &Defaults) -> ColorChoice {
             typed = Some(choice);
         }
     }
-    let variable = std::env::var(COLOR).ok();
+    let variable = std::env::var(COLOR).ok().filter(|it| !it.is_empty());
     // The same precedence as clap's: typed, environment, default.
     let choice = typed.or(variable.as_deref()).or(defaults.value("color"));
     let known = choice.and_then(|word| ColorChoice::from_str(word, true).ok());

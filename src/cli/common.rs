@@ -157,10 +157,20 @@ pub(super) fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
         return Exit::Interrupted;
     }
     if found && fail_on_counterexample {
-        Exit::Counterexample
-    } else {
-        Exit::Done
+        return Exit::Counterexample;
     }
+    // A command without an evaluated start must not look like a pass. Invalid starts are
+    // reported as faults.
+    let is_left_out = |row: &Row| row.starts == 0 && row.invalid == 0;
+    if !found && rows.iter().all(is_left_out) {
+        terminal::complain(
+            "no start was evaluated: the ego fails from all of them without an adversary; \
+             correct the starts of the world (`brakecheck check` has warnings), or test \
+             another ego",
+        );
+        return Exit::Fault;
+    }
+    Exit::Done
 }
 
 /// Returns the exit code of a verb that may have been interrupted.

@@ -22,7 +22,7 @@ pub(super) const PLANT: &str = "BRAKECHECK_PLANT";
 /// Options with a default, each with its environment variable.
 pub(super) const SETTINGS: [(&str, &str); 3] = [("jobs", JOBS), ("plant", PLANT), ("color", COLOR)];
 /// Most threads of a command.
-pub(super) const MOST_JOBS: i64 = 1024;
+pub(super) const MOST_JOBS: u16 = 1024;
 
 /// Set if `--plant` was not typed: its value is of the environment or the file.
 static IS_PLANT_DEFAULT: AtomicBool = AtomicBool::new(false);
@@ -164,7 +164,7 @@ fn value_of(name: &str, value: &DeValue<'_>) -> Result<String, String> {
     match (name, value) {
         ("jobs", DeValue::Integer(number)) => {
             // TOML also has hexadecimal, octal and binary numbers.
-            let jobs = i64::from_str_radix(number.as_str(), number.radix());
+            let jobs = u16::from_str_radix(number.as_str(), number.radix());
             let valid = jobs.ok().filter(|jobs| (1..=MOST_JOBS).contains(jobs));
             valid
                 .map(|jobs| jobs.to_string())

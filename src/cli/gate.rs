@@ -10,6 +10,7 @@ use super::common::{exit_of, interrupted_early, one_of};
 use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
 use super::headings::OUTPUT;
+use super::output_path::new_file;
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::{EgoArgs, TestArgs};
@@ -47,7 +48,7 @@ pub(super) struct GateArgs {
     )]
     on: Vec<GateOn>,
     /// Write the gate and every start as test cases of JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml", help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE.xml", value_parser = new_file(), help_heading = OUTPUT)]
     junit: Option<PathBuf>,
     #[command(flatten)]
     pub(super) test: TestArgs,

@@ -10,6 +10,7 @@ use super::answer::AnswerArgs;
 use super::display::message_columns;
 use super::failure::Failure;
 use super::number_args::whole_number;
+use super::output_path::check_dir;
 use super::progress;
 use super::terminal::{self, Common};
 use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings, KeptFiles, case_name};
@@ -128,6 +129,7 @@ fn request(text: &str) -> Result<KeepRequest, String> {
     if dir.is_empty() {
         return Err("missing directory".to_owned());
     }
+    check_dir(Path::new(dir))?;
     let mut request = KeepRequest {
         dir: dir.into(),
         selection: None,

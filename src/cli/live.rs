@@ -1,7 +1,6 @@
 //! Option `--rerun`: a stream for the rerun viewer while a command runs.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 
@@ -37,16 +36,6 @@ pub(super) enum Streamed {
     Episodes,
     /// Episodes of a training, with its learning curves.
     Training,
-}
-
-/// Whether a stream of this process could not be written to its end.
-///
-/// Streams end when they are dropped, after the result of their verb.
-static TORN: AtomicBool = AtomicBool::new(false);
-
-/// Returns whether a stream of the verb that has ended could not be written to its end.
-pub(super) fn was_torn() -> bool {
-    TORN.swap(false, Ordering::Relaxed)
 }
 
 /// Stream of a command, if one was requested.
@@ -171,8 +160,6 @@ impl Live {
 impl Drop for Live {
     fn drop(&mut self) {
         if let Some(end) = self.view.as_ref().and_then(LiveView::finish) {
-            let is_torn = !matches!(end.error, None | Some(ViewError::Closed));
-            TORN.fetch_or(is_torn, Ordering::Relaxed);
             terminal::note(&in_words(&end));
             // A closed viewer is the user's choice, any other end a failure.
             let is_torn = end.error.is_some_and(|it| !matches!(it, ViewError::Closed));

@@ -39,6 +39,7 @@ mod new_from_log;
 mod new_world;
 mod notices;
 mod number_args;
+mod output_path;
 mod points;
 mod population;
 #[doc(hidden)]
@@ -246,14 +247,6 @@ impl CommandLine for Cli {
 }
 
 fn carry_out(verb: Verb) -> Result<Exit, Failure> {
-    match play_verb(verb)? {
-        // A recording that was asked for and is torn is a fault of its own.
-        Exit::Done if live::was_torn() => Ok(Exit::Fault),
-        exit => Ok(exit),
-    }
-}
-
-fn play_verb(verb: Verb) -> Result<Exit, Failure> {
     match verb {
         Verb::New(args) => new::run(&args),
         Verb::Check(args) => check::run(&args),

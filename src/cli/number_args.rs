@@ -4,6 +4,8 @@ use std::ops::RangeInclusive;
 
 use clap::builder::TypedValueParser;
 
+use super::defaults::MOST_JOBS;
+
 /// Default number of starts, the same for every verb.
 pub(super) const STARTS: usize = 300;
 
@@ -12,11 +14,19 @@ pub fn start_count() -> impl TypedValueParser<Value = usize> {
     count(1..=10_000_000).map(|count| count as usize)
 }
 
+/// Parser of a number of threads.
+pub(super) fn job_count() -> impl TypedValueParser<Value = u16> {
+    count(1..=MOST_JOBS.into()).map(|count| count as u16)
+}
+
 /// A whole number in a range.
 pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value = u64> {
     move |text: &str| {
-        let value = whole_number(text).ok_or("a whole number, such as 300, 1_000, 300k or 1.5M")?;
         let (least, most) = (range.start(), range.end());
+        let value = whole_number(text).ok_or_else(|| match *most {
+            u64::MAX => "a whole number, such as 300, 1_000, 300k or 1.5M".to_owned(),
+            most => format!("a whole number from {least} to {most}"),
+        })?;
         if range.contains(&value) {
             Ok(value)
         } else if *most == u64::MAX {

@@ -11,7 +11,7 @@ use super::command_line::{self, Ended};
 use super::failure::{Exit, Failure};
 use super::last_resort;
 use super::terminal::{
-    Common, complain, detail, is_torn, listen_for_interrupts, refuse, stopped, with_jobs,
+    Common, complain, detail, listen_for_interrupts, refuse, stopped, was_torn, with_jobs,
 };
 
 pub use super::command_line::CommandLine;
@@ -56,7 +56,7 @@ pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsStri
 ///
 /// If more episodes are invalid than allowed, the output is no verdict on the ego.
 fn settled(common: &Common, exit: Exit) -> Result<Exit, Failure> {
-    if is_torn() && !stopped() {
+    if was_torn() && !stopped() {
         return Err(Failure::fault(
             "the recording of `--rerun` is not whole".to_owned(),
             Some("check the free space there, or leave it out".to_owned()),

@@ -12,6 +12,7 @@ use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
 use super::headings::OUTPUT;
 use super::kept_input;
+use super::output_path::new_file;
 use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
@@ -42,7 +43,7 @@ pub(super) struct ReplayArgs {
     #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"], help_heading = OUTPUT)]
     refine: bool,
     /// Write the outcomes as JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml")]
+    #[arg(long, value_name = "FILE.xml", value_parser = new_file())]
     junit: Option<PathBuf>,
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long, help_heading = OUTPUT)]

@@ -125,7 +125,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     let Some(table) = points(&request, &bar.watch()) else {
         return interrupted_early(&args.common);
     };
-    let mut page = table.page(vec![args.this_page()]);
+    let mut page = table.page(vec![args.this_page(true)]);
     page.examples = table.examples(MOST_EXAMPLES, &bar.watch());
     drop(bar);
     let name = args.run.file_stem().unwrap_or_default();
@@ -226,6 +226,6 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
             args.seed, args.starts
         ),
         format!("brakecheck replay {here} --expect recorded"),
-        args.this_page(),
+        args.this_page(true),
     ]
 }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::number_args::{STARTS, count, start_count};
+use super::output_path::new_file;
 use super::terminal::Common;
 
 #[derive(Args, Debug)]
@@ -14,7 +15,7 @@ pub(super) struct ReportArgs {
     #[arg(value_name = "RUN|WORLD.ron|DIR|FILE.json")]
     pub(super) run: PathBuf,
     /// The page to write; JUnit XML goes beside it [default: RUN/report.html].
-    #[arg(short, long, value_name = "FILE.html")]
+    #[arg(short, long, value_name = "FILE.html", value_parser = new_file())]
     pub(super) output: Option<PathBuf>,
     /// Another run of the same world, to show beside it; repeat for several.
     #[arg(long, value_name = "RUN", num_args = 1..)]
@@ -47,8 +48,10 @@ pub(super) struct ReportArgs {
 }
 
 impl ReportArgs {
-    /// The command that makes this very page, with every option that it depends on.
-    pub(super) fn this_page(&self) -> String {
+    /// Returns the command that makes this very page, with every option that it depends on.
+    ///
+    /// Pages of kept crashes and of results have no test starts of their own.
+    pub(super) fn this_page(&self, has_starts: bool) -> String {
         let mut words = vec![quoted(&shown(&self.run))];
         let mut option = |name: &str, values: Vec<String>| {
             words.push(name.to_owned());
@@ -64,16 +67,23 @@ impl ReportArgs {
             option("--rows", vec![shown(file)]);
         }
         // Defaults are written out, because a later version may change them.
-        option("--starts", vec![self.starts.to_string()]);
+        if has_starts {
+            option("--starts", vec![self.starts.to_string()]);
+        }
         if let Some(starts) = self.reuse_starts {
             option("--reuse-starts", vec![starts.to_string()]);
         }
-        option("--seed", vec![self.seed.to_string()]);
+        if has_starts {
+            option("--seed", vec![self.seed.to_string()]);
+        }
         if self.scenarios {
             option("--scenarios", Vec::new());
         }
         if self.common.allow_programs {
             option("--allow-programs", Vec::new());
+        }
+        if self.common.fresh {
+            option("--fresh", Vec::new());
         }
         if let Some(ego) = &self.ego {
             option("--ego", vec![ego.clone()]);

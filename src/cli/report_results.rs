@@ -122,7 +122,7 @@ fn write(
 ) -> Result<(), Failure> {
     let html = args.output.as_deref().unwrap_or(usual);
     let page = ResultPage {
-        commands: vec![args.this_page()],
+        commands: vec![args.this_page(false)],
         ..page
     };
     let pages = ReportTexts {

@@ -13,6 +13,7 @@ use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::number_args::{count, positive};
+use super::output_path::{new_dir, new_file};
 use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::EgoArgs;
@@ -77,10 +78,10 @@ pub(super) struct RiskArgs {
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the likeliest lawful failure of each kind as a file.
-    #[arg(long, value_name = "DIR", help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", value_parser = new_dir(), help_heading = OUTPUT)]
     keep: Option<PathBuf>,
     /// Write the estimates and the limit as test cases of JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml", help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE.xml", value_parser = new_file(), help_heading = OUTPUT)]
     junit: Option<PathBuf>,
     #[command(flatten)]
     answer: AnswerArgs,

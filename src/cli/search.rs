@@ -15,6 +15,7 @@ use super::headings::{INPUT, OUTPUT, TEST};
 use super::keep::{KeepArgs, KeepStep};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
+use super::output_path::new_file;
 use super::terminal::Common;
 use super::test_args::{EgoArgs, note_program_costs};
 use super::traffic_args::TrafficArgs;
@@ -59,7 +60,7 @@ pub(super) struct SearchArgs {
     #[command(flatten)]
     answer: AnswerArgs,
     /// Write every start as a test case of JUnit XML to this file, too.
-    #[arg(long, value_name = "FILE.xml", help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE.xml", value_parser = new_file(), help_heading = OUTPUT)]
     junit: Option<PathBuf>,
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]

@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::common::{load_world, one_of, open_run};
 use super::failure::{Exit, Failure};
+use super::output_path::new_dir;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
 use crate::search::AdoPlayer;
@@ -24,7 +25,7 @@ pub(super) struct ServeArgs {
     #[arg(long, value_parser = one_of::<AdoPlayer>())]
     ado: Option<AdoPlayer>,
     /// Write the counterexamples of judged episodes into a directory.
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = new_dir())]
     keep: Option<PathBuf>,
     /// Start the program that the world's file names as its ego, which a search plays.
     #[arg(long)]

@@ -10,6 +10,7 @@ use super::common::{finite_or_word, print_json};
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::input;
+use super::output_path::new_file;
 use super::terminal::{self, Common};
 use crate::ron_file::{Problem, ScenarioError};
 use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
@@ -42,7 +43,7 @@ pub(super) struct StlArgs {
     #[arg(long, value_name = "FILE.xodr", requires = "log", help_heading = INPUT)]
     pub(super) road: Option<PathBuf>,
     /// Write JUnit XML with a case per rule and recording.
-    #[arg(long, value_name = "FILE.xml", requires = "log", help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE.xml", requires = "log", value_parser = new_file(), help_heading = OUTPUT)]
     pub(super) junit: Option<PathBuf>,
     /// Write a picture of the worst instant of each rule.
     #[arg(long, value_name = "DIR", requires = "log", help_heading = OUTPUT)]

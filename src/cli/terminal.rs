@@ -13,10 +13,11 @@ use std::sync::{Arc, OnceLock};
 
 use clap::Args;
 
-use super::defaults::{JOBS, MOST_JOBS};
+use super::defaults::JOBS;
 use super::display::{is_quiet, is_verbose, message_columns, theme};
 use super::failure::{Exit, Failure};
 use super::headings::{OUTPUT, RUNNING};
+use super::number_args::job_count;
 use crate::ego::stop_waiting;
 use crate::testbench::FaultLog;
 use crate::visible::{visible, visible_json};
@@ -40,7 +41,7 @@ pub struct Common {
         hide_env_values = true,
         value_name = "N",
         help_heading = RUNNING,
-        value_parser = clap::value_parser!(u16).range(1..=MOST_JOBS)
+        value_parser = job_count()
     )]
     pub jobs: Option<u16>,
     /// Start the programs that worlds, changes and kept files name as egos.
@@ -129,8 +130,10 @@ pub(super) fn note_torn() {
     TORN.store(true, Ordering::Relaxed);
 }
 
-pub(super) fn is_torn() -> bool {
-    TORN.load(Ordering::Relaxed)
+/// Returns whether a stream of the verb that has ended could not be written to its end.
+pub(super) fn was_torn() -> bool {
+    // Python runs several commands in one process, and each has streams of its own.
+    TORN.swap(false, Ordering::Relaxed)
 }
 
 /// The first Ctrl-C asks to stop and save, the second one ends at once.

@@ -17,10 +17,11 @@ use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::terminal::{self, Common};
 use super::traffic_args::TrafficArgs;
+use super::verdict::verdict;
 use super::{league, population, progress, table};
 use crate::population::{DistinctRequest, LeagueRequest};
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{Row, RunDir, TrainingEnd};
+use crate::run_dir::{AdversaryId, Row, RunDir, TrainingEnd};
 use crate::sim::PlantKind;
 use crate::training::{PerAdoMode, TrainRequest, TrainSession, TrainingOutcome};
 use crate::world::{Scenario, TrainingEgos};
@@ -257,8 +258,13 @@ fn show(
     rows: &[Row],
 ) -> Result<(), Failure> {
     if !args.common.json {
+        let mut answer = table::rows(rows);
+        // What was trained is the question, also where a baseline does better.
+        if let Some(own) = rows.iter().find(|row| row.ado == AdversaryId::Trained) {
+            answer.verdict = verdict(std::slice::from_ref(own));
+        }
         // A stream may occupy stdout, so the table yields to it.
-        args.live.data(&table::rows(rows).text(args.answer))?;
+        args.live.data(&answer.text(args.answer))?;
         note_end(trained);
         return Ok(());
     }

@@ -27,7 +27,9 @@ pub(super) fn failure(error: &clap::Error, command: &Command, arguments: &[OsStr
     let mut help: Vec<String> = Vec::new();
     for part in parts {
         for line in part.lines() {
-            if let Some(tip) = line.trim().strip_prefix("tip: ") {
+            // What follows `--` is often a program, so this is no way to type a value.
+            let is_fix = |tip: &&str| !tip.contains("as a value, use");
+            if let Some(tip) = line.trim().strip_prefix("tip: ").filter(is_fix) {
                 help.push(tip.to_owned());
             }
         }

@@ -13,7 +13,7 @@ use crate::crashes::{
 #[cfg(feature = "drive")]
 use crate::drive::DriveError;
 use crate::evaluation::{EvaluationError, SweepError};
-use crate::experiment::{EgoError, TrafficError};
+use crate::experiment::{EgoError, TrafficError, unknown_ego_help};
 use crate::openx::OpenXError;
 use crate::population::{LeagueError, PopulationError};
 use crate::risk::RiskTrafficError;
@@ -216,11 +216,7 @@ impl From<&RegressionError> for Failure {
             RegressionError::Kept(error) => Failure::from(error),
             RegressionError::NoSuchEgo { name, known, .. } => {
                 let egos = std::iter::once("nominal").chain(known.iter().map(String::as_str));
-                let help = format!(
-                    "{}; or name a RON file with a `Change`",
-                    guessed(name, "known", egos)
-                );
-                Failure::input(error.to_string(), help)
+                Failure::input(error.to_string(), unknown_ego_help(name, egos))
             }
             RegressionError::Change(change) => {
                 Failure::plain(Exit::Input, change.to_string(), change.help.clone())

@@ -57,16 +57,31 @@ pub enum EgoError {
     World(#[from] LoadError),
 }
 
+/// Returns the fix of an ego that the world does not name.
+pub fn unknown_ego_help<'a>(
+    requested: &str,
+    known: impl IntoIterator<Item = &'a str, IntoIter: Clone>,
+) -> String {
+    let is_script = [".py", ".sh", ".exe"]
+        .iter()
+        .any(|end| requested.ends_with(end));
+    // A name of the world has no directory.
+    if is_script || requested.contains(['/', '\\']) {
+        return format!(
+            "a program comes after `--`, as in `-- python3 {requested}`; a RON file names one \
+             as `Change(controller: Process(command: [\"python3\", \"{requested}\"]))`"
+        );
+    }
+    let names = guessed(requested, "known", known);
+    format!("{names}; or name a RON file with a `Change`")
+}
+
 impl EgoError {
     /// Returns the fix. `None`: the error has another form than a sentence and its fix.
     pub fn help(&self) -> Option<String> {
         Some(match self {
             EgoError::Unknown { requested, known } => {
-                let known = known.iter().map(String::as_str);
-                format!(
-                    "{}; or name a RON file with a `Change`",
-                    guessed(requested, "known", known)
-                )
+                unknown_ego_help(requested, known.iter().map(String::as_str))
             }
             EgoError::NotDriven { .. } => {
                 "a controller drives the ego of a driving world".to_owned()

@@ -28,7 +28,7 @@ pub use ego_under_test::{EgoUnderTest, consent, on_plant};
 pub use ego_under_test::{consent_to, consent_to_family};
 pub use episode_frames::{ActionRun, EpisodeFrames, ShownFrame, action_runs, ego_of, phase_word};
 pub use episode_loop::{EpisodeLoop, WorkItem};
-pub use error::EgoError;
+pub use error::{EgoError, unknown_ego_help};
 pub use failed_leaf::{leaf, violated};
 pub use failure_kind::FailureKind;
 pub use neutral_rule::NeutralRule;

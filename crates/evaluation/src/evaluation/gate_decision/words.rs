@@ -30,6 +30,15 @@ impl Gate {
     /// Returns a sentence per group of starts that are neither failing nor fixed.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
+        let has_failures =
+            self.both_fail > 0 || !self.newly_failing.is_empty() || !self.newly_fixed.is_empty();
+        if self.compared > 0 && !has_failures {
+            remarks.push(format!(
+                "neither ego fails from any of {} starts, so this ado tests neither: look for \
+                 crashes of `{}` with `brakecheck search`, or train an ado against it",
+                self.compared, self.baseline
+            ));
+        }
         if !self.no_answer.is_empty() {
             let failed = self
                 .no_answer
