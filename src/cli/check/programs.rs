@@ -110,6 +110,9 @@ fn failure(command: &[String], fault: &Fault) -> Failure {
 pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure> {
     let mut process = Process::new(command);
     process.allow(true);
+    if !as_json {
+        terminal::note("playing episodes with the program: a minute, if an answer takes it 10 ms");
+    }
     let done = exercise(&process);
     if as_json {
         print_json(&json!({
