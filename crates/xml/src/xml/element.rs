@@ -13,6 +13,7 @@ pub struct XmlElement {
     name: &'static str,
     attributes: Vec<(&'static str, String)>,
     children: Vec<XmlElement>,
+    words: String,
     on_one_line: bool,
 }
 
@@ -23,6 +24,7 @@ impl XmlElement {
             name,
             attributes: Vec::new(),
             children: Vec::new(),
+            words: String::new(),
             on_one_line: false,
         }
     }
@@ -54,6 +56,12 @@ impl XmlElement {
         self
     }
 
+    /// Sets the text inside an element without children.
+    pub fn words(mut self, words: &str) -> XmlElement {
+        self.words = visible_markup(words).into_owned();
+        self
+    }
+
     /// Keeps the element and its content on one line.
     pub fn on_one_line(mut self) -> XmlElement {
         self.on_one_line = true;
@@ -80,10 +88,15 @@ impl XmlElement {
         for (name, value) in &self.attributes {
             start.push_attribute((*name, value.as_str()));
         }
-        if self.children.is_empty() {
+        if self.children.is_empty() && self.words.is_empty() {
             return writer.write_event(Event::Empty(start));
         }
         writer.write_event(Event::Start(start))?;
+        if self.children.is_empty() {
+            // No line begins inside, because a reader takes all space as part of the text.
+            writer.write_event(Event::Text(BytesText::new(&self.words)))?;
+            return writer.write_event(Event::End(BytesEnd::new(self.name)));
+        }
         // Below an element on one line, no descendant starts a line.
         let within = depth.filter(|_| !self.on_one_line);
         for child in &self.children {
