@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use brakecheck::cli::program::{self, CommandLine};
-use brakecheck::cli::terminal::{Common, OutputArgs, start_count};
+use brakecheck::cli::terminal::{self, Common, OutputArgs, start_count};
 use brakecheck::cli::{Exit, Failure};
 use clap::{Parser, ValueEnum};
 use serde::Serialize;
