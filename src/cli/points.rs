@@ -26,6 +26,7 @@ const SHOWN: usize = 8;
 const EXPLAINED: &str = "
 passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
+no answer      points at which an ado breaks its rule first: neither passed nor failed
 did not run    points at which the ego or the physics failed: neither passed nor failed
 varied         passed points at which a lawful variation makes the ego fail: an `!` at the point
 preventable    of those, points at which a human model of UN R157 (CC_LATCHED or FSM) avoids it";
@@ -49,12 +50,29 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
         terminal::note("interrupted: the table covers the points that were finished");
         return Ok(Exit::Interrupted);
     }
+    check_answers(&tables)?;
     let fails = tables.iter().any(PointsTable::fails);
     Ok(if fails && args.fail_on_counterexample {
         Exit::Counterexample
     } else {
         Exit::Done
     })
+}
+
+/// Refuses the result of an ego if none of its points has an answer.
+pub(super) fn check_answers(tables: &[PointsTable]) -> Result<(), Failure> {
+    match tables.iter().find(|table| table.lacks_answers()) {
+        Some(table) => Err(Failure::fault(
+            format!(
+                "no point has an answer for `{}`: an ado breaks its rule first at {} of {}",
+                table.ego,
+                table.no_answer,
+                table.points.len()
+            ),
+            Some("correct the rules or the points of the world, and run it again".to_owned()),
+        )),
+        None => Ok(()),
+    }
 }
 
 fn played(args: &EvalArgs, egos: &[EgoUnderTest], live: &Live) -> Vec<PointsTable> {
@@ -223,6 +241,7 @@ fn outcome(point: &PointResult) -> String {
             Some(closing_mps) => format!("failed, {closing_mps:.1} m/s"),
             None => "failed".to_owned(),
         },
+        PointOutcome::NoAnswer => "no answer".to_owned(),
         PointOutcome::Invalid => "did not run".to_owned(),
         PointOutcome::NotReached => "–".to_owned(),
     }
@@ -239,6 +258,7 @@ fn in_all(tables: &[PointsTable]) -> String {
             table.ego.clone(),
             of(table.passed),
             of(table.failed),
+            of(table.no_answer),
             of(table.invalid),
             table.strayed.map_or("–".to_owned(), |count| {
                 format!("{count} of {}", table.passed)
@@ -252,6 +272,7 @@ fn in_all(tables: &[PointsTable]) -> String {
         "ego",
         "passed",
         "failed",
+        "no answer",
         "did not run",
         "varied",
         "preventable",

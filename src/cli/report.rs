@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::common::{finished, interrupted_early, load_world, open_run};
 use super::failure::{Exit, Failure};
+use super::points::check_answers;
 use super::progress;
 use super::report_args::{ReportArgs, quoted, shown};
 use super::report_results;
@@ -107,12 +108,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
             ),
         ));
     }
-    if args.scenarios || !args.with.is_empty() || !args.rows.is_empty() {
-        return Err(Failure::input(
-            format!("`{file}` is a world: --with, --rows and --scenarios are for runs"),
-            "leave them out",
-        ));
-    }
+    report_results::refuse_options(args, "a world")?;
     let named = ego(args, &world)?;
     let ego = named.unwrap_or_else(|| EgoUnderTest::nominal(&world));
     consent_to(std::slice::from_ref(&ego))?;
@@ -137,6 +133,10 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
         junit: page.junit(),
     };
     pages.write(args, &html)?;
+    if !terminal::stopped() {
+        // Checked last, so that the page shows the points, too.
+        check_answers(std::slice::from_ref(&table))?;
+    }
     Ok(finished(Exit::Done))
 }
 

@@ -100,7 +100,7 @@ pub(super) fn of_file(args: &ReportArgs) -> Result<Exit, Failure> {
 }
 
 /// Refuses options that are for runs.
-fn refuse_options(args: &ReportArgs, what: &str) -> Result<(), Failure> {
+pub(super) fn refuse_options(args: &ReportArgs, what: &str) -> Result<(), Failure> {
     let runs_only = args.scenarios || args.reuse_starts.is_some();
     if runs_only || !args.with.is_empty() || !args.rows.is_empty() {
         return Err(Failure::input(

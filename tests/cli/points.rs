@@ -215,3 +215,35 @@ fn both_counts_of_starts_that_fail_alone_are_printed() {
     let opening = opening.expect("both counts");
     assert!(opening.contains("`weak` itself: "), "{opening}");
 }
+
+#[test]
+fn points_without_an_answer_are_neither_passed_nor_a_success() {
+    let dir = scratch();
+    let world = path(&dir, "far.ron");
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
+    let points = "points: (axes: [\"ego.speed\", \"ado.headway\", \"ado.speed\"], rows: [[10.0, \
+                  40.0, 20.0], [10.0, 30.0, 20.0]]), agents: [";
+    // The neutral ado keeps its 20 m/s and so breaks its rule after 3 s.
+    let text = text
+        .replacen("agents: [", points, 1)
+        .replacen("plant: Rigid", "plant: Kinematic", 1)
+        .replacen("ado.speed <= v_lim", "ado.x <= 100", 1);
+    std::fs::write(&world, text).expect("written");
+    let eval = brakecheck(&["eval", &world, "--json"]);
+    assert_eq!(code(&eval), 3, "{}", stderr(&eval));
+    let table = &json(&eval)["points"][0];
+    let counts = ["passed", "failed", "no_answer", "invalid"].map(|it| number(&table[it]));
+    assert_eq!(counts, [0, 0, 2, 0], "{table}");
+    assert!(table["points"][0].get("varied").is_none(), "{table}");
+
+    let page = path(&dir, "page.html");
+    let report = brakecheck(&["report", &world, "-o", &page]);
+    assert_eq!(code(&report), 3, "{}", stderr(&report));
+    let junit = std::fs::read_to_string(path(&dir, "page.junit.xml")).expect("JUnit");
+    let cases = ["<testcase", "<skipped"].map(|tag| junit.matches(tag).count());
+    assert_eq!(cases, [2, 2], "{junit}");
+    refused(
+        &["report", &world, "--reuse-starts", "3"],
+        "is a world: --with, --rows, --reuse-starts and --scenarios are for runs",
+    );
+}

@@ -5,6 +5,8 @@
 //! action, by the ego under test itself. If the world has an ado, its variations within
 //! the rules are searched at every passed point, for the first that makes the ego fail.
 
+mod case;
+
 use std::path::Path;
 
 use indexmap::IndexMap;
@@ -16,7 +18,7 @@ use crate::experiment::{
     EgoUnderTest, EpisodeLoop, TestStarts, Watch, check_repeatability, decided, leaf,
     untried_starts,
 };
-use crate::report::{Example, PointCase, PointsPage};
+use crate::report::{Example, PointsPage};
 use crate::rulebook::Verdict;
 use crate::run_dir::{KeptError, Row};
 use crate::search::{Adversary, ExperimentCell, SWITCHES, SWITCHES_OF_PROGRAMS, Search};
@@ -43,6 +45,8 @@ pub enum PointOutcome {
     Passed,
     /// It violated it.
     Failed,
+    /// An ado broke its rule first, so the point says nothing about the ego.
+    NoAnswer,
     /// The ego or the physics failed to run.
     Invalid,
     /// The command was interrupted before its turn.
@@ -91,6 +95,9 @@ pub struct PointFailure {
 pub struct VariedPoint {
     /// True if a variation makes the ego fail.
     pub fails: bool,
+    /// True if the ego or the physics failed to run in the search.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub invalid: bool,
     /// Closing speed of its contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_mps: Option<f64>,
@@ -112,6 +119,8 @@ pub struct PointsTable {
     pub passed: usize,
     /// Points at which it fails.
     pub failed: usize,
+    /// Points at which an ado breaks its rule first.
+    pub no_answer: usize,
     /// Points at which it did not run.
     pub invalid: usize,
     /// Passed points at which a variation within the rules makes the ego fail.
@@ -190,6 +199,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         ego: request.ego.name().to_owned(),
         passed: count(PointOutcome::Passed),
         failed: count(PointOutcome::Failed),
+        no_answer: count(PointOutcome::NoAnswer),
         invalid: count(PointOutcome::Invalid),
         strayed: switches.map(|_| failing),
         switches,
@@ -217,25 +227,34 @@ impl EvaluatedEgo {
     /// Returns the starts, with all points left out except the passed ones.
     fn passed(&self) -> TestStarts {
         // A trivial start is not searched, so all points except the passed are marked as
-        // such.
-        let outcomes = self.neutral.row.solved.iter();
+        // such. The marks of the row do not tell passed points from broken rules.
+        let points = 0..self.neutral.results.len();
         TestStarts {
-            trivial: outcomes.map(|it| *it != StartOutcome::Unsolved).collect(),
+            trivial: points
+                .map(|index| self.outcome(index) != PointOutcome::Passed)
+                .collect(),
             ..self.neutral.starts.clone()
         }
+    }
+
+    fn verdict(&self, index: usize) -> Option<&Verdict> {
+        self.neutral.results[index].as_ref()?.verdict.as_ref()
+    }
+
+    fn outcome(&self, index: usize) -> PointOutcome {
+        let verdict = self.verdict(index);
+        verdict.map_or(PointOutcome::NotReached, outcome_of)
     }
 
     fn blank(&self, index: usize) -> PointResult {
         let scenario = self.scenario();
         let axes = scenario.axes().into_iter().map(|axis| axis.name);
         let (start, _) = &self.neutral.starts.starts[index];
-        let result = self.neutral.results[index].as_ref();
-        let verdict = result.and_then(|result| result.verdict.as_ref());
         PointResult {
             point: index,
             start: axes.zip(start.0.iter().copied()).collect(),
-            outcome: verdict.map_or(PointOutcome::NotReached, outcome_of),
-            robustness: verdict.and_then(robustness),
+            outcome: self.outcome(index),
+            robustness: self.verdict(index).and_then(robustness),
             failure: None,
             varied: None,
         }
@@ -259,14 +278,7 @@ impl EvaluatedEgo {
         index: usize,
     ) -> Option<VariedPoint> {
         let outcome = cell.results[index].as_ref()?.outcome;
-        if outcome == StartOutcome::Invalid {
-            return None;
-        }
-        let mut varied = VariedPoint {
-            fails: outcome == StartOutcome::Solved,
-            closing_mps: None,
-            preventable: None,
-        };
+        let mut varied = VariedPoint::of(outcome);
         if varied.fails {
             let episode = cell.replay(bench, index);
             let contact = episode.contact.as_ref();
@@ -280,12 +292,23 @@ impl EvaluatedEgo {
     }
 }
 
+impl VariedPoint {
+    /// Returns the result of a search, without its contact.
+    fn of(outcome: StartOutcome) -> VariedPoint {
+        VariedPoint {
+            fails: outcome == StartOutcome::Solved,
+            invalid: outcome == StartOutcome::Invalid,
+            closing_mps: None,
+            preventable: None,
+        }
+    }
+}
+
 fn outcome_of(verdict: &Verdict) -> PointOutcome {
     match verdict {
         Verdict::Counterexample { .. } => PointOutcome::Failed,
-        Verdict::Held { .. } | Verdict::Uncounted { .. } | Verdict::Foul { .. } => {
-            PointOutcome::Passed
-        }
+        Verdict::Held { .. } | Verdict::Uncounted { .. } => PointOutcome::Passed,
+        Verdict::Foul { .. } => PointOutcome::NoAnswer,
         Verdict::Invalid => PointOutcome::Invalid,
     }
 }
@@ -311,50 +334,15 @@ fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
     }
 }
 
-/// A point as pages and JUnit files have it.
-fn case(result: &PointResult) -> PointCase {
-    let words = |failure: &PointFailure| {
-        let contact = failure.contact.as_ref().zip(failure.closing_mps).map_or(
-            String::new(),
-            |((one, other), closing_mps)| {
-                format!("; {one} and {other} touch at {closing_mps:.1} m/s")
-            },
-        );
-        format!(
-            "{} is violated at {:.2} s{contact}",
-            failure.leaf, failure.violated_s
-        )
-    };
-    let varied = |varied: &VariedPoint| match (varied.fails, varied.closing_mps) {
-        (false, _) => String::new(),
-        (true, Some(closing_mps)) => format!("the ego fails, closing at {closing_mps:.1} m/s"),
-        (true, None) => "the ego fails without a contact".to_owned(),
-    };
-    PointCase {
-        point: result.point,
-        start: result
-            .start
-            .values()
-            .map(|value| format!("{value:.3}"))
-            .collect(),
-        outcome: match result.outcome {
-            PointOutcome::Passed => "passed",
-            PointOutcome::Failed => "failed",
-            PointOutcome::Invalid => "did not run",
-            PointOutcome::NotReached => "not reached",
-        }
-        .to_owned(),
-        failure: result.failure.as_ref().map(words),
-        invalid: result.outcome == PointOutcome::Invalid,
-        skipped: result.outcome == PointOutcome::NotReached,
-        varied: result.varied.as_ref().map(varied),
-    }
-}
-
 impl PointsTable {
     /// Returns whether the ego fails at any point or variation.
     pub fn fails(&self) -> bool {
         self.failed + self.strayed.unwrap_or(0) > 0
+    }
+
+    /// Returns whether no point has an answer, because an ado breaks its rule first.
+    pub fn lacks_answers(&self) -> bool {
+        self.no_answer > 0 && self.passed + self.failed == 0
     }
 
     /// The world with the ego.
@@ -399,7 +387,7 @@ impl PointsTable {
                 .into_iter()
                 .map(|it| it.name)
                 .collect(),
-            points: self.points.iter().map(case).collect(),
+            points: self.points.iter().map(PointResult::case).collect(),
             examples: Vec::new(),
             commands,
         }
@@ -414,6 +402,9 @@ impl PointsTable {
             self.failed,
             self.invalid
         );
+        if self.no_answer > 0 {
+            text.push_str(&format!(", {} without an answer", self.no_answer));
+        }
         if let Some(strayed) = self.strayed {
             text.push_str(&format!(
                 "; a lawful variation makes the ego fail at {strayed} of those passed"

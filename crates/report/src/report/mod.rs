@@ -41,7 +41,7 @@ pub use campaign::CampaignPage;
 pub use figures::sweep_curve;
 pub use junit::RowCases;
 pub use junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
-pub use points::{PointCase, PointsPage};
+pub use points::{PointCase, PointsPage, VariedCase};
 pub use recorded_rules::recorded_rules_junit;
 pub use result_page::{PageEpisode, ResultPage, ResultTable};
 pub use start_map::{CellState, MapCell, StartMap};

@@ -40,13 +40,32 @@ pub struct PointCase {
     pub failure: Option<String>,
     /// True if the ego or the physics failed to run.
     pub invalid: bool,
-    /// True if the point was not reached.
-    pub skipped: bool,
-    /// Failure under a lawful variation.
-    ///
-    /// `Some("")` means that no variation fails, and `None` that none was
-    /// searched.
-    pub varied: Option<String>,
+    /// Reason why the point has no answer, if any.
+    pub skipped: Option<String>,
+    /// Result of the search of lawful variations. `None` without a search.
+    pub varied: Option<VariedCase>,
+}
+
+/// Result of the search of lawful variations of a point.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum VariedCase {
+    /// No variation makes the ego fail.
+    Passed,
+    /// A variation makes the ego fail, with its description.
+    Failed(String),
+    /// The ego or the physics failed to run.
+    Invalid,
+}
+
+impl VariedCase {
+    /// Returns the words of the page, which are empty without a failure.
+    fn words(&self) -> &str {
+        match self {
+            VariedCase::Passed => "",
+            VariedCase::Failed(words) => words,
+            VariedCase::Invalid => "did not run",
+        }
+    }
 }
 
 impl PointsPage<'_> {
@@ -89,7 +108,7 @@ impl PointsPage<'_> {
                             td data-l="outcome" { (point.outcome) }
                             td class="w" data-l="failure" {
                                 @if let Some(failure) = &point.failure { (failure) }
-                                @if let Some(varied) = point.varied.as_ref().filter(|it| !it.is_empty()) { "varied: " (varied) }
+                                @if let Some(varied) = point.varied.as_ref().map(VariedCase::words).filter(|it| !it.is_empty()) { "varied: " (varied) }
                             }
                         }
                     }
@@ -124,24 +143,30 @@ impl PointsPage<'_> {
                 words: words.to_owned(),
             })
         };
+        let did_not_run = || {
+            TestOutcome::Error(TestMessage {
+                kind: "fault",
+                message: "the ego or the physics failed to run".to_owned(),
+                words: String::new(),
+            })
+        };
         let name = self.case_name(point);
         // A variation is a case of its own, since the point itself may pass.
         let varied = point.varied.as_ref().map(|varied| {
-            let outcome = match &**varied {
-                "" => TestOutcome::Passed,
-                words => failed("a lawful variation makes the ego fail", words),
+            let outcome = match varied {
+                VariedCase::Passed => TestOutcome::Passed,
+                VariedCase::Failed(words) => failed("a lawful variation makes the ego fail", words),
+                VariedCase::Invalid => did_not_run(),
             };
             case(format!("{name}, varied"), outcome)
         });
         let outcome = match &point.failure {
             Some(failure) => failed("the ego fails at this point", failure),
-            None if point.invalid => TestOutcome::Error(TestMessage {
-                kind: "fault",
-                message: "the ego or the physics failed to run".to_owned(),
-                words: String::new(),
-            }),
-            None if point.skipped => TestOutcome::Skipped("not reached".to_owned()),
-            None => TestOutcome::Passed,
+            None if point.invalid => did_not_run(),
+            None => match &point.skipped {
+                Some(why) => TestOutcome::Skipped(why.clone()),
+                None => TestOutcome::Passed,
+            },
         };
         [case(name.clone(), outcome)]
             .into_iter()
