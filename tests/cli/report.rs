@@ -327,3 +327,33 @@ fn a_break_even_is_compared_on_its_own_starts_and_says_when_it_is_a_bound() {
     let cases = junit.matches("ego wet road against ado").count();
     assert_eq!(cases, 4, "{junit}");
 }
+
+/// The nominal ego fails from two of these points by itself, the other ego from three.
+#[test]
+fn every_ego_of_a_page_about_points_leaves_out_its_own_failures() {
+    let dir = scratch();
+    let world = path(&dir, "points.ron");
+    let text = read(&root().join("worlds/acc.ron").display().to_string());
+    let points = "points: (axes: [\"ego.speed\", \"ado.headway\", \"ado.speed\"], rows: [[25.0, 8.0, \
+                  5.0], [10.0, 40.0, 20.0], [25.0, 44.0, 5.0], [25.0, 50.0, 5.0]]), agents: [";
+    let text =
+        text.replacen("agents: [", points, 1)
+            .replacen("plant: Rigid", "plant: Kinematic", 1);
+    std::fs::write(&world, text).expect("written");
+    let ego = path(&dir, "weak.ron");
+    std::fs::write(&ego, "Change(ego: (max_brake_mps2: 2.0))").expect("written");
+    let (run, page) = (path(&dir, "run"), path(&dir, "page.html"));
+    let few = ["--decisions", "3000", "--starts", "4"];
+    let trained = brakecheck(&[&["train", &world, "-o", &run][..], &few].concat());
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let report = brakecheck(&["report", &run, "--ego", &ego, "-o", &page, "--starts", "4"]);
+    assert_eq!(code(&report), 0, "{}", stderr(&report));
+    let html = read(&page);
+    for (ego, starts) in [("nominal", "/2)"), ("weak.ron", "/1)")] {
+        let mut rows = html
+            .split("<tr")
+            .filter(|row| row.contains(&format!(">{ego}</td>")) && row.contains(">hold</td>"));
+        let row = rows.next().expect("a row of held actions");
+        assert!(row.contains(starts), "{ego}: {row}");
+    }
+}

@@ -169,17 +169,17 @@ impl<'a> ReportRequest<'a> {
         consent(self.scenario, &egos)?;
         let (dir, world) = (self.run.path(), EgoUnderTest::nominal(&self.run.world()?));
         let (count, seed) = self.starts;
-        let Some(mut starts) = TestStarts::stored(Some(dir), &world, count, seed, watch) else {
+        let Some(drawn) = TestStarts::stored(Some(dir), &world, count, seed, watch) else {
             return Ok(None);
         };
-        let mut alone = None;
         // Another ego may have other trivial starts.
-        if let Some(ego) = self.ego {
-            match starts.for_ego(world.scenario(), ego, Some(dir), watch) {
-                Some(of_ego) => (starts, alone) = of_ego,
-                None => return Ok(None),
-            }
-        }
+        let of_page = match self.ego {
+            Some(ego) => drawn.for_ego(world.scenario(), ego, Some(dir), watch),
+            None => Some((drawn.clone(), None)),
+        };
+        let Some((starts, alone)) = of_page else {
+            return Ok(None);
+        };
         let policy = self.run.policy()?;
         let ado = Ado::Trained(&*policy, self.run.manifest().seed);
         let mut cell = ado.play(own, &starts, watch);
@@ -189,7 +189,7 @@ impl<'a> ReportRequest<'a> {
         report.nominal = cell.as_ref().map(nominal);
         if self.given.rows.is_empty() {
             report.tested.extend(cell.map(tested));
-            let changed = self.changed(report, &*policy, &egos, &starts, watch)?;
+            let changed = self.changed(report, &*policy, &egos, &drawn, watch)?;
             if changed.is_none() {
                 return Ok(None);
             }
@@ -222,30 +222,38 @@ impl<'a> ReportRequest<'a> {
     }
 
     /// Every ego on the first starts, beside held-random actions. `None`: stopped.
+    ///
+    /// `drawn` are the starts of the world's own ego.
     fn changed(
         &self,
         report: &mut Report<'_>,
         policy: &dyn Policy,
         egos: &[EgoUnderTest],
-        starts: &TestStarts,
+        drawn: &TestStarts,
         watch: &Watch<'_>,
     ) -> Result<Option<()>, EvaluationError> {
         let (_, seed) = self.starts;
+        let dir = Some(self.run.path());
+        let is_judged = drawn.judges_each_ego(self.scenario);
         let count = self.reuse_starts.unwrap_or_else(|| {
             // Two ados play each ego, the trained and the held-random ado.
             (REUSE_EPISODES / (2 * egos.len())).clamp(LEAST_STARTS, MOST_STARTS)
         });
         // The number of changed egos multiplies the cost, so they play few starts.
-        let few = first(starts, count);
+        let few = first(drawn, count);
         for ego in egos {
             // Starts of a map of another size have other axes, so they are drawn anew.
-            let own = if ego.scenario().axes() == self.scenario.axes() {
-                few.clone()
+            let own = if ego.scenario().axes() != self.scenario.axes() {
+                let own = TestStarts::stored(dir, ego, count, seed, watch);
+                own.map(|own| (own, None))
+            } else if is_judged {
+                // The ego of the page does not tell from which starts another one fails.
+                few.for_ego(self.scenario, ego, dir, watch)
             } else {
-                match TestStarts::stored(Some(self.run.path()), ego, count, seed, watch) {
-                    Some(own) => own,
-                    None => return Ok(None),
-                }
+                Some((few.clone(), None))
+            };
+            let Some((own, alone)) = own else {
+                return Ok(None);
             };
             let trained = Ado::Trained(policy, self.run.manifest().seed);
             for ado in [trained, Ado::Held] {
@@ -254,7 +262,10 @@ impl<'a> ReportRequest<'a> {
                 if ego.name() == self.name() && matches!(ado, Ado::Trained(..)) {
                     continue;
                 }
-                let cell = ado.play(ego, &own, watch);
+                let mut cell = ado.play(ego, &own, watch);
+                if let Some(cell) = &mut cell {
+                    cell.row.fails_alone = alone;
+                }
                 report.tested.extend(cell.map(tested));
             }
             let rows = report.tested.iter_mut().map(|tested| &mut tested.row);
@@ -267,7 +278,7 @@ impl<'a> ReportRequest<'a> {
              first {} of them. More ados, recall and searches can stand here: give what \
              eval and search print with --json by --rows.",
             self.name(),
-            starts.starts.len(),
+            drawn.starts.len(),
             few.starts.len(),
         );
         Ok(Some(()))
