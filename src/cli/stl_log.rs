@@ -47,6 +47,9 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     }
     let reports: Vec<Value> = checked.iter().map(CheckedRecording::json).collect();
     args.emit_json(&json!({ "recordings": reports }))?;
+    if let Some(failure) = unanswered(&checked) {
+        return Err(failure);
+    }
     let is_broken = |it: &CheckedRecording| it.results.iter().any(|rule| rule.episodes > 0);
     Ok(
         if args.fail_on_counterexample && checked.iter().any(is_broken) {
@@ -55,6 +58,28 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
             Exit::Done
         },
     )
+}
+
+/// Returns the failure of rules that no row of any recording answers.
+fn unanswered(checked: &[CheckedRecording]) -> Option<Failure> {
+    let rules = &checked.first()?.results;
+    let is_open = |rule: usize| !checked.iter().any(|it| it.results[rule].is_evaluated());
+    let open = (0..rules.len()).filter(|rule| is_open(*rule));
+    let names: Vec<String> = open.map(|rule| format!("`{}`", rules[rule].rule)).collect();
+    if names.is_empty() {
+        return None;
+    }
+    Some(Failure::fault(
+        format!(
+            "no row answers {}, because no recorded row has a vehicle ahead",
+            names.join(", ")
+        ),
+        Some(
+            "look at the lanes with `brakecheck log FILE`, or leave out rules about the vehicle \
+             ahead"
+                .to_owned(),
+        ),
+    ))
 }
 
 /// Evaluates the rules on each recording that is named, and says what was read and evaluated.
@@ -163,12 +188,20 @@ impl CheckedRecording {
             recording.distance_km(),
         ))?;
         let rules = self.results.iter().map(|it| {
+            // A rule that no row answers has no rate.
+            let known = |text: String| {
+                if it.is_evaluated() {
+                    text
+                } else {
+                    "–".to_owned()
+                }
+            };
             [
                 it.rule.clone(),
-                format!("{:.4}", 100.0 * it.share()),
-                format!("{}", it.vehicles),
-                format!("{}", it.episodes),
-                format!("{:.1}", it.per_1000_km()),
+                known(format!("{:.4}", 100.0 * it.share())),
+                known(format!("{}", it.vehicles)),
+                known(format!("{}", it.episodes)),
+                known(format!("{:.1}", it.per_1000_km())),
                 format!("{}", it.doubtful),
                 it.worst.as_ref().map_or("–".to_owned(), worst_in_words),
             ]

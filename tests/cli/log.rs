@@ -519,3 +519,37 @@ fn a_column_map_is_named_for_new_worlds_too() {
     refused(&["new", "w", "--map", "generic"], "--from-log");
     refused(&["new", "w", "--road", "r.xodr"], "--road without a file");
 }
+
+#[test]
+fn a_rule_about_the_lead_does_not_pass_without_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [file, rules, junit] =
+        ["lone.csv", "rules.ron", "rules.xml"].map(|it| folder.path().join(it));
+    let rows = recording();
+    let alone = rows.lines().filter(|line| !line.contains("lead"));
+    let alone: Vec<&str> = alone.collect();
+    write(&file, (alone.join("\n") + "\n").as_bytes());
+    let text = "RuleFile(rules: [
+        Rule(name: \"gap\", stl: \"always (ego.lead.gap >= 28)\"),
+        Rule(name: \"guarded\", stl: \"always (lead.present implies ego.lead.gap >= 28)\"),
+        Rule(name: \"braking\", stl: \"always (ego.accel >= -2 or lead.present)\"),
+    ])";
+    write(&rules, text.as_bytes());
+    let [file, rules, junit] = [file, rules, junit].map(|it| it.display().to_string());
+    let args = ["stl", &rules, "--log", &file, "--json", "--junit", &junit];
+    let output = brakecheck(&args);
+    let said = stderr(&output);
+    assert_eq!(code(&output), 3, "{said}");
+    assert!(
+        said.contains("no row answers `gap`, `guarded`, because"),
+        "{said}"
+    );
+    let found = &json(&output)["recordings"][0]["rules"];
+    let evaluated = [0, 1, 2].map(|rule| found[rule]["rows_evaluated"].as_u64());
+    assert_eq!(evaluated, [Some(0), Some(0), Some(300)]);
+    let junit = std::fs::read_to_string(&junit).expect("JUnit");
+    let counts = r#"tests="3" skipped="2" failures="0" errors="0""#;
+    assert!(junit.contains(counts), "{junit}");
+    let output = brakecheck(&["stl", "always (ego.speed <= 30)", "--log", &file]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+}

@@ -111,6 +111,11 @@ impl RulesError {
 }
 
 impl TrafficRuleFile {
+    /// Position of the Boolean that a vehicle is ahead in [`TrafficRuleFile::signals`].
+    ///
+    /// All signals after it are of that vehicle.
+    pub const LEAD_PRESENT: usize = 5;
+
     /// Creates a file of rules with the vehicles `ego` and `lead`, without constants.
     pub fn of(rules: Vec<TrafficRule>) -> TrafficRuleFile {
         TrafficRuleFile {
@@ -219,6 +224,16 @@ fn without_always(formula: Formula) -> Formula {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_signals_of_the_lead_are_the_last() {
+        let signals = TrafficRuleFile::of(Vec::new()).signals();
+        let names: Vec<&str> = signals.iter().map(|it| &*it.name).collect();
+        let (own, lead) = names.split_at(TrafficRuleFile::LEAD_PRESENT);
+        assert!(own.iter().all(|name| !name.contains("lead")), "{names:?}");
+        assert!(lead.iter().all(|name| name.contains("lead")), "{names:?}");
+        assert_eq!(lead[0], "lead.present");
+    }
 
     #[test]
     fn only_an_always_over_the_whole_trace_is_removed() {

@@ -9,6 +9,11 @@ pub struct RuleResult {
     pub rule: String,
     /// Rows of all motor vehicles.
     pub rows: usize,
+    /// Recorded rows on which the rule has an answer, without interpolated and overlapping
+    /// ones.
+    ///
+    /// Without a vehicle ahead, a rule about it has none.
+    pub rows_evaluated: usize,
     /// Recorded rows with a negative robustness, without interpolated and overlapping ones.
     pub rows_broken: usize,
     /// Vehicles with an episode.
@@ -24,6 +29,11 @@ pub struct RuleResult {
 }
 
 impl RuleResult {
+    /// Returns whether any row says that the rule is kept or broken.
+    pub fn is_evaluated(&self) -> bool {
+        self.rows_evaluated > 0 || self.episodes > 0
+    }
+
     /// Returns the share of rows with a negative robustness.
     pub fn share(&self) -> f64 {
         self.rows_broken as f64 / self.rows.max(1) as f64
@@ -38,6 +48,7 @@ impl RuleResult {
     pub fn summary(&self) -> RuleSummary {
         RuleSummary {
             rule: self.rule.clone(),
+            rows_evaluated: self.rows_evaluated,
             share: self.share(),
             vehicles: self.vehicles,
             episodes: self.episodes,
@@ -54,6 +65,8 @@ impl RuleResult {
 pub struct RuleSummary {
     /// Name of the rule.
     pub rule: String,
+    /// Recorded rows on which the rule has an answer.
+    pub rows_evaluated: usize,
     /// Share of rows with a negative robustness.
     pub share: f64,
     /// Vehicles with an episode.

@@ -225,18 +225,52 @@ impl VehicleColumns {
     }
 }
 
+/// Signals of the vehicle ahead that a rule reads.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum LeadSignals {
+    None,
+    /// Only whether it is present.
+    Presence,
+    /// Its speed, gap or the like, which have placeholders without it.
+    Numbers,
+}
+
+impl LeadSignals {
+    fn of(monitor: &Monitor) -> LeadSignals {
+        // Signals are ascending, so the last says most.
+        match monitor.signals().last() {
+            Some(last) if *last > TrafficRuleFile::LEAD_PRESENT => LeadSignals::Numbers,
+            Some(&TrafficRuleFile::LEAD_PRESENT) => LeadSignals::Presence,
+            _ => LeadSignals::None,
+        }
+    }
+
+    /// Returns whether a row without a vehicle ahead answers the rule.
+    fn answers_alone(self, robustness: f64) -> bool {
+        match self {
+            LeadSignals::None => true,
+            // An infinite robustness says only that no vehicle is ahead.
+            LeadSignals::Presence => robustness.is_finite(),
+            LeadSignals::Numbers => false,
+        }
+    }
+}
+
 /// Running result of a rule.
 struct RuleTally {
     result: RuleResult,
+    lead: LeadSignals,
     vehicles: BTreeSet<String>,
 }
 
 impl RuleTally {
-    fn new((name, _): &(String, Monitor)) -> RuleTally {
+    fn new((name, monitor): &(String, Monitor)) -> RuleTally {
         RuleTally {
+            lead: LeadSignals::of(monitor),
             result: RuleResult {
                 rule: name.clone(),
                 rows: 0,
+                rows_evaluated: 0,
                 rows_broken: 0,
                 vehicles: 0,
                 episodes: 0,
@@ -257,6 +291,15 @@ impl RuleTally {
         distance_km: f64,
     ) {
         self.result.rows += robustness.len();
+        let ahead = leads.of_track(track).iter();
+        let answered = ahead
+            .zip(robustness)
+            .enumerate()
+            .filter(|(i, (lead, rho))| {
+                let answers = lead.is_some() || self.lead.answers_alone(**rho);
+                answers && !is_doubtful(recording, leads, track, *i)
+            });
+        self.result.rows_evaluated += answered.count();
         self.result.distance_km += distance_km;
         let apart = (SAME_EPISODE_S / recording.dt_s).round() as usize;
         let mut broken = (0..robustness.len())

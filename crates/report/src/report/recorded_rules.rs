@@ -6,7 +6,7 @@ use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
 
 /// Returns JUnit XML: a suite per recording, and a case per rule.
 ///
-/// A case fails if the rule has an episode of a violation. Without a row, or if all
+/// A case fails if the rule has an episode of a violation. If no row answers it, or if all
 /// episodes are left out, it is skipped.
 pub fn recorded_rules_junit<'a>(
     recordings: impl Iterator<Item = (&'a str, &'a [RuleResult])>,
@@ -32,6 +32,9 @@ fn case_of(recording: &str, rule: &RuleResult) -> TestCase {
         requirement: None,
         outcome: match (rule.episodes, rule.doubtful) {
             _ if rule.rows == 0 => TestOutcome::Skipped("no row of a motor vehicle".to_owned()),
+            (0, 0) if !rule.is_evaluated() => {
+                TestOutcome::Skipped("no answer: no recorded row has a vehicle ahead".to_owned())
+            }
             (0, 0) => TestOutcome::Passed,
             (0, some) => TestOutcome::Skipped(format!(
                 "no answer: {some} episodes are left out, whose rows are interpolated or overlap"
@@ -64,15 +67,18 @@ mod tests {
 
     #[test]
     fn a_rule_without_an_answer_does_not_pass() {
-        for (rows, episodes, doubtful, attributes) in [
-            (10, 0, 0, r#"tests="1" skipped="0" failures="0""#),
-            (10, 1, 2, r#"tests="1" skipped="0" failures="1""#),
-            (10, 0, 2, r#"tests="1" skipped="1" failures="0""#),
-            (0, 0, 0, r#"tests="1" skipped="1" failures="0""#),
+        for ([rows, rows_evaluated, episodes, doubtful], attributes) in [
+            ([10, 8, 0, 0], r#"tests="1" skipped="0" failures="0""#),
+            ([10, 8, 1, 2], r#"tests="1" skipped="0" failures="1""#),
+            ([10, 8, 0, 2], r#"tests="1" skipped="1" failures="0""#),
+            ([10, 0, 0, 0], r#"tests="1" skipped="1" failures="0""#),
+            ([10, 0, 1, 0], r#"tests="1" skipped="0" failures="1""#),
+            ([0, 0, 0, 0], r#"tests="1" skipped="1" failures="0""#),
         ] {
             let rule = RuleResult {
                 rule: "keeps a gap".to_owned(),
                 rows,
+                rows_evaluated,
                 rows_broken: 0,
                 vehicles: episodes,
                 episodes,
