@@ -76,6 +76,15 @@ impl Failure {
         }
     }
 
+    /// Adds a message without a place.
+    pub(super) fn with_note(mut self, what: &str) -> Failure {
+        self.notes.push(Note {
+            is_warning: true,
+            ..Note::new(what, None)
+        });
+        self
+    }
+
     /// Ends with a command line that nothing wraps.
     pub(super) fn with_command(self, command: &str) -> Failure {
         Failure {

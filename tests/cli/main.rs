@@ -148,6 +148,15 @@ fn a_broken_world_exits_with_2_and_shows_the_place() {
     let output = brakecheck(&["check", &file, "--json"]);
     assert_eq!(code(&output), 2);
     assert_eq!(json(&output)["problems"][0]["line"], 36);
+    assert_eq!(json(&output)["complete"], true);
+    assert!(!said.contains("others may follow"), "{said}");
+    // A missing comma hides what follows.
+    let text = text.replace("plant: Rigid,", "plant: Rigid");
+    std::fs::write(&file, text).expect("w");
+    let said = refused(&["check", &file], "a comma is missing");
+    assert!(said.contains("others may follow"), "{said}");
+    let output = brakecheck(&["check", &file, "--json"]);
+    assert_eq!(json(&output)["complete"], false);
 }
 
 #[test]

@@ -287,6 +287,43 @@ fn every_mistake_has_a_place_a_reason_and_a_cure() {
 }
 
 #[test]
+fn mistakes_of_all_kinds_are_found_together() {
+    let mut text = ACC.to_owned();
+    let wrong = [
+        ("\"sedan\"", "\"sedann\""),
+        ("ado.speed >= v_min", "ado.speeed >= v_min"),
+        ("(headway >= d_safe)", "(ego.ado.gapp >= d_safe)"),
+        ("\"ado.x - ego.x\"", "\"ado.x - ergo.x\""),
+        ("headway_m: (8.0", "headwy_m: (8.0"),
+        ("speed_mps: (5.0", "sped_mps: (5.0"),
+    ];
+    for (from, to) in wrong {
+        assert!(text.contains(from), "acc.ron no longer contains {from}");
+        text = text.replacen(from, to, 1);
+    }
+    let error = Scenario::parse("acc.ron", &text).expect_err("six mistakes");
+    let mut places: Vec<&str> = error
+        .problems
+        .iter()
+        .map(|it| &text[it.span.clone()])
+        .collect();
+    places.sort_unstable();
+    let expected = [
+        "\"sedann\"",
+        "ado.speeed",
+        "ego.ado.gapp",
+        "ergo.x",
+        "headwy_m",
+        "sped_mps",
+    ];
+    assert_eq!(places, expected, "{error}");
+    assert!(Scenario::is_readable(&text));
+    assert!(!Scenario::is_readable(
+        &text.replace("plant: Rigid,", "plant: Rigid")
+    ));
+}
+
+#[test]
 fn rules_that_exclude_each_other_or_nothing_are_warned_about() {
     let text = ACC
         .replace("ado.speed >= v_min", "time < 1.02 or ado.speed >= 16")

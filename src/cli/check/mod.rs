@@ -98,7 +98,13 @@ fn checked(
             if args.json {
                 print_json(&problems(&error))?;
             }
-            return Err(error.into());
+            let is_whole = is_whole(&error);
+            let failure = Failure::from(error);
+            return Err(if is_whole {
+                failure
+            } else {
+                failure.with_note("reading stops at the last mistake, so others may follow")
+            });
         }
     })
     .allow_programs(args.allow_programs);
@@ -169,6 +175,14 @@ fn warnings(scenario: &Scenario) -> serde_json::Value {
     warnings.chain(neutral).collect()
 }
 
+/// Returns whether a world was read to its end, in spite of its mistakes.
+fn is_whole(error: &LoadError) -> bool {
+    match error {
+        LoadError::Io { .. } => true,
+        LoadError::Scenario(error) => Scenario::is_readable(&error.text),
+    }
+}
+
 fn problems(error: &LoadError) -> serde_json::Value {
     let problems = match error {
         LoadError::Io { .. } => vec![json!({ "what": error.to_string() })],
@@ -182,7 +196,7 @@ fn problems(error: &LoadError) -> serde_json::Value {
                 .collect()
         }
     };
-    json!({ "ok": false, "problems": problems })
+    json!({ "ok": false, "complete": is_whole(error), "problems": problems })
 }
 
 fn listing(scenario: &Scenario) -> serde_json::Value {

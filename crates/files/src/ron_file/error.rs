@@ -57,6 +57,14 @@ impl std::error::Error for ScenarioError {}
 
 /// Suggestion "did you mean `x`?", if `x` is close to the written name.
 pub fn did_you_mean<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    nearest(written, known).map(|name| format!("did you mean `{name}`?"))
+}
+
+/// Known name that is closest to a written name, if one is close.
+pub(super) fn nearest<'a>(
+    written: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
     let near = |name: &'a str| {
         let distance = strsim::damerau_levenshtein(written, name);
         // A name without its unit, such as `max_brake`, is close as well.
@@ -68,7 +76,7 @@ pub fn did_you_mean<'a>(written: &str, known: impl IntoIterator<Item = &'a str>)
         .into_iter()
         .filter_map(near)
         .min_by_key(|(distance, _)| *distance)
-        .map(|(_, name)| format!("did you mean `{name}`?"))
+        .map(|(_, name)| name)
 }
 
 /// List of known names for a help text.

@@ -8,6 +8,7 @@ mod named_file;
 mod ordered;
 mod problems;
 pub mod read;
+mod respelled;
 mod short_or_long;
 
 pub use error::{LoadError, Problem, ScenarioError};
@@ -18,4 +19,5 @@ pub use ordered::Ordered;
 pub use ordered::Patch;
 pub use problems::Problems;
 pub use read::{parse as parse_ron, read_file};
+pub use respelled::Respelled;
 pub use short_or_long::short_or_long;

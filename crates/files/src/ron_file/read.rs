@@ -1,13 +1,14 @@
 //! RON reader whose errors state the place and the fix.
 
 use std::io::Read;
+use std::ops::Range;
 use std::path::Path as FilePath;
 
 use ron::error::{Error, Position, SpannedError};
 use ron::extensions::Extensions;
 use serde::de::DeserializeOwned;
 
-use super::error::{LoadError, Problem, ScenarioError, did_you_mean, known_names};
+use super::error::{LoadError, Problem, ScenarioError, did_you_mean, known_names, nearest};
 use super::locate::first_non_finite;
 use super::named_file::open_file;
 
@@ -72,25 +73,69 @@ pub fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
+/// Mistake at which the reader stops.
+pub(super) struct Stop {
+    pub(super) problem: Problem,
+    /// Name that is probably meant, if the mistake is a name.
+    pub(super) meant: Option<&'static str>,
+    /// True if a field is given twice.
+    pub(super) is_repeated: bool,
+}
+
 /// Reads a value from RON with finite numbers only.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
+    parse_until(text).map_err(|stop| stop.problem)
+}
+
+/// Reads a value from RON, up to the first mistake.
+pub(super) fn parse_until<T: DeserializeOwned>(text: &str) -> Result<T, Stop> {
     // Files may omit `Some` and the inner brackets of variants, so that they
     // are shorter.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
-    let value = options
-        .from_str(text)
-        .map_err(|error| problem(text, &error))?;
+    let value = options.from_str(text).map_err(|error| {
+        let problem = problem(text, &error);
+        let meant = meant(&error.code).filter(|_| is_name(text, &problem.span, &error.code));
+        Stop {
+            problem,
+            meant,
+            is_repeated: matches!(error.code, Error::DuplicateStructField { .. }),
+        }
+    })?;
     // The reader accepts numbers that are not finite, and worlds must not
     // contain them.
     match first_non_finite(text) {
-        Some(span) => Err(Problem {
-            what: format!("`{}` is not a finite number", &text[span.clone()]),
-            span,
-            label: "must be finite".to_owned(),
-            help: Some("write an ordinary number, such as 1.0e6".to_owned()),
+        Some(span) => Err(Stop {
+            problem: Problem {
+                what: format!("`{}` is not a finite number", &text[span.clone()]),
+                span,
+                label: "must be finite".to_owned(),
+                help: Some("write an ordinary number, such as 1.0e6".to_owned()),
+            },
+            meant: None,
+            is_repeated: false,
         }),
         None => Ok(value),
+    }
+}
+
+/// Returns whether a place is that of the whole name of an error.
+fn is_name(text: &str, span: &Range<usize>, code: &Error) -> bool {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let is_whole = !text[..span.start].ends_with(is_part) && !text[span.end..].starts_with(is_part);
+    is_whole && culprit(code) == Some(&text[span.clone()])
+}
+
+/// Returns the known name that is closest to an unknown one.
+fn meant(code: &Error) -> Option<&'static str> {
+    match code {
+        Error::NoSuchStructField {
+            expected, found, ..
+        }
+        | Error::NoSuchEnumVariant {
+            expected, found, ..
+        } => nearest(found, expected.iter().copied()),
+        _ => None,
     }
 }
 

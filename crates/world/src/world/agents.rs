@@ -263,8 +263,9 @@ impl Agents<'_> {
         }
         // Read before the body, so that mistakes in both are reported.
         let place = self.place(problems, &path.to("start"), start, number);
-        let body = bodies::find(problems, &path.to("body"), &file.bodies, body)?;
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
+        let place_of_body = path.to("body");
+        let body = bodies::find_or_similar(problems, &place_of_body, &file.bodies, body, on_foot)?;
         let acts_as = ActsAs::from(body.control());
         if on_foot != (acts_as == ActsAs::Walker) {
             let what = if on_foot {

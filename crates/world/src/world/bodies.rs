@@ -60,6 +60,20 @@ pub(super) fn find(
     }
 }
 
+/// Finds a body, or reports it as unknown and returns another one of its kind.
+///
+/// The mistakes of an agent with an unknown body are then found, too.
+pub(super) fn find_or_similar(
+    problems: &mut Problems,
+    path: &ValuePath,
+    own: &Ordered<Body>,
+    name: &str,
+    on_foot: bool,
+) -> Option<Body> {
+    let similar = if on_foot { "pedestrian" } else { "sedan" };
+    find(problems, path, own, name).or_else(|| Body::shipped(similar)?.ok())
+}
+
 /// Checks that a cyclist is no ego and starts within its speeds.
 pub(super) fn check_cyclist(
     problems: &mut Problems,

@@ -1,5 +1,6 @@
 //! Assembly of a checked scenario: names are resolved and formulas bound.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::agents::Agents;
@@ -21,7 +22,7 @@ use crate::ron_file::read;
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 use crate::stl::Names;
-use crate::world_file::{ScenarioFile, WindFile, nominal_grades};
+use crate::world_file::{AgentFile, ScenarioFile, WindFile, nominal_grades};
 
 /// Returns a checked scenario after trial runs.
 pub(super) fn build(
@@ -90,6 +91,22 @@ fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
     })
 }
 
+/// Returns whether every agent of a file was read, under a name of its own.
+///
+/// Formulas may then mention all signals of the world.
+fn are_complete(agents: &Agents<'_>, file: &ScenarioFile) -> bool {
+    let single = [
+        agents.weather.is_some(),
+        agents.road_ado.is_some(),
+        agents.turns.is_some(),
+    ];
+    let single = single.into_iter().filter(|it| *it).count();
+    let read = agents.entries.len() + agents.light_entries.len() + single;
+    let names: HashSet<&str> = file.agents.iter().map(AgentFile::name).collect();
+    let are_named = names.iter().all(|name| check::is_identifier(name));
+    agents.ego.is_some() && are_named && [read, names.len()] == [file.agents.len(); 2]
+}
+
 /// Assembles a scenario and its world without trial runs.
 fn assemble(
     origin: WorldOrigin<'_>,
@@ -99,6 +116,8 @@ fn assemble(
     let mut problems = Problems::new(text);
     let top = ValuePath::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
+    // Formulas of a clock with a mistake have no samples.
+    let has_clock = problems.is_empty();
     check::after_contact(&mut problems, &top.to("after_contact_s"), &file);
     check::origin(&mut problems, &top.to("origin"), file.origin.as_ref());
     let (road, sensors) = environment::read(&mut problems, &file);
@@ -117,8 +136,11 @@ fn assemble(
         &file.constants,
     );
     let agents = Agents::read(&mut problems, origin, &file, (&road, &roads));
-    // Reported together, so that users see all mistakes of the agents at once.
-    problems.done()?;
+    // Formulas mention agents and parameters. If one is missing, they would have second errors.
+    // Otherwise their mistakes are reported with those of the agents.
+    if !has_clock || !are_complete(&agents, &file) {
+        problems.done()?;
+    }
     let Agents {
         agents,
         ego: Some(ego),
@@ -146,7 +168,11 @@ fn assemble(
     let learner = per_ado::learner(&mut problems, &file, own_learners);
     let taken: Vec<&str> = constants.keys().map(String::as_str).collect();
     let place = top.to("parameters");
+    let before = problems.len();
     let parameters = points::parameters(&mut problems, &place, &file.parameters, &taken);
+    if problems.len() > before {
+        problems.done()?;
+    }
 
     // Signals and formulas are filled in below, since the catalogue depends on
     // the spec.
@@ -180,38 +206,37 @@ fn assemble(
         environment: Vec::new(),
         points: Vec::new(),
     };
-    spec.environment = environment::drawn(&file, &spec);
-    if let Some(board) = &file.storyboard {
-        spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
-        storyboards::check_actors(&mut problems, &top.to("agents"), &file, &spec, &entries);
-    }
-    per_ado::names(&mut problems, &learner, &spec);
     let list = top.to("agents");
-    starts::check(&mut problems, &list, &spec, &entries);
     let in_list = EntryPositions {
         agents: &entries,
         lights: &light_entries,
     };
-    starts::on_the_road(&mut problems, &list, &spec, in_list);
-    roads::beside_themselves(&mut problems, &top, &spec);
-    environment::check_geometry(&mut problems, &spec, &entries);
-    if let Some((_, place)) = &road_ado {
-        road_ado::check(&mut problems, place, &list, &spec, in_list);
+    per_ado::names(&mut problems, &learner, &spec);
+    let mut family = None;
+    // Geometry assumes values within their bounds.
+    if problems.is_empty() {
+        spec.environment = environment::drawn(&file, &spec);
+        if let Some(board) = &file.storyboard {
+            spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
+            storyboards::check_actors(&mut problems, &list, &file, &spec, &entries);
+        }
+        starts::check(&mut problems, &list, &spec, &entries);
+        starts::on_the_road(&mut problems, &list, &spec, in_list);
+        roads::beside_themselves(&mut problems, &top, &spec);
+        environment::check_geometry(&mut problems, &spec, &entries);
+        if let Some((_, place)) = &road_ado {
+            road_ado::check(&mut problems, place, &list, &spec, in_list);
+        }
+        trained::check(&mut problems, &list, &spec, in_list);
+        if let Some((turns, place)) = &turns {
+            turns::check(&mut problems, place, turns, &spec);
+        }
+        let place = top.to("train_against");
+        family = file.train_against.and_then(|family| {
+            family_check::family(&mut problems, &place, family, &spec, &file.reuse.0)
+        });
     }
-    trained::check(&mut problems, &list, &spec, in_list);
-    if let Some((turns, place)) = &turns {
-        turns::check(&mut problems, place, turns, &spec);
-    }
-    let family = file.train_against.and_then(|family| {
-        family_check::family(
-            &mut problems,
-            &top.to("train_against"),
-            family,
-            &spec,
-            &file.reuse.0,
-        )
-    });
-    problems.done()?;
+    let is_sound = problems.is_empty();
 
     // Formulas are bound to all available signals first. Then only used signals
     // are published.
@@ -219,19 +244,22 @@ fn assemble(
     let offers = catalogue.map(|offer| (offer.signal, offer.range));
     let mut language = Language::new(spec.clock.sample_s, offers, constants);
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
-    problems.done()?;
     let (mut names, ego_spec) =
         language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
-    for ado in &judged {
-        ado.judge(
-            &mut problems,
-            &mut language,
-            &mut names,
-            &mut spec,
-            &mut rules,
-        );
+    if is_sound && !judged.is_empty() {
+        // Rules of trained ados are bound to the signals of a world without mistakes.
+        problems.done()?;
+        for ado in &judged {
+            ado.judge(
+                &mut problems,
+                &mut language,
+                &mut names,
+                &mut spec,
+                &mut rules,
+            );
+        }
+        problems.done()?;
     }
-    problems.done()?;
     plans::bind(&mut problems, &mut language, &names, &list, &spec, &entries);
     storyboards::bind(&mut problems, &mut language, &names, &spec);
     for rule in &rules {
@@ -247,15 +275,15 @@ fn assemble(
     if spec.action_sets().next().is_some() {
         spec.observe = language.observe(&mut problems, &observed, &observe);
     }
-    spec.points = points::read(
-        &mut problems,
-        &top.to("points"),
-        file.points.as_ref(),
-        &spec,
-    );
-    storyboards::check_points(&mut problems, &top.to("points").to("rows"), &spec);
+    if is_sound {
+        let place = top.to("points");
+        spec.points = points::read(&mut problems, &place, file.points.as_ref(), &spec);
+        storyboards::check_points(&mut problems, &place.to("rows"), &spec);
+    }
     spec.formulas = names.clone();
     problems.done()?;
+    // Invariant: a formula that is missing here is a mistake above.
+    let ego_spec = ego_spec.ok_or_else(Vec::new)?;
     spec.extra = language.published();
     let world = DriveWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
     let judging = Judging {

@@ -266,7 +266,7 @@ pub(super) fn world_name(problems: &mut Problems, path: &ValuePath, name: &str) 
     }
 }
 
-fn is_identifier(name: &str) -> bool {
+pub(super) fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }

@@ -104,7 +104,6 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     // The clock of a grid counts steps of 1.
     let mut language = Language::new(1.0, offers, spec.constants.clone());
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
-    problems.done()?;
     let (names, ego_spec) =
         language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     for rule in &rules {
@@ -116,6 +115,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         observed.map(|(i, name)| (name, observe.at(i))).collect();
     spec.observe = language.observe(&mut problems, &observed, &observe);
     problems.done()?;
+    // Invariant: a formula that is missing here is a mistake above.
+    let ego_spec = ego_spec.ok_or_else(Vec::new)?;
     // Only used signals are published.
     spec.extra = language.published();
     let world = GridWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;

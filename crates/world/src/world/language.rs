@@ -70,6 +70,11 @@ impl Language {
             // signals above it.
             let later: Vec<&str> = file.0.keys().skip(i).map(String::as_str).collect();
             let derived = self.derive_one(problems, &path.to(name), &later, signal);
+            if derived.is_none() && !self.ranges.contains_key(name) {
+                // Declared nevertheless, so that formulas with it are no second error.
+                self.ranges.insert(name.clone(), usual_range(""));
+                self.signals.push(Signal::real(name.as_str(), "", ""));
+            }
             all.extend(derived);
         }
         all
@@ -155,6 +160,7 @@ impl Language {
         file: &Ordered<String>,
     ) -> Names {
         let top = ValuePath::top();
+        let before = problems.len();
         for name in self.constants.keys() {
             let taken = self.ranges.contains_key(name);
             check::free_name(problems, &top.to("constants").to(name), name, taken);
@@ -172,7 +178,7 @@ impl Language {
             constants: self.constants.clone(),
         };
         // Formulas that are not used must be valid too.
-        if let (Some(schema), true) = (self.schema(), problems.is_empty()) {
+        if let (Some(schema), true) = (self.schema(), problems.len() == before) {
             for (name, formula) in &names.formulas {
                 if let Err(error) = formula.bind_with(&schema, &names, &Settings::default()) {
                     problems.stl(&path.to(name), &error);
@@ -205,21 +211,28 @@ impl Language {
 
     /// Returns the named formulas and the ego's specification, which is bound.
     ///
+    /// A specification that is missing is among the mistakes.
+    ///
     /// # Errors
-    /// There are mistakes so far.
+    /// There are mistakes so far, and one is in a named formula.
     pub(super) fn specification(
         &mut self,
         problems: &mut Problems,
         formulas: &Ordered<String>,
         ego_spec: &str,
-    ) -> Result<(Names, Formula), Vec<Problem>> {
+    ) -> Result<(Names, Option<Formula>), Vec<Problem>> {
         let place = ValuePath::top().to("ego_spec");
+        let before = problems.len();
         let names = self.names(problems, &ValuePath::top().to("formulas"), formulas);
+        let are_sound = problems.len() == before;
         let ego_spec = formula(problems, &place, ego_spec);
-        problems.done()?;
-        // Invariant: a formula that is missing here is a mistake above.
-        let ego_spec = ego_spec.ok_or_else(Vec::new)?;
-        self.bind(problems, &place, &ego_spec, &names);
+        // Every formula that uses a wrong one would be a second error.
+        if !are_sound {
+            problems.done()?;
+        }
+        if let Some(ego_spec) = &ego_spec {
+            self.bind(problems, &place, ego_spec, &names);
+        }
         Ok((names, ego_spec))
     }
 

@@ -61,8 +61,8 @@ mod weather;
 
 use std::path::Path as FilePath;
 
-use crate::ron_file::read;
-use crate::world_file::{self, WorldFile};
+use crate::ron_file::{Respelled, read};
+use crate::world_file::{self, GridFile, ScenarioFile, WorldFile};
 
 pub use crate::ron_file::{LoadError, Patch, Problem, ScenarioError};
 pub use crate::scene::drive::Sensors;
@@ -100,7 +100,7 @@ impl Scenario {
     ///
     /// # Errors
     ///
-    /// Returns all mistakes, with their places and fixes.
+    /// Returns the mistakes, with their places and fixes.
     ///
     /// ```
     /// # use brakecheck_world as brakecheck;
@@ -139,7 +139,7 @@ impl Scenario {
     ///
     /// # Errors
     ///
-    /// Returns all mistakes, with their places and fixes.
+    /// Returns the mistakes, with their places and fixes.
     pub fn parse(file: &str, text: &str) -> Result<Scenario, ScenarioError> {
         Scenario::parse_with(file, text, &runs::Nowhere)
     }
@@ -148,7 +148,7 @@ impl Scenario {
     ///
     /// # Errors
     ///
-    /// Returns all mistakes, with their places and fixes.
+    /// Returns the mistakes, with their places and fixes.
     pub fn parse_with(
         file: &str,
         text: &str,
@@ -165,7 +165,10 @@ impl Scenario {
         // that kind.
         match kind_of_world::kind(text).map_err(one)? {
             kind_of_world::WorldKind::Scenario => {
-                let parsed = read::parse(text).map_err(one)?;
+                let parsed = match read::parse(text) {
+                    Ok(parsed) => parsed,
+                    Err(first) => return Err(fail(misspelt(file, text, runs, first))),
+                };
                 let origin = runs::IncludingFile {
                     name: file,
                     source: runs,
@@ -182,4 +185,48 @@ impl Scenario {
             }
         }
     }
+
+    /// Returns whether the text of a world file can be read to its end, past misspelt names.
+    ///
+    /// Otherwise the last mistake of [`Scenario::parse`] hides those after it.
+    pub fn is_readable(text: &str) -> bool {
+        let text = read::without_mark(text);
+        match kind_of_world::kind(text) {
+            Ok(kind_of_world::WorldKind::Scenario) => {
+                Respelled::<ScenarioFile>::of(text).value.is_some()
+            }
+            Ok(kind_of_world::WorldKind::Grid) => read::parse::<GridFile>(text).is_ok(),
+            Err(_) => false,
+        }
+    }
+}
+
+/// Returns the mistakes of a world file that cannot be read, also those after misspelt names.
+///
+/// `first` is the first of them.
+fn misspelt(file: &str, text: &str, runs: &dyn RunSource, first: Problem) -> Vec<Problem> {
+    let mut read = Respelled::<ScenarioFile>::of(text);
+    let mut problems = std::mem::take(&mut read.problems);
+    if let Some(parsed) = read.value.take() {
+        let origin = runs::IncludingFile {
+            name: file,
+            source: runs,
+        };
+        let later = match includes::expanded(origin, &read.text, &parsed) {
+            Ok(None) => build::build(file, runs, &read.text, parsed).err(),
+            // The places of mistakes in an included file are not those of the text.
+            Ok(Some(_)) => None,
+            Err(later) => Some(later),
+        };
+        let later = later.unwrap_or_default().into_iter();
+        problems.extend(later.map(|problem| Problem {
+            span: read.original(&problem.span),
+            ..problem
+        }));
+    }
+    if problems.is_empty() {
+        // Invariant: the same text is read twice, so the first mistake is among these.
+        problems.push(first);
+    }
+    problems
 }
