@@ -94,7 +94,7 @@ pub(super) fn of_file(args: &ReportArgs) -> Result<Exit, Failure> {
         if let Some(why) = risk.contradiction() {
             return Err(wrong(why));
         }
-        write(args, &usual, risk.page(), vec![risk.suite(None)])?;
+        write(args, &usual, risk.page(), vec![risk.suite()])?;
     }
     Ok(Exit::Done)
 }

@@ -118,12 +118,14 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     let report = request.estimate(&bar.watch())?;
     // The bar must not overwrite the report.
     drop(bar);
-    let Some(report) = report else {
+    let Some(mut report) = report else {
         return stopped_early(args);
     };
+    // Kept with the numbers, so that a page of the JSON has the same decision.
+    report.at_most = args.at_most;
     show(args, &report)?;
     if let Some(file) = &args.junit {
-        write_file(file, junit(&[report.suite(args.at_most)]).as_bytes())?;
+        write_file(file, junit(&[report.suite()]).as_bytes())?;
     }
     if let Some(dir) = &args.keep {
         for line in request.keep(&report, dir)? {
@@ -303,6 +305,7 @@ mod tests {
             ratio_between: between.map(|it| it.map(estimate)),
             surrogate_errors_m: Vec::new(),
             cost: RiskCost::default(),
+            at_most: None,
         }
     }
 

@@ -214,6 +214,8 @@ fn a_risk_without_a_result_is_an_error_in_its_file_and_on_its_page() {
     std::fs::write(&file, &output.stdout).expect("written");
     let output = brakecheck(&["report", &file]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
+    // The JSON has the limit, so no case is missing.
+    assert_eq!(cases(&path(&dir, "risk.junit.xml")), found);
     let page = std::fs::read_to_string(path(&dir, "risk.html")).expect("a page");
     assert!(page.contains("fails in at most") && page.contains("Risk of nominal"));
     std::fs::write(&file, "{\"egos\": 3}").expect("written");

@@ -455,6 +455,7 @@ impl<'a> Estimation<'a> {
             ratio_between,
             surrogate_errors_m: self.surrogate_errors_m,
             cost: self.cost,
+            at_most: None,
         };
         if report.is_result() {
             return report;

@@ -136,6 +136,9 @@ pub struct RiskReport {
     pub surrogate_errors_m: Vec<Option<f64>>,
     /// Runs.
     pub cost: RiskCost,
+    /// Greatest ratio that is allowed, if one is (`--at-most`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<f64>,
 }
 
 /// Weighted runs of an ego, which are pooled.
@@ -555,6 +558,7 @@ mod tests {
             ratio_between: None,
             surrogate_errors_m: Vec::new(),
             cost: RiskCost::default(),
+            at_most: None,
         }
     }
 

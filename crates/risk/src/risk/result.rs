@@ -16,7 +16,7 @@ impl RiskReport {
     /// Returns a suite with a case per ego, and one for a limit on the ratio.
     ///
     /// A refused estimate is an error in both, because nothing is known then.
-    pub fn suite(&self, at_most: Option<f64>) -> TestSuite {
+    pub fn suite(&self) -> TestSuite {
         let case = |name: String, outcome| TestCase {
             class: format!("risk.{}", self.world),
             name,
@@ -31,7 +31,7 @@ impl RiskReport {
             };
             case(format!("estimate of {}", ego.ego), outcome)
         });
-        let limit = at_most.map(|limit| {
+        let limit = self.at_most.map(|limit| {
             let egos: Vec<&str> = self.egos.iter().map(|it| it.ego.as_str()).collect();
             let name = format!("ratio of {} at most {limit}", egos.join(" to "));
             let outcome = match self.egos.iter().find_map(reason) {
@@ -79,7 +79,7 @@ impl RiskReport {
         ResultPage {
             kind: format!("risk, {}", self.world),
             verdict: verdict.next().unwrap_or_default(),
-            is_bad: !self.is_result(),
+            is_bad: !self.is_result() || self.at_most.is_some_and(|limit| self.is_above(limit)),
             notes: verdict
                 .chain(self.details().lines().map(str::to_owned))
                 .collect(),
