@@ -147,6 +147,9 @@ pub struct DecidedGate {
     pub gate: Gate,
     /// Newly failing starts by avoidability.
     pub newly_failing_by: NewlyFailingCounts,
+    /// Values of `--on` by which the gate was decided.
+    #[serde(with = "as_json::words")]
+    pub on: Vec<GateOn>,
     /// Values of `--on` that close the gate, with an adversary or without. Empty: it is open.
     #[serde(with = "as_json::words")]
     pub closed_by: Vec<GateOn>,
@@ -276,6 +279,7 @@ impl Gate {
         }
         DecidedGate {
             newly_failing_by: self.newly_failing_by(),
+            on: requested,
             closed_by,
             without_adversary: alone,
             gate: self,
@@ -290,17 +294,35 @@ impl DecidedGate {
         if self.newly_failing_by != gate.newly_failing_by() {
             return Some("`newly_failing_by` does not count `newly_failing`".to_owned());
         }
-        let excused = |on: &&GateOn| !matches!(on, GateOn::Severity) && gate.closing(**on) == 0;
-        if let Some(on) = self.closed_by.iter().find(excused)
-            && self.without_adversary.is_none()
-        {
-            let on: &str = on.into();
-            return Some(format!("`closed_by` has {on}, for which no start fails"));
+        let again = self.undecided().decided(&self.on);
+        if again.closed_by != self.closed_by {
+            let words = |all: &[GateOn]| {
+                let words: Vec<&str> = all.iter().map(<&str>::from).collect();
+                format!("[{}]", words.join(", "))
+            };
+            return Some(format!(
+                "`closed_by` is {}, but `on` and the starts give {}",
+                words(&self.closed_by),
+                words(&again.closed_by)
+            ));
+        }
+        let alone = self.without_adversary.as_ref();
+        if let Some(why) = alone.and_then(|alone| alone.contradiction()) {
+            return Some(format!("`without_adversary`: {why}"));
         }
         let changed = [&gate.newly_failing, &gate.newly_fixed, &gate.no_answer];
         let changed: usize = changed.iter().map(|starts| starts.len()).sum();
         (gate.compared < changed.max(gate.both_fail))
             .then(|| "`compared` has fewer starts than the changes".to_owned())
+    }
+
+    /// Returns the comparison before its decision.
+    fn undecided(&self) -> Gate {
+        let alone = self.without_adversary.as_ref();
+        Gate {
+            without_adversary: alone.map(|alone| Box::new(alone.undecided())),
+            ..self.gate.clone()
+        }
     }
 
     /// Returns whether the gate blocks the new ego.

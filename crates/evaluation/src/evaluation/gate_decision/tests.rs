@@ -351,3 +351,29 @@ fn a_failure_is_not_called_old_if_the_baseline_did_not_run() {
     let unknown = why((StartOutcome::Invalid, None));
     assert!(unknown.ends_with("or that did not run"), "{unknown}");
 }
+
+#[test]
+fn an_edited_decision_contradicts_its_starts() {
+    let read = |edit: &dyn Fn(&mut serde_json::Value)| {
+        let mut compared = gate(&[FAILS, HELD], &[HELD, HELD]);
+        compared.without_adversary = Some(Box::new(gate(&[FAILS, HELD], &[HELD, HELD])));
+        let mut value = serde_json::to_value(compared.decided(&[GateOn::Any])).expect("JSON");
+        edit(&mut value);
+        serde_json::from_value::<DecidedGate>(value)
+    };
+    let sound = read(&|_| ()).expect("a gate");
+    assert_eq!((sound.contradiction(), sound.is_closed()), (None, true));
+    let opened = read(&|gate| gate["closed_by"] = serde_json::json!([]));
+    let why = opened.expect("a gate").contradiction().expect("edited");
+    assert_eq!(why, "`closed_by` is [], but `on` and the starts give [any]");
+    let alone = read(&|gate| gate["without_adversary"]["closed_by"] = serde_json::json!([]));
+    let why = alone.expect("a gate").contradiction().expect("edited");
+    assert!(
+        why.starts_with("`without_adversary`: `closed_by` is []"),
+        "{why}"
+    );
+    let without = read(&|gate| {
+        gate.as_object_mut().expect("an object").remove("on");
+    });
+    assert!(without.is_err());
+}
