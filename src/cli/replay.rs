@@ -102,7 +102,9 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     }
     show(args, recorded, &replayed)?;
     if regressions.is_recorded_ego() && !recorded {
-        note_absent_egos(&regressions);
+        let instead = "the world's own ego was replayed\n  help: repeat the record with `--expect \
+                       recorded`, or name your ego with `--ego` or after `--`";
+        note_absent_egos(&regressions, instead);
     }
     regressions.check_faults(&replayed)?;
     let exit = exit(args, regressions.is_recorded_ego(), &replayed);
@@ -157,8 +159,8 @@ fn show(args: &ReplayArgs, recorded: bool, replayed: &[Replayed]) -> Result<(), 
     terminal::data(&answer.text(args.answer))
 }
 
-/// Notes egos of records that are not here, so that the world's ego is not taken for them.
-fn note_absent_egos(regressions: &Regressions) {
+/// Notes egos of records that are not here, so that `instead` is not taken for them.
+pub(super) fn note_absent_egos(regressions: &Regressions, instead: &str) {
     let absent = regressions.absent_egos();
     let Some((path, ego)) = absent.first() else {
         return;
@@ -170,10 +172,7 @@ fn note_absent_egos(regressions: &Regressions) {
             path.display()
         ),
     };
-    terminal::note(&format!(
-        "{files}, which is in no file: the world's own ego was replayed\n  help: repeat the \
-         record with `--expect recorded`, or name your ego with `--ego` or after `--`"
-    ));
+    terminal::note(&format!("{files}, which is in no file: {instead}"));
 }
 
 /// Returns the exit code of the replays.

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use super::failure::{Exit, Failure};
+use super::replay::note_absent_egos;
 use super::report_args::ReportArgs;
 use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use crate::crashes::{Regressions, ReplayQuestion, replay_page};
@@ -46,8 +47,18 @@ pub(super) fn of_crashes(args: &ReportArgs) -> Result<Exit, Failure> {
     let suite = kept.suite(&replayed, ReplayQuestion::StillFails);
     let usual = args.run.join("report.html");
     write(args, &usual, page, vec![suite])?;
-    // Checked last, so that the page shows the faults, too.
+    // Checked last, so that the page shows what is wrong, too.
+    if kept.is_recorded_ego() {
+        let instead = "its recorded commands were repeated\n  help: name your ego with `--ego` or \
+                       after `--`";
+        note_absent_egos(&kept, instead);
+    }
     kept.check_faults(&replayed)?;
+    // A record that is not reproduced explains the broken rules.
+    if kept.is_recorded_ego() {
+        Regressions::check_records(&replayed)?;
+    }
+    Regressions::check_answers(&replayed)?;
     Ok(Exit::Done)
 }
 

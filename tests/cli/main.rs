@@ -343,6 +343,10 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
         .find(|p| p.extension().is_some_and(|e| e == "csv"))
         .expect("a csv");
     tamper(&csv);
+    let page = path(&dir, "kept.html");
+    let output = brakecheck(&["report", &kept, "-o", &page]);
+    assert_eq!(code(&output), 4, "{}", stderr(&output));
+    assert!(Path::new(&page).is_file());
     let file = csv.with_extension("ron").display().to_string();
     let output = brakecheck(&["replay", &file]);
     assert_eq!(

@@ -80,7 +80,7 @@ fn a_replay_that_ends_in_a_broken_rule_is_no_answer_and_never_fixed() {
 
 #[test]
 fn replays_that_answer_nothing_do_not_pass() {
-    let (_dir, kept, ego) = keep(&[NO_ANSWER]);
+    let (dir, kept, ego) = keep(&[NO_ANSWER]);
     let output = brakecheck(&["replay", &kept, "--ego", &ego]);
     assert_eq!(code(&output), 3, "{}", stderr(&output));
     let message = stderr(&output);
@@ -88,6 +88,10 @@ fn replays_that_answer_nothing_do_not_pass() {
         message.contains("no replay gives an answer") && message.contains("broke"),
         "{message}"
     );
+    let page = path(&dir, "page.html");
+    let output = brakecheck(&["report", &kept, "-o", &page, "--ego", &ego]);
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(Path::new(&page).is_file());
     // With one answer more they do, and say how many are open.
     let (_dir, kept, ego) = keep(&[NO_ANSWER, "light_ado-nominal-0000"]);
     let output = brakecheck(&["replay", &kept, "--ego", &ego]);

@@ -430,7 +430,14 @@ impl Regressions {
     /// # Errors
     /// A replay differs. The message names the first sample and signal.
     pub fn reproduce(&self) -> Result<(), RegressionError> {
-        let replayed = self.replay_recorded()?;
+        Self::check_records(&self.replay_recorded()?)
+    }
+
+    /// Checks that all replays of the recorded egos have the recorded bits.
+    ///
+    /// # Errors
+    /// A replay differs. The message names the first sample and signal.
+    pub fn check_records(replayed: &[Replayed]) -> Result<(), RegressionError> {
         let differing = replayed.iter().filter(|replayed| !replayed.is_reproduced());
         let differ: Vec<String> = differing
             .map(|replayed| {
