@@ -6,7 +6,7 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 25] = [
+const MISTAKES: [Mistake; 27] = [
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
         "acc search",
@@ -55,6 +55,21 @@ const MISTAKES: [Mistake; 25] = [
         &["crash.jpg", ".svg"],
     ),
     (
+        "search tests/regressions/acc-nominal-0001.ron",
+        &[
+            "acc-nominal-0001.ron:2:5",
+            "this is a kept counterexample",
+            "`brakecheck replay FILE`",
+        ],
+    ),
+    (
+        "replay tests/regressions/acc-nominal-0001.csv",
+        &[
+            "has the samples of a kept counterexample",
+            "`tests/regressions/acc-nominal-0001.ron`",
+        ],
+    ),
+    (
         "export tests/regressions",
         &["--output <DIR>", "usage: brakecheck export"],
     ),
@@ -97,4 +112,38 @@ fn files_that_hold_no_world_are_named() {
             "{words}: {said}"
         );
     }
+}
+
+#[test]
+fn a_run_in_place_of_a_world_is_answered_with_its_world() {
+    let dir = scratch();
+    let run = dir.path().join("run");
+    std::fs::create_dir(&run).expect("made");
+    std::fs::write(run.join("world.ron"), "").expect("written");
+    for verb in ["check", "train"] {
+        let output = run_with(dir.path(), &[], &[verb, "run"]);
+        let said = stderr(&output);
+        assert_eq!(code(&output), 2, "{said}");
+        assert!(
+            said.contains("`run` is a run") && said.contains("`run/world.ron`"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn a_kept_file_that_is_cut_off_is_damaged() {
+    let dir = scratch();
+    let kept = root().join("tests/regressions/acc-nominal-0001.ron");
+    let text = std::fs::read_to_string(kept).expect("kept");
+    for length in [text.len() / 2, 60, 5, 0] {
+        std::fs::write(dir.path().join("cut.ron"), &text[..length]).expect("written");
+        let output = run_with(dir.path(), &[], &["replay", "cut.ron"]);
+        let said = stderr(&output);
+        assert_eq!(code(&output), 3, "{length}: {said}");
+        assert!(said.contains("cut off"), "{length}: {said}");
+    }
+    std::fs::write(dir.path().join("cut.ron"), "(name: 3)").expect("written");
+    let output = run_with(dir.path(), &[], &["replay", "cut.ron"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
 }

@@ -48,6 +48,13 @@ impl From<&LoadError> for Failure {
         match error {
             LoadError::Scenario(error) => Failure::from(&**error),
             LoadError::Io { file, .. } => {
+                let world = Path::new(file).join("world.ron");
+                if world.is_file() {
+                    return Failure::input(
+                        format!("`{file}` is a run, and no world"),
+                        format!("name its world: `{}`", world.display()),
+                    );
+                }
                 // A mistyped name of a shipped world is a frequent mistake.
                 let stem = Path::new(file).file_stem().and_then(|stem| stem.to_str());
                 let known = guessed(
@@ -202,12 +209,25 @@ impl From<&KeptError> for Failure {
         match error {
             KeptError::Run(error) => Failure::from(error),
             KeptError::World { source, .. } => Failure::from(&**source),
+            KeptError::Format { path, .. } if is_beside_kept(path) => Failure::input(
+                format!(
+                    "`{}` has the samples of a kept counterexample",
+                    path.display()
+                ),
+                format!("name its file: `{}`", path.with_extension("ron").display()),
+            ),
             KeptError::Format { .. } | KeptError::Change { .. } => Failure::input(
                 error.to_string(),
                 "kept counterexamples are written by `brakecheck eval RUN --keep DIR`",
             ),
         }
     }
+}
+
+/// Returns whether a file is the CSV file beside a kept counterexample.
+fn is_beside_kept(path: &Path) -> bool {
+    let is_csv = path.extension().is_some_and(|it| it == "csv");
+    is_csv && path.with_extension("ron").is_file()
 }
 
 impl From<&RegressionError> for Failure {

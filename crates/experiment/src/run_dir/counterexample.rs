@@ -97,6 +97,14 @@ pub struct Counterexample {
     pub world_file: String,
 }
 
+/// Returns whether a text begins as kept files of this format do, or is cut off before.
+fn begins_as_kept(text: &str) -> bool {
+    let head = format!("(format:{FORMAT},");
+    let visible = text.chars().filter(|c| !c.is_whitespace());
+    let begin: String = visible.take(head.len()).collect();
+    head.starts_with(&begin)
+}
+
 /// Failure to use a kept counterexample.
 #[derive(Debug, thiserror::Error)]
 pub enum KeptError {
@@ -228,16 +236,21 @@ impl Counterexample {
             path: path.into(),
             why,
         };
-        let kept: Counterexample =
-            ron::from_str(text).map_err(|error| format(error.to_string()))?;
-        if kept.format != FORMAT {
-            return Err(format(format!("format {} is not {FORMAT}", kept.format)));
-        }
-        let hash = kept.sha256.as_deref().unwrap_or_default();
         let damaged = |why| RunError::Damaged {
             path: path.into(),
             why,
         };
+        let kept: Counterexample = ron::from_str(text).map_err(|error| {
+            if begins_as_kept(text) {
+                KeptError::from(damaged(format!("it is cut off or was edited, {error}")))
+            } else {
+                format(error.to_string())
+            }
+        })?;
+        if kept.format != FORMAT {
+            return Err(format(format!("format {} is not {FORMAT}", kept.format)));
+        }
+        let hash = kept.sha256.as_deref().unwrap_or_default();
         content_hash::check(text, hash).map_err(damaged)?;
         let changed = kept.change.ego.0.values().copied();
         let commands = kept

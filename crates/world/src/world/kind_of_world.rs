@@ -1,5 +1,7 @@
 //! Kind of world that the first word of a file names.
 
+use std::ops::Range;
+
 use crate::ron_file::{Problem, did_you_mean, first_word, known_names};
 
 /// Kind of world that a file describes.
@@ -15,6 +17,14 @@ pub(super) enum WorldKind {
 ///
 /// Other mistakes are left to the reader.
 pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
+    if let Some(span) = kept(text) {
+        return Err(Problem {
+            what: "this is a kept counterexample, and no world".to_owned(),
+            span,
+            label: "begins a kept counterexample".to_owned(),
+            help: Some("replay it: `brakecheck replay FILE`".to_owned()),
+        });
+    }
     let Some(span) = first_word(text) else {
         return Ok(WorldKind::Scenario);
     };
@@ -35,4 +45,13 @@ pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
             })
         }
     }
+}
+
+/// Returns the place of the first field of a kept counterexample, if a text is one.
+fn kept(text: &str) -> Option<Range<usize>> {
+    let inside = text.trim_start().strip_prefix('(')?.trim_start();
+    let after = inside.strip_prefix("format")?;
+    let start = text.len() - inside.len();
+    let end = text.len() - after.len();
+    after.trim_start().starts_with(':').then_some(start..end)
 }

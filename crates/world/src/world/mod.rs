@@ -196,7 +196,8 @@ impl Scenario {
                 Respelled::<ScenarioFile>::of(text).value.is_some()
             }
             Ok(kind_of_world::WorldKind::Grid) => read::parse::<GridFile>(text).is_ok(),
-            Err(_) => false,
+            // A file of another kind hides no mistakes of a world.
+            Err(_) => true,
         }
     }
 }
