@@ -1,6 +1,6 @@
 //! JUnit XML as a CI server reads it: the cases stay, and no open question passes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use quick_junit::{NonSuccessKind, Report, TestCaseStatus};
 
@@ -258,4 +258,35 @@ for message in map(json.loads, sys.stdin):
     assert_eq!(found.len(), 20, "{found:?}");
     assert!(found.keys().all(|name| name.contains("coast")), "{found:?}");
     assert!(!of(&found, "failed").is_empty(), "{found:?}");
+}
+
+#[test]
+fn rows_of_two_seeds_have_cases_of_their_own() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let rows = ["0", "1"].map(|seed| {
+        let asked = ["eval", &run, "--starts", "6", "--seed", seed, "--json"];
+        let output = brakecheck(&asked);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let file = path(&dir, &format!("rows{seed}.json"));
+        std::fs::write(&file, &output.stdout).expect("written");
+        file
+    });
+    let html = path(&dir, "page.html");
+    let given = ["--rows", &rows[0], "--rows", &rows[1]];
+    let asked = ["report", &run, "-o", &html, "--starts", "6"];
+    let output = brakecheck(&[&asked[..], &given].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = std::fs::read_to_string(path(&dir, "page.junit.xml")).expect("JUnit");
+    let report = Report::deserialize_from_str(&text).expect("well-formed");
+    let cases = report.test_suites.iter().flat_map(|it| &it.test_cases);
+    let names: BTreeSet<(String, String)> = cases
+        .map(|case| {
+            let class = case.classname.as_ref().expect("a class");
+            (class.as_str().to_owned(), case.name.as_str().to_owned())
+        })
+        .collect();
+    assert!(report.tests >= 12, "{text}");
+    assert_eq!(names.len(), report.tests, "{text}");
 }

@@ -107,7 +107,8 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Vec<TestCase> {
     let cases = RowCases {
         row,
         outcomes: tested.outcomes.as_deref(),
-        class: format!("{}.{}", row.world, row.plant),
+        // Rows of several seeds have the same names of starts.
+        class: format!("{}.{}.seed{}", row.world, row.plant, row.start_seed),
         requirement: report.scenario.requirement.clone(),
     };
     cases.cases(
