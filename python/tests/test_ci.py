@@ -129,6 +129,16 @@ def test_the_action_fails_with_the_code_of_the_program(project):
     assert done.returncode == 2 and "unmatched quote" in done.stdout, done.stdout + done.stderr
 
 
+def test_a_page_that_fails_hides_no_result(project):
+    done = action(project, {"arguments": "crashes", "report": "nowhere"})
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert cases(project / "brakecheck-results/junit.xml") == ["1", "1"]
+    passing = {"arguments": "crashes -- python3 my_ego.py", "report": "nowhere"}
+    done = action(project, passing)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert cases(project / "brakecheck-results/junit.xml") == ["1", "0"]
+
+
 def test_the_action_installs_the_binary_of_its_release_if_its_sum_is_right(tmp_path):
     (install, *_) = yaml.safe_load((ROOT / "action.yml").read_text())["runs"]["steps"]
     name = f"brakecheck-{version('brakecheck')}-x86_64-unknown-linux-gnu"
