@@ -63,6 +63,8 @@ impl Opened {
         // The first five of the eight magic bytes of MCAP.
         if head.starts_with(b"\x89MCAP") {
             Some("mcap")
+        } else if is_osi(bytes.get_ref()) {
+            Some("osi")
         } else if is_xml && text.contains("<OpenSCENARIO") {
             Some("xosc")
         } else if is_xml {
@@ -71,6 +73,17 @@ impl Opened {
             None
         }
     }
+}
+
+/// Returns whether bytes begin with a message behind its length, as OSI traces do.
+fn is_osi(bytes: &[u8]) -> bool {
+    let Some((length, rest)) = bytes.split_first_chunk() else {
+        return false;
+    };
+    let length = u32::from_le_bytes(*length);
+    // The least length that four characters of a text would be, such as tabs.
+    let is_text = length >= u32::from_le_bytes(*b"\t\t\t\t");
+    length > 0 && !is_text && length as usize <= rest.len()
 }
 
 impl Read for Opened {
@@ -112,4 +125,28 @@ fn stdin_bytes() -> Result<Vec<u8>> {
         return Err(Error::new(ErrorKind::FileTooLarge, why));
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bytes_of_standard_input_select_its_format() {
+        let format = |bytes: &[u8]| Opened::Stdin(io::Cursor::new(bytes.to_vec())).format();
+        let cases: [(&[u8], Option<&str>); 7] = [
+            (b"\x89MCAP0\r\n", Some("mcap")),
+            (b"<?xml?><OpenSCENARIO>", Some("xosc")),
+            (b"<fcd-export>", Some("xml")),
+            // A message of three bytes, and the length of the next one.
+            (b"\x03\0\0\0\x0a\x01\x08\x03\0\0\0", Some("osi")),
+            (b"time,id,x,y\n0.0,1,2.0,3.0\n", None),
+            // A message that is cut off is no sign of a trace.
+            (b"\x09\0\0\0\x0a", None),
+            (b"", None),
+        ];
+        for (bytes, expected) in cases {
+            assert_eq!(format(bytes), expected, "{bytes:?}");
+        }
+    }
 }

@@ -75,7 +75,7 @@ impl LawBinder<'_, '_> {
         match law {
             AdoLawFile::Markov(file) => {
                 let labels: Vec<String> = (0..set.len()).map(|it| set.label(it)).collect();
-                self.markov(place, &labels, file).map(LawKind::Markov)
+                self.markov(place, name, &labels, file).map(LawKind::Markov)
             }
             AdoLawFile::Fitted(file) => self.fitted(place, name, set, Some(file)),
         }
@@ -84,13 +84,24 @@ impl LawBinder<'_, '_> {
     fn markov(
         &mut self,
         place: &ValuePath,
+        name: &str,
         labels: &[String],
         file: &MarkovFile,
     ) -> Option<MarkovLaw> {
         let transitions = match transitions(file, labels.len()) {
             Ok(transitions) => transitions,
             Err(what) => {
-                let help = format!("the actions are {}", labels.join(", "));
+                let (actions, written) = (labels.len(), actions_of(file));
+                let list = labels.join(", ");
+                let (what, help) = match written.filter(|it| *it != actions) {
+                    Some(written) => (
+                        format!("the ado `{name}` has {actions} actions, and this law {written}"),
+                        format!(
+                            "it is for another world: name its own traffic, or write a law for {list}"
+                        ),
+                    ),
+                    None => (what, format!("the actions are {list}")),
+                };
                 self.problems.add(place, what, "not a law", Some(help));
                 return None;
             }
@@ -199,13 +210,26 @@ impl LawBinder<'_, '_> {
     }
 }
 
+/// Returns the number of actions that a law is written for, if its lists agree on one.
+fn actions_of(file: &MarkovFile) -> Option<usize> {
+    let rows = file.transitions.iter().flatten().map(Vec::len);
+    let lists = [&file.stay, &file.leave]
+        .into_iter()
+        .flatten()
+        .map(Vec::len);
+    let number_of_rows = file.transitions.as_ref().map(Vec::len);
+    let mut all = lists.chain(number_of_rows).chain(rows);
+    let first = all.next()?;
+    all.all(|other| other == first).then_some(first)
+}
+
 /// Returns the rows of a law, each of sum 1.
 pub(super) fn transitions(file: &MarkovFile, actions: usize) -> Result<Vec<Vec<f64>>, String> {
     match (&file.stay, &file.leave, &file.transitions) {
         (None, None, Some(rows)) => {
             if rows.len() != actions || rows.iter().any(|row| row.len() != actions) {
                 return Err(format!(
-                    "`transitions` has {actions} rows of {actions} weights"
+                    "`transitions` requires {actions} rows of {actions} weights"
                 ));
             }
             let rows: Option<Vec<Vec<f64>>> = rows.iter().map(|row| shares(row)).collect();
@@ -215,7 +239,7 @@ pub(super) fn transitions(file: &MarkovFile, actions: usize) -> Result<Vec<Vec<f
             let inside = stay.iter().all(|it| (0.0..=1.0).contains(it));
             if [stay.len(), leave.len()] != [actions; 2] || !inside {
                 return Err(format!(
-                    "`stay` has {actions} probabilities, and `leave` {actions} weights"
+                    "`stay` requires {actions} probabilities, and `leave` {actions} weights"
                 ));
             }
             let row = |last: usize| {
@@ -383,10 +407,10 @@ mod tests {
         assert_eq!(law[1], [0.0, 1.0]);
         let law = transitions(&rows(&[&[1.0, 3.0], &[0.0, 2.0]]), 2).expect("a law");
         assert_eq!(law, [[0.25, 0.75], [0.0, 1.0]]);
-        let number = "`stay` has 2 probabilities, and `leave` 2 weights";
+        let number = "`stay` requires 2 probabilities, and `leave` 2 weights";
         let weight = "a row of `transitions` has no weight, or one below 0";
         let either = "a Markov law has either `stay` and `leave`, or `transitions`";
-        let rows_of = "`transitions` has 2 rows of 2 weights";
+        let rows_of = "`transitions` requires 2 rows of 2 weights";
         let both = MarkovFile {
             transitions: rows(&[&[1.0, 0.0], &[0.0, 1.0]]).transitions,
             ..file(&[0.5, 0.5], &[1.0, 1.0])

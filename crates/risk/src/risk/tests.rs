@@ -346,7 +346,12 @@ fn mistakes_in_traffic_have_a_place_and_a_fix() {
         (
             "[0.7, 0.95, 0.5]",
             "[0.7, 0.95]",
-            "`stay` has 3 probabilities",
+            "`stay` requires 3 probabilities",
+        ),
+        (
+            "0.5],\n        leave: [",
+            "0.5, 0.5, 0.5, 0.5],\n        leave: [1.0, 1.0, 1.0, ",
+            "the ado `ado` has 3 actions, and this law 6",
         ),
         ("{ \"-3\": 1.0 }", "{ \"-4\": 1.0 }", "unknown action `-4`"),
         ("ado.speed / 25", "ado.sped / 25", "ado.sped"),
