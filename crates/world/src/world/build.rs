@@ -95,13 +95,11 @@ fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
 ///
 /// Formulas may then mention all signals of the world.
 fn are_complete(agents: &Agents<'_>, file: &ScenarioFile) -> bool {
-    let single = [
-        agents.weather.is_some(),
-        agents.road_ado.is_some(),
-        agents.turns.is_some(),
-    ];
-    let single = single.into_iter().filter(|it| *it).count();
-    let read = agents.entries.len() + agents.light_entries.len() + single;
+    let read = agents.entries.len()
+        + agents.light_entries.len()
+        + usize::from(agents.weather.is_some())
+        + usize::from(agents.road_ado.is_some())
+        + usize::from(agents.turns.is_some());
     let names: HashSet<&str> = file.agents.iter().map(AgentFile::name).collect();
     let are_named = names.iter().all(|name| check::is_identifier(name));
     agents.ego.is_some() && are_named && [read, names.len()] == [file.agents.len(); 2]

@@ -219,8 +219,7 @@ fn misspelt(file: &str, text: &str, runs: &dyn RunSource, first: Problem) -> Vec
             Ok(Some(_)) => None,
             Err(later) => Some(later),
         };
-        let later = later.unwrap_or_default().into_iter();
-        problems.extend(later.map(|problem| Problem {
+        problems.extend(later.into_iter().flatten().map(|problem| Problem {
             span: read.original(&problem.span),
             ..problem
         }));
