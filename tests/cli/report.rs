@@ -352,7 +352,7 @@ fn every_ego_of_a_page_about_points_leaves_out_its_own_failures() {
     for (ego, starts) in [("nominal", "/2)"), ("weak.ron", "/1)")] {
         let mut rows = html
             .split("<tr")
-            .filter(|row| row.contains(&format!(">{ego}</td>")) && row.contains(">hold</td>"));
+            .filter(|row| row.contains(&format!("{ego}</td>")) && row.contains(">hold</td>"));
         let row = rows.next().expect("a row of held actions");
         assert!(row.contains(starts), "{ego}: {row}");
     }
