@@ -11,6 +11,17 @@ use crate::crashes::Regressions;
 /// # Errors
 /// There is none, or one is damaged.
 pub(super) fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Failure> {
+    let is_csv = what.extension().is_some_and(|it| it == "csv");
+    let beside = what.with_extension("ron");
+    if is_csv && beside.is_file() {
+        return Err(Failure::input(
+            format!(
+                "`{}` has the samples of a kept counterexample",
+                what.display()
+            ),
+            format!("name its file: `{}`", beside.display()),
+        ));
+    }
     if !input::is_stdin(what) {
         return Ok(Regressions::find(what, episode)?);
     }

@@ -209,25 +209,12 @@ impl From<&KeptError> for Failure {
         match error {
             KeptError::Run(error) => Failure::from(error),
             KeptError::World { source, .. } => Failure::from(&**source),
-            KeptError::Format { path, .. } if is_beside_kept(path) => Failure::input(
-                format!(
-                    "`{}` has the samples of a kept counterexample",
-                    path.display()
-                ),
-                format!("name its file: `{}`", path.with_extension("ron").display()),
-            ),
             KeptError::Format { .. } | KeptError::Change { .. } => Failure::input(
                 error.to_string(),
                 "kept counterexamples are written by `brakecheck eval RUN --keep DIR`",
             ),
         }
     }
-}
-
-/// Returns whether a file is the CSV file beside a kept counterexample.
-fn is_beside_kept(path: &Path) -> bool {
-    let is_csv = path.extension().is_some_and(|it| it == "csv");
-    is_csv && path.with_extension("ron").is_file()
 }
 
 impl From<&RegressionError> for Failure {
