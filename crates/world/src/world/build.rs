@@ -93,13 +93,11 @@ fn within(origin: WorldOrigin<'_>, text: &str) -> Assembled {
 
 /// Returns whether every agent of a file was read, under a name of its own.
 ///
-/// Formulas may then mention all signals of the world.
+/// Formulas may then mention all signals of the world. The signals of weather and of a road
+/// that an ado lays depend on their bounds, so a mistake in them leaves a world incomplete.
 fn are_complete(agents: &Agents<'_>, file: &ScenarioFile) -> bool {
-    let read = agents.entries.len()
-        + agents.light_entries.len()
-        + usize::from(agents.weather.is_some())
-        + usize::from(agents.road_ado.is_some())
-        + usize::from(agents.turns.is_some());
+    let turns = usize::from(agents.turns.is_some());
+    let read = agents.entries.len() + agents.light_entries.len() + turns;
     let names: HashSet<&str> = file.agents.iter().map(AgentFile::name).collect();
     let are_named = names.iter().all(|name| check::is_identifier(name));
     agents.ego.is_some() && are_named && [read, names.len()] == [file.agents.len(); 2]
@@ -241,7 +239,7 @@ fn assemble(
     let catalogue = spec.catalogue().into_iter();
     let offers = catalogue.map(|offer| (offer.signal, offer.range));
     let mut language = Language::new(spec.clock.sample_s, offers, constants);
-    spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
+    spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals)?;
     let (mut names, ego_spec) =
         language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     if is_sound && !judged.is_empty() {

@@ -103,7 +103,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let offers = catalogue.map(|offer| (offer.signal, offer.range));
     // The clock of a grid counts steps of 1.
     let mut language = Language::new(1.0, offers, spec.constants.clone());
-    spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
+    spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals)?;
     let (names, ego_spec) =
         language.specification(&mut problems, &file.formulas, &file.ego_spec)?;
     for rule in &rules {

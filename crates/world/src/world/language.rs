@@ -58,18 +58,26 @@ impl Language {
     }
 
     /// Adds the derived signals of the file, in order.
+    ///
+    /// # Errors
+    /// There are mistakes so far, and one is the name of a signal.
     pub(super) fn derive(
         &mut self,
         problems: &mut Problems,
         path: &ValuePath,
         file: &Ordered<SignalFile>,
-    ) -> Vec<Derived> {
+    ) -> Result<Vec<Derived>, Vec<Problem>> {
         let mut all = Vec::new();
+        let mut are_named = true;
         for (i, (name, signal)) in file.0.iter().enumerate() {
             // Later names are needed for a helpful error: a signal only uses
             // signals above it.
             let later: Vec<&str> = file.0.keys().skip(i).map(String::as_str).collect();
-            let derived = self.derive_one(problems, &path.to(name), &later, signal);
+            let key = path.to(name);
+            let before = problems.len();
+            check::signal_name(problems, &key, name, self.ranges.contains_key(name));
+            are_named &= problems.len() == before;
+            let derived = self.derive_one(problems, &key, &later, signal);
             if derived.is_none() && !self.ranges.contains_key(name) {
                 // Declared nevertheless, so that formulas with it are no second error.
                 self.ranges.insert(name.clone(), usual_range(""));
@@ -77,7 +85,11 @@ impl Language {
             }
             all.extend(derived);
         }
-        all
+        // Formulas with the name that was meant would be second errors.
+        if !are_named {
+            problems.done()?;
+        }
+        Ok(all)
     }
 
     /// Adds the first of `names`, of which the others are declared later.
@@ -95,7 +107,6 @@ impl Language {
             Some(_) => key.to("expr"),
             None => key.clone(),
         };
-        check::signal_name(problems, key, name, self.ranges.contains_key(name));
         let expr: Expr = match signal.expr().parse() {
             Ok(expr) => expr,
             Err(error) => {
