@@ -291,6 +291,10 @@ impl<'a> RealTime<'a> {
                 self.send_episode(None);
             }
             Err(problems) => {
+                // Every save repeats a mistake that is not mended yet.
+                if self.problems.as_ref() != Some(&problems) {
+                    (self.note)(&problems);
+                }
                 self.problems = Some(problems.clone());
                 self.hub.send(None, &PageMessage::Problems(problems));
             }

@@ -50,6 +50,13 @@ impl WatchedFiles {
         }
         is_changed
     }
+
+    /// Returns the first file that was there and is missing now.
+    pub fn missing(&self) -> Option<&Path> {
+        let mut files = self.files.iter();
+        let missing = files.find(|(file, seen)| seen.is_some() && stamp_of(file).is_none());
+        missing.map(|(file, _)| file.as_path())
+    }
 }
 
 fn stamp_of(file: &Path) -> Option<Stamp> {
@@ -70,8 +77,11 @@ mod tests {
         assert!(!watched.changed());
         std::fs::write(&first, "12").expect("written");
         assert!(watched.changed() && !watched.changed());
+        // A file that never was is not missing.
+        assert_eq!(watched.missing(), None);
         std::fs::remove_file(&first).expect("removed");
         assert!(!watched.changed());
+        assert_eq!(watched.missing(), Some(first.as_path()));
         std::fs::write(&second, "").expect("written");
         assert!(watched.changed() && !watched.changed());
         std::fs::write(&second, "between").expect("written");
