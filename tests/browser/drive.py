@@ -18,8 +18,11 @@ WORLDS = Path(__file__).parents[2] / "worlds"
 
 
 @contextmanager
-def drive(browser, *arguments, cwd, before="", size=(1280, 800)):
-    """A page on a drive, which ends with the block. The script `before` runs first."""
+def drive(browser, *arguments, cwd, before="", size=(1280, 800), terminal=None):
+    """A page on a drive, which ends with the block. The script `before` runs first.
+
+    The list `terminal` gets what the program has printed.
+    """
     command = [PROGRAM, "drive", *map(str, arguments), "--json"]
     program = subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -38,6 +41,8 @@ def drive(browser, *arguments, cwd, before="", size=(1280, 800)):
         program.send_signal(signal.SIGINT)
         _, messages = program.communicate(timeout=20)
     assert program.returncode == 0, messages
+    if terminal is not None:
+        terminal.append(messages)
 
 
 def seconds(page: Page) -> float:
@@ -115,16 +120,116 @@ def test_a_broken_world_shows_its_problem_and_a_mended_one_its_scene(browser, tm
     world = tmp_path / "mine.ron"
     shutil.copy(WORLDS / "acc.ron", world)
     text = world.read_text()
-    with drive(browser, world, "--watch", cwd=tmp_path) as page:
+    said = []
+    with drive(browser, world, "--watch", cwd=tmp_path, terminal=said) as page:
         time.sleep(0.1)
         world.write_text(text.replace("horizon_s", "horizom_s", 1))
         problems = page.locator("#problems")
         expect(problems).to_be_visible(timeout=10_000)
         expect(problems).to_contain_text("horizom_s")
+        # A file that is gone has no mistake any more.
+        world.unlink()
+        expect(problems).to_contain_text("the file is gone", timeout=10_000)
+        expect(problems).not_to_contain_text("horizom_s")
         time.sleep(0.1)
         world.write_text(text)
         expect(problems).to_be_hidden(timeout=10_000)
         expect(page.locator("#clock")).to_have_text("0.00 s")
+    # The terminal has each of them once.
+    assert "horizom_s" in said[0] and said[0].count("the file is gone") == 1, said[0]
+
+
+def test_what_the_boxes_show_is_what_space_n_and_r_play(browser, tmp_path):
+    with drive(browser, "acc", cwd=tmp_path) as page:
+        page.locator("#setup summary").click()
+        ego, player, due, wheel = (page.locator(it) for it in ("#ego", "#player", "#due", "#wheel"))
+        # At once where nothing is played yet.
+        ego.select_option("nominal")
+        expect(wheel).to_have_text("The ego drives by itself.")
+        expect(due).to_be_hidden()
+        page.keyboard.press("Space")
+        wait_for_time(page, 0.2)
+        page.keyboard.press("Space")
+        expect(page.locator("#run")).to_contain_text("Go")
+        # Otherwise at the next start, and the page says so.
+        ego.select_option("you")
+        player.select_option("random")
+        expect(due).to_be_visible()
+        expect(page.locator("#begin")).to_have_class("due")
+        expect(wheel).to_have_text("The ego drives by itself.")
+        page.keyboard.press("n")
+        expect(page.locator("#number")).to_have_value("1")
+        expect(wheel).to_have_text("You are at the wheel.")
+        expect(player).to_have_value("random")
+        expect(due).to_be_hidden()
+        page.keyboard.press("Period")
+        expect(page.locator("#clock")).not_to_have_text("0.00 s")
+        player.select_option("neutral")
+        expect(due).to_be_visible()
+        page.keyboard.press("r")
+        expect(page.locator("#clock")).to_have_text("0.00 s")
+        expect(due).to_be_hidden()
+        expect(player).to_have_value("neutral")
+        # A value that is moved at the beginning is played by Space.
+        slider = page.locator("#start-sliders input").first
+        slider.focus()
+        slider.press("End")
+        expect(due).to_be_visible()
+        page.locator("#scene").click()
+        page.keyboard.press("Space")
+        wait_for_time(page, 0.1)
+        expect(page.locator("#number")).to_have_value("")
+        expect(due).to_be_hidden()
+
+
+def play_to_the_end(page: Page) -> str:
+    """Plays without keys, and returns the words of the verdict."""
+    page.locator("#speed").select_option("4")
+    page.keyboard.press("Space")
+    expect(page.locator("#verdict")).to_be_visible(timeout=30_000)
+    expect(page.locator("#run")).to_contain_text("Go", timeout=30_000)
+    return page.locator("#verdict").inner_text()
+
+
+def test_a_failure_is_shown_out_of_the_box_with_its_cause_and_a_foul_is_no_answer(browser, tmp_path):
+    with drive(browser, "merge_fair", cwd=tmp_path) as page:
+        expect(page.locator("#player")).to_have_value("search")
+        expect(page.locator("#note")).to_contain_text("The search found a sequence")
+        words = play_to_the_end(page)
+        assert words.startswith("failed"), words
+        expect(page.locator("#verdict .why")).to_contain_text("is violated at")
+        expect(page.locator("#verdict .why")).to_contain_text("full braking")
+        expect(page.locator("#note")).to_have_text("")
+    with drive(browser, "acc", cwd=tmp_path) as page:
+        # Without keys the ego keeps its speed, and the ado of the search breaks its rule.
+        words = play_to_the_end(page)
+        assert words.startswith("foul") and "no answer" in words, words
+
+
+def test_a_start_without_a_sequence_is_named_and_can_be_driven(browser, tmp_path):
+    with drive(browser, "yellow_light_fixed", cwd=tmp_path) as page:
+        note = page.locator("#note")
+        for number in ("0", "1"):
+            expect(page.locator("#number")).to_have_value(number)
+            expect(note).to_contain_text("The search found no sequence")
+            expect(note).to_contain_text(f"start {number}")
+            expect(page.locator("#verdict")).to_be_hidden()
+            play_to_the_end(page)
+            expect(note).to_have_text("")
+            page.keyboard.press("n")
+
+
+def test_the_verdict_and_the_actions_are_in_sight_beside_an_open_panel(browser, tmp_path):
+    for size in [(1280, 800), (420, 800)]:
+        with drive(browser, "merge_fair", cwd=tmp_path, size=size) as page:
+            page.locator("#setup summary").click()
+            play_to_the_end(page)
+            controls = page.locator("footer").bounding_box()
+            verdict = page.locator("#verdict").bounding_box()
+            assert verdict["y"] + verdict["height"] <= controls["y"], (size, verdict, controls)
+            if size[0] > 820:
+                action = page.locator("#actions .chosen").bounding_box()
+                assert action["y"] + action["height"] <= controls["y"], (size, action, controls)
 
 
 def test_a_second_page_watches(browser, tmp_path):
@@ -228,7 +333,7 @@ def test_the_number_of_the_start_is_shown_and_can_be_entered(browser, tmp_path):
         # The same values are the same start, with all bits of its noise.
         page.locator("#setup summary").click()
         page.locator("#begin").click()
-        expect(page.locator("#note")).to_have_text("")
+        expect(page.locator("#note")).to_contain_text("from start 2")
         page.wait_for_timeout(500)
         expect(number).to_have_value("2")
         # Values of your own are no test start.

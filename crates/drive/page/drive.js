@@ -44,6 +44,51 @@ function who(now) {
   return stage?.setup.ego === "you" || !stage ? "You are at the wheel." : "The ego drives by itself.";
 }
 
+/** Drivers that the boxes show. */
+function players() {
+  const moved = panel.egoValues().filter((it) => it.touched).map((it) => [it.name, it.value]);
+  return { ego: byId("ego").value, ado: byId("player").value, ego_values: Object.fromEntries(moved) };
+}
+
+/** True if the boxes show something else than what is played. */
+function isChosenAnew() {
+  if (!stage || state.wheel !== page) return false;
+  const { setup } = stage, now = players();
+  return now.ego !== setup.ego || now.ado !== setup.ado
+    || Object.entries(now.ego_values).some(([name, value]) => setup.ego_values[name] !== value)
+    || panel.startValues().some((it, at) => it.value !== setup.start[at]);
+}
+
+/** Says that a choice is not played yet. */
+function showChoice() {
+  const isDue = isChosenAnew();
+  byId("begin").classList.toggle("due", isDue);
+  byId("due").hidden = !isDue;
+  if (isDue) forgetOpening();
+}
+
+/** Words about the search of this start, until something is played. */
+let opening = "";
+/** True until the state that follows a new stage. */
+let isNewStage = false;
+/** True if the stage that is asked for goes at once. */
+let goesAtOnce = false;
+
+/** Says what the search found from a start. */
+function sayOpening(number) {
+  const { search_found: isFound, setup } = stage;
+  const from = number === null || number === undefined ? "this start" : `start ${number}`;
+  const whose = setup.ego === "you" ? "the world's own ego" : "the ego";
+  opening = "";
+  if (isFound === true) opening = `The search found a sequence with which ${whose} fails from ${from}. Press Go.`;
+  if (isFound === false) opening = `The search found no sequence with which ${whose} fails from ${from}, so the adversary is neutral here. Press Go to drive, or N for the next start.`;
+  if (opening) byId("note").textContent = opening;
+}
+function forgetOpening() {
+  if (opening && byId("note").textContent === opening) byId("note").textContent = "";
+  opening = "";
+}
+
 function newest() { return frames.length - 1; }
 function shownAt() { return looked === null ? newest() : Math.min(looked, newest()); }
 
@@ -51,19 +96,25 @@ const receive = {
   stage(it) {
     stage = it; frames = []; looked = null; replay = null; painted = "";
     scene.setStage(it); panel.setStage(it);
+    panel.cause = "";
     byId("problems").hidden = true;
-    byId("note").textContent = it.setup.ado === "search" ? "The search found a sequence with which the ego fails. Press Go." : "";
+    byId("note").textContent = "";
+    isNewStage = true;
     byId("timeline").max = Math.round(it.horizon_s / it.sample_s);
     action = null;
     byId("keys").textContent = it.seat.ado === undefined
       ? (it.setup.ego === "you" ? "↑ gas   ↓ brake (Shift: hard)   ← → across   Space go / pause" : "Space go / pause")
       : "1 to 9: your action   Space go / pause";
+    if (goesAtOnce) { goesAtOnce = false; ask({ run: true }); }
   },
   geometry(it) { scene.setRoads(it); painted = ""; },
-  frame(it) { frames.push(it); looked = null; arrived = performance.now(); },
-  frames(all) { frames = all; looked = null; arrived = performance.now(); },
+  frame(it) { frames.push(it); looked = null; arrived = performance.now(); forgetOpening(); },
+  frames(all) { frames = all; looked = null; arrived = performance.now(); panel.cause = ""; },
+  cause(text) { panel.cause = text; drawn = null; },
   state(it) {
     state = it; drawn = null;
+    if (isNewStage && newest() < 1) sayOpening(it.number);
+    isNewStage = false;
     byId("speed").value = String(it.speed);
     byId("number").value = it.number ?? "";
     byId("number").disabled = it.wheel !== page;
@@ -71,9 +122,10 @@ const receive = {
     for (const button of document.querySelectorAll("#controls button, #begin")) {
       if (!["camera", "keep", "resume"].includes(button.id)) button.disabled = it.wheel !== page;
     }
+    showChoice();
   },
   kept(name) { byId("note").textContent = `Kept as ${name}`; },
-  note(text) { byId("note").textContent = text; },
+  note(text) { byId("note").textContent = text; goesAtOnce = false; },
   problems(text) { byId("problems").textContent = text; byId("problems").hidden = false; },
   page(id) { page = id; },
 };
@@ -135,28 +187,35 @@ const watch = () => { replay = { from: looked ?? 0, since: performance.now() }; 
 const run = () => {
   if (replay) { replay = null; return; }
   if (state.running) { ask({ run: false }); return; }
+  // At the beginning and after the end, what the boxes show is played.
+  if (isChosenAnew() && (newest() < 1 || state.done)) { begin(); goesAtOnce = true; return; }
   // Only "On from here" and "Again" give up what was driven.
   if (state.done || (looked !== null && looked < newest())) watch(); else goOn();
 };
 const look = (at) => { replay = null; if (state.running) ask({ run: false }); looked = Math.max(0, Math.min(at, newest())); };
-const again = () => ask({ begin: stage.setup });
+/** A search takes seconds in some worlds. */
+const sayWait = () => {
+  if (byId("player").value === "search") byId("note").textContent = "The search looks for a sequence with which the ego fails …";
+};
 const begin = () => {
-  const values = panel.egoValues().filter((it) => it.touched).map((it) => [it.name, it.value]);
-  const ego = byId("ego").value;
-  ask({ begin: {
-    ego, ado: byId("player").value, noise: stage.setup.noise,
-    start: panel.startValues().map((it) => it.value),
-    // Another ego has other parameters.
-    ego_values: ego === stage.setup.ego ? Object.fromEntries(values) : {},
-  } });
+  if (!stage || state.wheel !== page) return;
+  sayWait();
+  ask({ begin: { ...players(), noise: stage.setup.noise, start: panel.startValues().map((it) => it.value) } });
+};
+/** Begins a test start with the drivers that the boxes show. */
+const beginStart = (request) => {
+  if (!stage || state.wheel !== page) return;
+  sayWait();
+  ask({ players: players() });
+  ask(request);
 };
 const camera = () => { scene.fromAbove = !scene.fromAbove; };
 
 // Requests without a value are words.
 const actions = {
-  run, back: () => look(shownAt() - 1), resume: goOn, camera, again, begin,
+  run, back: () => look(shownAt() - 1), resume: goOn, camera, again: begin, begin,
   step: () => (looked !== null && looked < newest() ? look(looked + 1) : ask("step")),
-  next: () => ask("next"), keep: () => ask("keep"),
+  next: () => beginStart("next"), keep: () => ask("keep"),
 };
 for (const [id, act] of Object.entries(actions)) {
   byId(id).addEventListener("click", (event) => { act(); event.currentTarget.blur(); });
@@ -164,15 +223,26 @@ for (const [id, act] of Object.entries(actions)) {
 byId("speed").addEventListener("change", (event) => ask({ speed: Number(event.target.value) }));
 byId("number").addEventListener("change", (event) => {
   const number = Number(event.target.value);
-  if (event.target.value !== "" && Number.isInteger(number) && number >= 0) ask({ start: number });
+  if (event.target.value !== "" && Number.isInteger(number) && number >= 0) beginStart({ start: number });
   event.target.blur();
 });
+for (const id of ["ego", "player"]) {
+  byId(id).addEventListener("change", (event) => {
+    // The keys drive again.
+    event.target.blur();
+    forgetOpening();
+    if (id === "ego") panel.egoSliders(event.target.value);
+    // Nothing is lost where nothing is played yet.
+    if (newest() < 1 && !state.running && isChosenAnew()) begin(); else showChoice();
+  });
+}
+byId("setup").addEventListener("input", showChoice);
 // Arrow keys drive, and must not move the slider.
 byId("timeline").addEventListener("change", (event) => event.target.blur());
 byId("signals").parentElement.addEventListener("toggle", () => { drawn = null; });
 byId("timeline").addEventListener("input", (event) => look(Number(event.target.value)));
 
-const KEYS = { " ": run, ",": actions.back, ".": actions.step, c: camera, r: again, n: actions.next, k: actions.keep };
+const KEYS = { " ": run, ",": actions.back, ".": actions.step, c: camera, r: begin, n: actions.next, k: actions.keep };
 const NAMES = { w: "ArrowUp", s: "ArrowDown", a: "ArrowLeft", d: "ArrowRight" };
 const isTyping = (event) => ["INPUT", "SELECT"].includes(event.target.tagName);
 window.addEventListener("keydown", (event) => {
@@ -240,6 +310,24 @@ const write = (at, text) => { if (at.textContent !== text) at.textContent = text
 const NUMBERS_MS = 100;
 let numbered = 0;
 
+/** Height of a label, and the mean width of its letters and its sides. */
+const LABEL_PX = 19, LETTER_PX = 6.4, SIDES_PX = 12;
+/** Places of the labels where none covers another. The nearest car, lowest in the picture, keeps its own. */
+function apart(places) {
+  const set = [], apart = [...places];
+  const width = (at) => SIDES_PX + LETTER_PX * (labels.children[at]?.textContent.length ?? 0);
+  const order = places.map((_, at) => at).filter((at) => places[at]).sort((a, b) => places[b][1] - places[a][1]);
+  for (const at of order) {
+    const own = { x: places[at][0], y: places[at][1], width: width(at) };
+    const covers = (it) => Math.abs(it.x - own.x) < 0.5 * (it.width + own.width) && Math.abs(it.y - own.y) < LABEL_PX;
+    // Every move leaves at least one label below, so it ends.
+    for (let hit = set.find(covers); hit; hit = set.find(covers)) own.y = hit.y - LABEL_PX - 1;
+    set.push(own);
+    apart[at] = [own.x, own.y];
+  }
+  return apart;
+}
+
 /** What the last picture showed, beside its sample. */
 let painted = "";
 const labels = byId("labels");
@@ -261,14 +349,16 @@ function show(now) {
   if (!isMoving && drawn === frame && painted === view) return;
   painted = view;
   const isDue = !isMoving || now - numbered >= NUMBERS_MS;
-  const places = scene.show(bodiesNow(), frame.phases, frame.seen);
+  const places = apart(scene.show(bodiesNow(), frame.phases, frame.seen));
+  const taken = frame.action?.split(" | ") ?? [];
   while (labels.children.length > stage.geometry.agents.length) labels.lastChild.remove();
   stage.geometry.agents.forEach((agent, i) => {
     const label = labels.children[i] ?? labels.appendChild(document.createElement("div"));
     if (isDue) {
       label.className = agent.role.toLowerCase();
       const unseen = frame.seen?.[i] === false ? ", not seen by the ego" : "";
-      write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s${unseen}`);
+      const action = taken.length === stage.ados.length ? taken[stage.ados.indexOf(agent.name)] : undefined;
+      write(label, `${agent.name} ${frame.speeds_mps[i]?.toFixed(1) ?? ""} m/s${action ? `, ${action}` : ""}${unseen}`);
     }
     if (label.hidden !== !places[i]) label.hidden = !places[i];
     if (!places[i]) return;

@@ -23,7 +23,13 @@ const MOST_JOINT = 4096;
 
 export class Panel {
   /** `choose` is called with an action of your ado that is pressed in its list. */
-  constructor(choose) { this.choose = choose; }
+  constructor(choose) {
+    this.choose = choose;
+    /** Cause of the failure, once the program has it. */
+    this.cause = "";
+    /** Words of the verdict that is shown. */
+    this.said = "";
+  }
 
   setStage(stage) {
     this.stage = stage;
@@ -84,7 +90,6 @@ export class Panel {
     options("ego", stage.egos, egoName, stage.setup.ego);
     options("player", stage.players, (it) => PLAYERS[it], stage.setup.ado);
     this.startValues = this.sliders("start-sliders", stage.start_sliders, {});
-    byId("ego").onchange = () => this.egoSliders(byId("ego").value);
     this.egoSliders(stage.setup.ego);
     // With one ado in your seat there is no other to choose a player for.
     byId("player").disabled = stage.seat.ado !== undefined && stage.ados.length === 1;
@@ -210,6 +215,17 @@ export class Panel {
     banner.hidden = !outcome;
     if (!outcome) return;
     banner.className = `over ${outcome.verdict}`;
-    banner.textContent = `${outcome.words} (decided at ${outcome.time_s.toFixed(2)} s)`;
+    const words = [`${outcome.words} (decided at ${outcome.time_s.toFixed(2)} s)`, this.why(outcome)];
+    // An equal text that is written again is read out again.
+    if (this.said === words.join()) return;
+    this.said = words.join();
+    banner.replaceChildren(...words.filter(Boolean).map((it, at) => element("div", it, at ? "why" : undefined)));
+  }
+
+  /** Why an episode ended so. */
+  why(outcome) {
+    if (outcome.verdict !== "foul") return this.cause;
+    const rule = this.stage.rules[outcome.broken[0]];
+    return `${rule?.ado ?? "An ado"} broke its rule first, so this start gives no answer about the ego.`;
   }
 }

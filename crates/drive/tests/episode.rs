@@ -9,6 +9,14 @@ fn sandbox(world: &str, seat: &str) -> Sandbox {
     Sandbox::new(world, seat).expect("a driving world")
 }
 
+/// A test start with ados that do nothing, so that your keys alone decide.
+fn first(sandbox: &Sandbox, index: usize) -> Setup {
+    Setup {
+        ado: AdoPlayer::Neutral,
+        ..sandbox.first_setup(0, index).expect("a start")
+    }
+}
+
 /// Gas for two seconds, then nothing.
 fn input(sample: usize) -> DriveInput {
     DriveInput {
@@ -32,7 +40,7 @@ fn driven(sandbox: &Sandbox, setup: &Setup) -> DrivenEpisode {
 
 /// An episode in which you drive into the ado, from the first such test start.
 fn crash(sandbox: &Sandbox) -> DrivenEpisode {
-    let starts = (0..50).map(|index| sandbox.first_setup(0, index).expect("a start"));
+    let starts = (0..50).map(|index| first(sandbox, index));
     let mut driven = starts.map(|setup| driven(sandbox, &setup));
     let crash = driven.find(|it| it.episode().verdict.is_success());
     crash.expect("who only accelerates fails")
@@ -41,7 +49,7 @@ fn crash(sandbox: &Sandbox) -> DrivenEpisode {
 #[test]
 fn the_keys_move_the_ego_and_equal_inputs_give_equal_bits() {
     let sandbox = sandbox("acc", "ego");
-    let setup = sandbox.first_setup(0, 0).expect("a start");
+    let setup = first(&sandbox, 0);
     let with_gas = driven(&sandbox, &setup);
     assert_eq!(with_gas.frames(), driven(&sandbox, &setup).frames());
     let mut without = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
@@ -65,7 +73,7 @@ fn the_keys_move_the_ego_and_equal_inputs_give_equal_bits() {
 #[test]
 fn the_way_back_is_the_same_episode_up_to_there() {
     let mut sandbox = sandbox("acc", "ego");
-    let mut setup = sandbox.first_setup(0, 0).expect("a start");
+    let mut setup = first(&sandbox, 0);
     // A random player must go on from the moment as if nothing had been played after it.
     setup.ado = AdoPlayer::Random;
     for seat in ["ego", "ado"] {
@@ -128,7 +136,7 @@ fn a_kept_drive_replays_bit_for_bit() {
 #[test]
 fn margins_are_those_of_the_library() {
     let sandbox = sandbox("acc", "ego");
-    let setup = sandbox.first_setup(0, 0).expect("a start");
+    let setup = first(&sandbox, 0);
     let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
     (0..25).for_each(|at| {
         episode.advance(input(at));
@@ -155,7 +163,7 @@ fn margins_are_those_of_the_library() {
 #[test]
 fn an_ado_in_your_seat_does_as_you_say() {
     let sandbox = sandbox("acc", "ado");
-    let setup = sandbox.first_setup(0, 0).expect("a start");
+    let setup = first(&sandbox, 0);
     assert_eq!(setup.ego, "nominal");
     let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
     let labels = sandbox.action_labels()[0].clone();
@@ -184,17 +192,54 @@ fn a_search_finds_a_sequence_for_the_ado() {
     setup.ado = AdoPlayer::Search;
     let mut found = 0;
     for index in 0..5 {
-        setup.start = sandbox.first_setup(0, index).expect("a start").start;
-        match DrivenEpisode::begin(&sandbox, &setup) {
-            Ok(mut episode) => {
-                while episode.advance(DriveInput::default()).is_some() {}
-                assert!(episode.episode().verdict.is_success(), "start {index}");
-                found += 1;
-            }
-            Err(error) => assert!(matches!(error, DriveError::NothingFound), "{error}"),
-        }
+        setup.start = first(&sandbox, index).start;
+        let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
+        let is_found = episode.search_found().expect("it was searched");
+        while episode.advance(DriveInput::default()).is_some() {}
+        assert!(
+            !is_found || episode.episode().verdict.is_success(),
+            "start {index}"
+        );
+        found += usize::from(is_found);
     }
     assert!(found > 0, "the search succeeds from some of five starts");
+}
+
+#[test]
+fn a_start_without_a_sequence_can_be_driven_with_neutral_ados() {
+    // Its yellow is long enough for every start.
+    let sandbox = sandbox("yellow_light_fixed", "ego");
+    let setup = sandbox.first_setup(0, 0).expect("a start");
+    assert_eq!(setup.ado, AdoPlayer::Search);
+    let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
+    assert_eq!(episode.search_found(), Some(false));
+    drive(&mut episode);
+    let neutral = sandbox.world().spaces().neutral;
+    let actions = episode.episode().actions;
+    assert!(!actions.is_empty() && actions.iter().all(|action| *action == neutral));
+    // Nothing was searched where another player was chosen.
+    let setup = first(&sandbox, 0);
+    let episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
+    assert_eq!(episode.search_found(), None);
+}
+
+#[test]
+fn a_world_shows_a_failure_out_of_the_box_with_its_cause() {
+    let sandbox = sandbox("merge_fair", "ego");
+    let setup = sandbox.first_setup(0, 0).expect("a start");
+    assert_eq!((setup.ego.as_str(), setup.ado), ("you", AdoPlayer::Search));
+    let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
+    assert_eq!(episode.search_found(), Some(true));
+    assert!(episode.why().is_none(), "nothing has failed yet");
+    while episode.advance(DriveInput::default()).is_some() {}
+    assert!(episode.episode().verdict.is_success());
+    let why = episode.why().expect("a failure").to_string();
+    assert!(why.contains("is violated at"), "{why}");
+    assert!(why.contains("full braking"), "{why}");
+    // Your own ado obeys you alone.
+    let own = Sandbox::new(sandbox.world().clone(), "ado").expect("a seat");
+    let setup = own.first_setup(0, 0).expect("a start");
+    assert_eq!(setup.ado, AdoPlayer::Neutral);
 }
 
 #[test]
@@ -213,7 +258,7 @@ fn what_cannot_be_driven_is_refused_by_name() {
     );
     let sandbox = sandbox("acc", "ego");
     let begin = |change: &dyn Fn(&mut Setup)| {
-        let mut setup = sandbox.first_setup(0, 0).expect("a start");
+        let mut setup = first(&sandbox, 0);
         change(&mut setup);
         DrivenEpisode::begin(&sandbox, &setup)
             .err()
@@ -246,7 +291,7 @@ fn straight_roads_are_drawn_as_far_as_you_drive() {
         }
         let sandbox = Sandbox::new(world, "ego").expect("a driving world");
         for index in 0..3 {
-            let setup = sandbox.first_setup(0, index).expect("a start");
+            let setup = first(&sandbox, index);
             let mut episode = DrivenEpisode::begin(&sandbox, &setup).expect("it begins");
             let stage = episode.stage();
             let border = &stage.lane_borders_m[0];
@@ -287,7 +332,7 @@ fn the_page_gets_which_bodies_the_ego_sees() {
     let near = Sandbox::new(near, "ego").expect("a driving world");
     let mut counts = [0, 0];
     for index in 0..20 {
-        let setup = near.first_setup(0, index).expect("a start");
+        let setup = first(&near, index);
         let episode = DrivenEpisode::begin(&near, &setup).expect("it begins");
         let frame = serde_json::to_value(&episode.frames()[0]).expect("JSON");
         let agents = &episode.stage().agents;
@@ -304,7 +349,7 @@ fn the_page_gets_which_bodies_the_ego_sees() {
     assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
     // Nothing can hide a body from perfect sensors.
     let perfect = sandbox("acc", "ego");
-    let setup = perfect.first_setup(0, 0).expect("a start");
+    let setup = first(&perfect, 0);
     let episode = DrivenEpisode::begin(&perfect, &setup).expect("it begins");
     let frame = serde_json::to_value(&episode.frames()[0]).expect("JSON");
     assert!(frame.get("seen").is_none());

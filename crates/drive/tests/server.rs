@@ -213,6 +213,57 @@ fn a_start_has_its_number_until_it_has_values_of_your_own() {
 }
 
 #[test]
+fn chosen_players_drive_the_next_start() {
+    served(|page| {
+        let mut events = page.events();
+        let me = events.1;
+        let ask = |ask: Value| assert_eq!(page.post(&json!({"page": me, "ask": ask})).0, 200);
+        let first = events.wait("stage")["setup"].clone();
+        assert_eq!(
+            (&first["ego"], &first["ado"]),
+            (&json!("you"), &json!("search"))
+        );
+        ask(json!({"players": {"ego": "nominal", "ado": "neutral"}}));
+        ask(json!("next"));
+        let second = events.wait("stage");
+        let setup = &second["setup"];
+        assert_eq!(
+            (&setup["ego"], &setup["ado"]),
+            (&json!("nominal"), &json!("neutral"))
+        );
+        assert_ne!(setup["start"], first["start"]);
+        assert_eq!(second["search_found"], Value::Null);
+        // They stay, and values of a parameter are theirs.
+        ask(
+            json!({"players": {"ego": "nominal", "ado": "neutral", "ego_values": {"time_gap_s": 0.75}}}),
+        );
+        ask(json!({"start": 5}));
+        assert_eq!(
+            events.wait("stage")["setup"]["ego_values"]["time_gap_s"],
+            0.75
+        );
+        ask(json!("next"));
+        assert_eq!(
+            events.wait("stage")["setup"]["ego_values"]["time_gap_s"],
+            0.75
+        );
+        assert_eq!(events.wait("state")["number"], 6);
+        // Who is unknown is refused, and the present start stays with its number.
+        ask(json!({"players": {"ego": "no_such", "ado": "neutral"}}));
+        ask(json!("next"));
+        let note = events.wait("note");
+        assert!(
+            note.as_str().is_some_and(|it| it.contains("no_such")),
+            "{note}"
+        );
+        assert_eq!(events.wait("state")["number"], 6);
+        ask(json!("next"));
+        assert_eq!(events.wait("stage")["setup"]["ego"], "nominal");
+        assert_eq!(events.wait("state")["number"], 7);
+    });
+}
+
+#[test]
 fn a_second_page_watches_until_the_first_is_gone() {
     served(|page| {
         let mut first = page.events();

@@ -41,9 +41,6 @@ pub enum DriveError {
     /// No run with a trained ado was given.
     #[error("there is no trained ado: name a run directory")]
     NotTrained,
-    /// The search has no sequence from this start.
-    #[error("the search found no sequence with which the ego fails from this start")]
-    NothingFound,
     /// A moment that was not played.
     #[error("sample {sample} was not played")]
     NotPlayed {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::frame::DriveFrame;
 use super::input::DriveInput;
-use super::sandbox::{DriveSeat, Sandbox, Setup, Slider};
+use super::sandbox::{DriveSeat, Players, Sandbox, Setup, Slider};
 use super::session::DrivenEpisode;
 use crate::scene::{BodyFigure, SceneGeometry};
 use crate::search::AdoPlayer;
@@ -25,6 +25,8 @@ pub enum DriveRequest {
     Back(usize),
     /// Begin an episode with these values.
     Begin(Setup),
+    /// Drivers of the next test start, instead of the present ones.
+    Players(Players),
     /// Begin the test start after the present one.
     Next,
     /// Begin the test start of a number.
@@ -58,6 +60,8 @@ pub enum PageMessage {
         /// Number of the test start. `None`: it has values of your own.
         number: Option<usize>,
     },
+    /// Cause of the failure that was played, as one sentence.
+    Cause(String),
     /// File of the kept counterexample, as the terminal has it.
     Kept(String),
     /// A message for the person at the page.
@@ -75,6 +79,8 @@ pub struct Stage {
     pub question: String,
     /// Setup of the episode.
     pub setup: Setup,
+    /// Whether the search found a sequence. `None`: no search plays the ados.
+    pub search_found: Option<bool>,
     /// Your seat.
     pub seat: DriveSeat,
     /// Time between two samples.
@@ -138,6 +144,7 @@ impl Stage {
             world: world.name().to_owned(),
             question: world.question().to_owned(),
             setup: episode.setup().clone(),
+            search_found: episode.search_found(),
             seat: sandbox.seat().clone(),
             sample_s: clock.sample_s,
             horizon_s: clock.horizon_s,

@@ -24,7 +24,7 @@ pub use frame::{DriveFrame, DriveOutcome};
 pub use input::DriveInput;
 pub use message::{DriveRequest, PageMessage, Stage, StageRule};
 pub use real_time::DriveSettings;
-pub use sandbox::{DriveSeat, Sandbox, Setup, Slider};
+pub use sandbox::{DriveSeat, Players, Sandbox, Setup, Slider};
 pub use server::{DriveEnded, serve};
 pub use session::DrivenEpisode;
 pub use watched::{Reload, Reloaded, WatchedWorld};

@@ -8,7 +8,7 @@ use super::error::DriveError;
 use super::hub::Hub;
 use super::input::DriveInput;
 use super::message::{DriveRequest, PageMessage, Stage};
-use super::sandbox::{Sandbox, Setup};
+use super::sandbox::{Players, Sandbox, Setup};
 use super::session::DrivenEpisode;
 use super::watched::WatchedWorld;
 use crate::world::Scenario;
@@ -55,6 +55,10 @@ pub(super) struct RealTime<'a> {
     index: usize,
     /// Position of the episode's test start. `None`: values of your own.
     number: Option<usize>,
+    /// Drivers that are chosen for the next test start.
+    players: Option<Players>,
+    /// Cause of the failure that was played to its end.
+    cause: Option<String>,
     input: DriveInput,
     running: bool,
     speed: f64,
@@ -80,6 +84,8 @@ impl<'a> RealTime<'a> {
             sandbox,
             settings,
             hub,
+            players: None,
+            cause: None,
             input: DriveInput::default(),
             running: false,
             speed: 1.0,
@@ -133,6 +139,15 @@ impl<'a> RealTime<'a> {
         if self.episode.is_done() {
             self.running = false;
             self.send_state(None);
+            // It takes replays, so the page shows the end before.
+            self.cause = self.episode.why().map(|why| why.to_string());
+            self.send_cause(None);
+        }
+    }
+
+    fn send_cause(&self, to: Option<u64>) {
+        if let Some(cause) = &self.cause {
+            self.hub.send(to, &PageMessage::Cause(cause.clone()));
         }
     }
 
@@ -151,6 +166,7 @@ impl<'a> RealTime<'a> {
         let stage = Stage::of(&self.sandbox, &self.episode);
         self.hub.send(to, &PageMessage::Stage(Box::new(stage)));
         self.send_frames(to);
+        self.send_cause(to);
         if let Some(problems) = &self.problems {
             self.hub.send(to, &PageMessage::Problems(problems.clone()));
         }
@@ -194,7 +210,10 @@ impl<'a> RealTime<'a> {
             }
             DriveRequest::Speed(_) => {}
             DriveRequest::Back(sample) => self.back(sample),
-            DriveRequest::Begin(setup) => self.begin(&setup),
+            DriveRequest::Begin(setup) => {
+                self.begin(&setup);
+            }
+            DriveRequest::Players(players) => self.players = Some(players),
             DriveRequest::Next => self.start(self.index.saturating_add(1)),
             DriveRequest::Start(index) => self.start(index),
             DriveRequest::Keep => self.keep(),
@@ -210,23 +229,32 @@ impl<'a> RealTime<'a> {
     fn back(&mut self, sample: usize) {
         self.running = false;
         match self.episode.back_to(sample) {
-            Ok(()) => self.send_frames(None),
+            Ok(()) => {
+                // The end that it explains is gone.
+                self.cause = None;
+                self.send_frames(None);
+            }
             Err(error) => self.refuse(&error),
         }
         self.send_state(None);
     }
 
-    fn begin(&mut self, setup: &Setup) {
+    /// Begins an episode. `false`: it is refused, and the present one stays.
+    fn begin(&mut self, setup: &Setup) -> bool {
         self.running = false;
-        match DrivenEpisode::begin(&self.sandbox, setup) {
+        let begun = DrivenEpisode::begin(&self.sandbox, setup);
+        let is_begun = begun.is_ok();
+        match begun {
             Ok(episode) => {
                 self.episode = episode;
+                self.cause = None;
                 self.number = self.number_of(setup);
                 self.send_episode(None);
             }
             Err(error) => self.refuse(&error),
         }
         self.send_state(None);
+        is_begun
     }
 
     /// Returns the position of a setup's test start, if it is the present one.
@@ -236,21 +264,31 @@ impl<'a> RealTime<'a> {
         drawn.ok().filter(is_drawn).map(|_| self.index)
     }
 
-    /// Begins a test start, with the players of the present episode.
+    /// Begins a test start, with the chosen players or those of the present episode.
     fn start(&mut self, index: usize) {
         let present = self.episode.setup().clone();
+        let players = self.players.take().unwrap_or(Players {
+            ego: present.ego,
+            ado: present.ado,
+            ego_values: present.ego_values,
+        });
         let first = match index {
             0..=MOST_STARTS => self.sandbox.first_setup(self.settings.seed, index),
             _ => Err(DriveError::NoStart { index }),
         };
         match first {
             Ok(first) => {
-                self.index = index;
-                self.begin(&Setup {
+                let before = std::mem::replace(&mut self.index, index);
+                let is_begun = self.begin(&Setup {
+                    ego: players.ego,
+                    ado: players.ado,
                     start: first.start,
                     noise: first.noise,
-                    ..present
+                    ego_values: players.ego_values,
                 });
+                if !is_begun {
+                    self.index = before;
+                }
             }
             Err(error) => {
                 self.refuse(&error);
@@ -313,6 +351,7 @@ impl<'a> RealTime<'a> {
                 .map_err(|it| it.to_string())?,
         };
         self.episode = DrivenEpisode::begin(&sandbox, &setup).map_err(|it| it.to_string())?;
+        self.cause = None;
         self.sandbox = sandbox;
         self.number = self.number_of(&setup);
         Ok(())

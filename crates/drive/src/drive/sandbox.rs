@@ -11,6 +11,7 @@ use super::hand::Hand;
 use crate::experiment::{EgoUnderTest, consent_to, test_start};
 use crate::rl::Policy;
 use crate::scene::Start;
+use crate::scene::drive::EgoDrive;
 use crate::search::{AdoPlayer, JointActions};
 use crate::world::{Change, Scenario};
 
@@ -41,6 +42,19 @@ pub struct Setup {
     /// Seed of all noise, as a text in messages: numbers of a page have 53 bits.
     #[serde(serialize_with = "to_text", deserialize_with = "from_text")]
     pub noise: u64,
+    /// Other values of the ego's parameters.
+    #[serde(default)]
+    pub ego_values: IndexMap<String, f64>,
+}
+
+/// Drivers of the test starts that follow.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Players {
+    /// Ego, as in [`Setup`].
+    pub ego: String,
+    /// Player of the ados.
+    pub ado: AdoPlayer,
     /// Other values of the ego's parameters.
     #[serde(default)]
     pub ego_values: IndexMap<String, f64>,
@@ -191,8 +205,19 @@ impl Sandbox {
         if self.trained.is_some() {
             players.push(AdoPlayer::Trained);
         }
-        players.extend([AdoPlayer::Neutral, AdoPlayer::Search, AdoPlayer::Random]);
+        players.extend(if self.is_searched_first() {
+            [AdoPlayer::Search, AdoPlayer::Neutral, AdoPlayer::Random]
+        } else {
+            [AdoPlayer::Neutral, AdoPlayer::Search, AdoPlayer::Random]
+        });
         players
+    }
+
+    /// Returns whether a search plays the ados unless you choose another player.
+    fn is_searched_first(&self) -> bool {
+        // Your own ado obeys you alone. A search takes more runs than a program plays soon.
+        let is_foreign = self.world.ego().is_some_and(EgoDrive::is_foreign);
+        self.seat == DriveSeat::Ego && self.ados().next().is_some() && !is_foreign
     }
 
     /// Returns the first setup: the test start of an index.
@@ -311,6 +336,8 @@ impl Sandbox {
         } else {
             ego.clone()
         };
+        // The world's own ego may be a program that you have not allowed.
+        consent_to(std::slice::from_ref(&ego)).ok()?;
         JointActions::searched(&ego, &Start(setup.start.clone()), setup.noise)
     }
 }

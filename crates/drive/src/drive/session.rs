@@ -10,12 +10,13 @@ use super::frame::{DriveFrame, DriveOutcome};
 use super::hand::Hand;
 use super::input::DriveInput;
 use super::sandbox::{DriveSeat, Sandbox, Setup};
+use crate::crashes::root_cause::why;
 use crate::ego::Command;
 use crate::experiment::{EgoUnderTest, verdict_instant};
 use crate::report::outcome_in_words;
 use crate::rl::Spaces;
 use crate::rulebook::Verdict;
-use crate::run_dir::AdversaryId;
+use crate::run_dir::{AdversaryId, Why};
 use crate::scene::{SceneGeometry, Start};
 use crate::search::{AdoPlayer, JointActions};
 use crate::testbench::{Aftermath, Episode, Testbench};
@@ -28,6 +29,8 @@ pub struct DrivenEpisode {
     bench: Testbench,
     hand: Hand,
     player: JointActions,
+    /// Whether the search found a sequence. `None`: no search plays the ados.
+    search_found: Option<bool>,
     /// Joint actions so far, one per decision.
     actions: Vec<usize>,
     /// Inputs so far, one per sample after the first.
@@ -51,14 +54,17 @@ fn with_own(spaces: &Spaces, joint: usize, ado: usize, own: Option<usize>) -> us
 impl DrivenEpisode {
     /// Begins an episode, with the sample at 0 s.
     ///
+    /// The ados are neutral where the search finds no sequence from the start.
+    ///
     /// # Errors
-    /// The setup does not fit the world, or the search finds nothing from the start.
+    /// The setup does not fit the world.
     pub fn begin(sandbox: &Sandbox, setup: &Setup) -> Result<DrivenEpisode, DriveError> {
         let hand = Hand::default();
         let ego = sandbox.ego(&setup.ego, &setup.ego_values, &hand)?;
         check_start(sandbox, setup)?;
         let bench = ego.scenario().bench();
         let spaces = bench.spaces();
+        let mut search_found = None;
         let player = match setup.ado {
             AdoPlayer::Neutral => JointActions::neutral(spaces),
             AdoPlayer::Random => JointActions::random(spaces),
@@ -68,7 +74,9 @@ impl DrivenEpisode {
             }
             AdoPlayer::Search => {
                 let found = sandbox.searched(&ego, setup);
-                found.ok_or(DriveError::NothingFound)?
+                search_found = Some(found.is_some());
+                // The start can be driven nevertheless.
+                found.unwrap_or_else(|| JointActions::neutral(spaces))
             }
         };
         let mut episode = DrivenEpisode {
@@ -78,6 +86,7 @@ impl DrivenEpisode {
             bench,
             hand,
             player,
+            search_found,
             actions: Vec::new(),
             inputs: Vec::new(),
             frames: Vec::new(),
@@ -89,6 +98,11 @@ impl DrivenEpisode {
     /// Returns the setup.
     pub fn setup(&self) -> &Setup {
         &self.setup
+    }
+
+    /// Returns whether the search found a sequence. `None`: no search plays the ados.
+    pub fn search_found(&self) -> Option<bool> {
+        self.search_found
     }
 
     /// Returns the static content.
@@ -236,6 +250,22 @@ impl DrivenEpisode {
         let start = Start(self.setup.start.clone());
         let actions = self.actions.clone();
         self.bench.episode(&start, self.setup.noise, actions)
+    }
+
+    /// Returns the cause of a failure that is played to its end. `None`: nothing failed.
+    ///
+    /// Your commands are repeated in its replays, so an answer takes no program.
+    pub fn why(&self) -> Option<Why> {
+        if !self.is_done() {
+            return None;
+        }
+        let episode = self.episode();
+        let is_failure = matches!(
+            episode.verdict,
+            Verdict::Counterexample { .. } | Verdict::Uncounted { .. }
+        );
+        let world = self.ego.scenario().repeating(&episode);
+        is_failure.then(|| why(&world, &episode, None))
     }
 
     /// Returns the ego.
