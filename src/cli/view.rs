@@ -239,7 +239,7 @@ fn draw(
     let use_of_it = match format {
         PictureFormat::Svg => "any browser plays it",
         #[cfg(feature = "raster")]
-        PictureFormat::Png => "a still of its end",
+        PictureFormat::Png => "a still of its decisive moment",
         #[cfg(feature = "raster")]
         PictureFormat::Gif => "it plays in a loop",
     };

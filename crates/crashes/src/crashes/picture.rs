@@ -49,7 +49,7 @@ pub enum ViewKind {
 pub enum PictureFormat {
     /// `.svg`, which plays in any browser.
     Svg,
-    /// `.png`, which shows the end, for slides and documents.
+    /// `.png`, which shows the decisive moment, for slides and documents.
     #[cfg(feature = "raster")]
     Png,
     /// `.gif`, which plays everywhere.
@@ -157,7 +157,7 @@ const FRAME_S: f64 = 0.08;
 
 /// Draws a replayed counterexample as the bytes of a file.
 ///
-/// As [`picture`]. A PNG file shows the end, 1800 pixels wide. A GIF file plays, 900
+/// As [`picture`]. A PNG file shows the contact, or else the violation, 1800 pixels wide. A GIF file plays, 900
 /// pixels wide, and has at most [`MOST_GIF_BYTES`](crate::raster::MOST_GIF_BYTES).
 ///
 /// # Errors
@@ -172,7 +172,7 @@ pub fn picture_as(
     match format {
         PictureFormat::Svg => Ok(picture.svg().into_bytes()),
         #[cfg(feature = "raster")]
-        PictureFormat::Png => Ok(PixelImage::of(&picture.svg(), STILL_SCALE)?.png()?),
+        PictureFormat::Png => Ok(PixelImage::of(&picture.still(), STILL_SCALE)?.png()?),
         #[cfg(feature = "raster")]
         PictureFormat::Gif => Ok(looping_gif(frames(&picture))?),
     }

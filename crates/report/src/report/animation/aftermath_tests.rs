@@ -116,4 +116,14 @@ fn bodies_that_roll_on_cover_the_place_of_the_contact() {
         let seen = format!(".{class}{{visibility:visible}}");
         assert_eq!(drawn.contains(&seen), is_seen, "{time_s} s");
     }
+    // A still is that of the contact, and not of the end.
+    let still = looping.still();
+    assert!(still.contains(&format!(".{class}{{visibility:visible}}")));
+    let touched = picture.film.recorded - 1;
+    for track in &picture.film.tracks {
+        let turn_deg = write::n(track.heading_rad[touched].to_degrees(), 1);
+        let [x, y] = [track.x_m[touched], track.y_m[touched]].map(|it| write::n(it, 2));
+        let pose = format!("transform:translate({x},{y}) rotate({turn_deg})");
+        assert!(still.contains(&pose), "{pose}");
+    }
 }

@@ -64,6 +64,8 @@ pub struct LoopingPicture {
     head: String,
     tail: String,
     keyframes: Keyframes,
+    /// Time of the episode that a still shows, in seconds.
+    still_s: f64,
 }
 
 impl LoopingPicture {
@@ -75,6 +77,15 @@ impl LoopingPicture {
     /// Returns the duration of the motion in seconds, without the pause after it.
     pub fn motion_s(&self) -> f64 {
         self.keyframes.period.until_s - self.keyframes.period.from_s
+    }
+
+    /// Returns the SVG of the decisive instant of the ego's drive.
+    ///
+    /// It is that of the contact, or else of the violation. Without a failure it is the
+    /// closest approach.
+    pub fn still(&self) -> String {
+        let css = self.keyframes.css_at(self.still_s);
+        [&self.head, css.as_str(), &self.tail].concat()
     }
 
     /// Returns the SVG of an instant, in seconds since the picture begins to move.
@@ -233,6 +244,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> LoopingPi
         head: head.to_owned(),
         tail: tail.to_owned(),
         keyframes,
+        still_s: panels[0].ending.decisive_s,
     }
 }
 

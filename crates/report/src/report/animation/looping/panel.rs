@@ -18,6 +18,8 @@ const EVERY_S: f64 = 0.1;
 const WORDS_S: f64 = 0.5;
 /// Time in which a label jumps to another side of its body, in seconds.
 const JUMP_S: f64 = 0.002;
+/// Distance of a star from the edge at which it is whole, in pixels.
+const STAR_PX: f64 = 16.0;
 /// Width of a letter of a caption. Longer captions are set closer.
 const LETTER_PX: f64 = 7.5;
 
@@ -42,18 +44,21 @@ pub(super) struct LoopPanel<'a> {
 
 /// End of a drive and its outcome in words.
 pub(super) struct DriveEnding {
+    /// Time of the contact, of the violation or of the closest approach.
+    pub decisive_s: f64,
     pub end_s: f64,
     pub words: String,
     pub is_good: bool,
 }
 
-/// Shown samples of a film within a period.
-fn shown(film: &FilmTracks, from_s: f64, until_s: f64) -> Vec<usize> {
+/// Shown samples of a film within a period, with that of its decisive instant.
+fn shown(film: &FilmTracks, from_s: f64, until_s: f64, decisive_s: f64) -> Vec<usize> {
     let (first, last) = (film.at(from_s), film.at(until_s));
+    let decisive = film.at(decisive_s);
     let mut shown = vec![first];
     for i in first + 1..last {
         let before_s = film.times_s[shown[shown.len() - 1]];
-        if EVERY_S - 1e-6 <= film.times_s[i] - before_s {
+        if i == decisive || EVERY_S - 1e-6 <= film.times_s[i] - before_s {
             shown.push(i);
         }
     }
@@ -62,14 +67,26 @@ fn shown(film: &FilmTracks, from_s: f64, until_s: f64) -> Vec<usize> {
     shown
 }
 
+/// Returns whether a star at a place of the picture lies within the half.
+fn is_star_whole(camera: &Camera<'_>, place_m: [f64; 2]) -> bool {
+    let [x, y] = camera.at(place_m);
+    let [width_px, height_px] = camera.canvas.size_px;
+    let is_within = |at_px: f64, side_px: f64| (STAR_PX..=side_px - STAR_PX).contains(&at_px);
+    is_within(x, width_px) && is_within(y, height_px)
+}
+
 impl LoopPanel<'_> {
     /// Pixels per metre at which all agents fit at all times.
     pub(super) fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
-        let shown = shown(self.film, from_s, self.until_s);
+        let shown = self.shown(from_s);
         let scales = shown
             .iter()
             .map(|i| Camera::fitting(self.film, *i, self.ego(), canvas));
         scales.fold(f64::INFINITY, f64::min)
+    }
+
+    fn shown(&self, from_s: f64) -> Vec<usize> {
+        shown(self.film, from_s, self.until_s, self.ending.decisive_s)
     }
 
     fn ego(&self) -> Option<(usize, f64)> {
@@ -78,7 +95,7 @@ impl LoopPanel<'_> {
 
     /// Picture at a given scale.
     pub(super) fn drawn(&self, keyframes: &mut Keyframes, canvas: &Canvas, scale: f64) -> Markup {
-        let shown = shown(self.film, keyframes.period.from_s, self.until_s);
+        let shown = self.shown(keyframes.period.from_s);
         let camera = |i: usize| Camera::at_scale(self.film, i, self.ego(), scale, canvas);
         let cameras: Vec<Camera<'_>> = shown.iter().map(|i| camera(*i)).collect();
         let times = || shown.iter().map(|i| self.film.times_s[*i]);
@@ -105,8 +122,10 @@ impl LoopPanel<'_> {
                         use xlink:href={ "#" (self.picture.part("ground")) } {}
                         (self.lights(keyframes))
                         @if self.goes_on() {
-                            @let turns = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
-                            g class=(keyframes.seen(&turns)) { (self.picture.past_contact(scale)) }
+                            @let cut_s = self.cut_s(&shown, &cameras);
+                            @let begins = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
+                            @let turns: Vec<(f64, bool)> = begins.into_iter().chain(cut_s.map(|at_s| (at_s, false))).collect();
+                            g class=(keyframes.seen(&turns)) visibility=[cut_s.map(|_| "hidden")] { (self.picture.past_contact(scale)) }
                         }
                         @for who in everybody.clone() { (self.body(keyframes, who, &shown)) }
                     }
@@ -178,6 +197,17 @@ impl LoopPanel<'_> {
         self.contact_m.is_some() && self.ending.end_s < self.until_s
     }
 
+    /// Returns the time after the contact from which the edge cuts its star, if it does.
+    fn cut_s(&self, shown: &[usize], cameras: &[Camera<'_>]) -> Option<f64> {
+        let place_m = self.contact_m?;
+        let times = shown.iter().map(|i| self.film.times_s[*i]);
+        let mut later = times
+            .zip(cameras)
+            .skip_while(|(time_s, _)| *time_s <= self.ending.end_s);
+        let cut = later.find(|(_, camera)| !is_star_whole(camera, place_m));
+        cut.map(|(time_s, _)| time_s)
+    }
+
     /// Star of a contact, above the bodies that touch.
     fn star(&self, keyframes: &mut Keyframes, shown: &[usize], cameras: &[Camera<'_>]) -> Markup {
         let places: Vec<[f64; 2]> = self
@@ -193,7 +223,8 @@ impl LoopPanel<'_> {
         if !self.goes_on() {
             return html! { g class=(keyframes.seen(&begins)) { (burst(x, y)) } };
         }
-        let ends = ((self.ending.end_s + STAR_S).min(self.until_s), false);
+        let cut_s = self.cut_s(shown, cameras).unwrap_or(self.until_s);
+        let ends = ((self.ending.end_s + STAR_S).min(cut_s), false);
         let turns = [begins.as_slice(), &[ends]].concat();
         let star = html! { g class=(keyframes.seen(&turns)) visibility="hidden" { (burst(x, y)) } };
         // The camera moves on after the contact, and the place of the contact does not.
@@ -313,6 +344,31 @@ fn words_of(label: &PlacedLabel) -> Markup {
         rect x=(n(-0.5 * w, 1)) width=(n(w, 1)) height=(n(h, 1)) rx="5" {}
         @for (nth, line) in label.lines.iter().enumerate() {
             text class=[(nth == 0).then_some("who")] x="0" y=(n(first_px + 15.0 * nth as f64, 1)) text-anchor="middle" { (line) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::animation::camera::SCREEN;
+
+    #[test]
+    fn a_star_is_whole_within_the_picture_only() {
+        // One pixel per metre.
+        let camera = Camera::still(&SCREEN);
+        let [x, y] = camera.middle_px();
+        let foot_px = SCREEN.size_px[1] - y;
+        for (place_m, is_whole) in [
+            ([0.0, 0.0], true),
+            ([STAR_PX + 1.0 - x, 0.0], true),
+            ([STAR_PX - 1.0 - x, 0.0], false),
+            ([x - STAR_PX + 1.0, 0.0], false),
+            ([0.0, y - STAR_PX + 1.0], false),
+            ([0.0, STAR_PX + 1.0 - foot_px], true),
+            ([0.0, STAR_PX - 1.0 - foot_px], false),
+        ] {
+            assert_eq!(is_star_whole(&camera, place_m), is_whole, "{place_m:?}");
         }
     }
 }

@@ -22,6 +22,7 @@ const BOLD_LETTERS: usize = 116;
 pub(super) fn ending_of(scenario: &Scenario, picture: &Picture<'_>, after_s: f64) -> DriveEnding {
     match &picture.example.episode.contact {
         Some(touch) => DriveEnding {
+            decisive_s: touch.time_s,
             end_s: touch.time_s,
             words: if picture.on_cells {
                 "Caught".to_owned()
@@ -33,14 +34,16 @@ pub(super) fn ending_of(scenario: &Scenario, picture: &Picture<'_>, after_s: f64
         None if !ego_failed(&picture.example.episode) => {
             // Without a failure, the closest approach is the most interesting
             // moment.
-            let end_s = nearest_s(picture, &picture.film, 0.0) + after_s;
+            let nearest_s = nearest_s(picture, &picture.film, 0.0);
             DriveEnding {
-                end_s: end_s.min(picture.film.end_s()),
+                decisive_s: nearest_s,
+                end_s: (nearest_s + after_s).min(picture.film.end_s()),
                 words: capital(&outcome_in_words(scenario, &picture.example.episode)),
                 is_good: true,
             }
         }
         None => DriveEnding {
+            decisive_s: picture.violated_s,
             end_s: (picture.violated_s + after_s).min(picture.film.end_s()),
             words: format!("Broken: {}", picture.broken),
             is_good: false,
@@ -50,7 +53,7 @@ pub(super) fn ending_of(scenario: &Scenario, picture: &Picture<'_>, after_s: f64
 
 /// Captions of the recorded drive: its outcome, then the events after the contact.
 pub(super) fn captions_of(picture: &Picture<'_>, ending: &DriveEnding) -> Vec<(f64, String)> {
-    let mut captions = vec![(ending.end_s, ending.words.clone())];
+    let mut captions = vec![(ending.decisive_s, ending.words.clone())];
     for (time_s, words) in &picture.after {
         match &mut captions[..] {
             // The first collision is that of the contact, which is said already.
@@ -76,6 +79,7 @@ pub(super) fn outcome_of(
 ) -> DriveEnding {
     if let Some(touch) = &filmed.contact {
         return DriveEnding {
+            decisive_s: touch.time_s,
             end_s: touch.time_s,
             words: format!("Contact at {:.1} m/s", touch.closing_speed_mps),
             is_good: false,
@@ -85,6 +89,7 @@ pub(super) fn outcome_of(
     // crash.
     let nearest_s = nearest_s(picture, film, picture.film.recorded_end_s());
     DriveEnding {
+        decisive_s: nearest_s,
         end_s: (nearest_s + after_s).min(film.end_s()),
         words: match filmed.outcome.margin {
             Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
