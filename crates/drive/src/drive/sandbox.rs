@@ -329,15 +329,22 @@ impl Sandbox {
     }
 
     /// Returns the first successful sequence of a search from a start, if it finds any.
-    pub(super) fn searched(&self, ego: &EgoUnderTest, setup: &Setup) -> Option<JointActions> {
+    ///
+    /// # Errors
+    /// The world's own ego is a program that is not allowed.
+    pub(super) fn searched(
+        &self,
+        ego: &EgoUnderTest,
+        setup: &Setup,
+    ) -> Result<Option<JointActions>, DriveError> {
         let ego = if ego.is_own() {
             // Your keys cannot be searched against.
             EgoUnderTest::nominal(&self.world)
         } else {
             ego.clone()
         };
-        // The world's own ego may be a program that you have not allowed.
-        consent_to(std::slice::from_ref(&ego)).ok()?;
-        JointActions::searched(&ego, &Start(setup.start.clone()), setup.noise)
+        consent_to(std::slice::from_ref(&ego))?;
+        let start = Start(setup.start.clone());
+        Ok(JointActions::searched(&ego, &start, setup.noise))
     }
 }

@@ -57,7 +57,7 @@ impl DrivenEpisode {
     /// The ados are neutral where the search finds no sequence from the start.
     ///
     /// # Errors
-    /// The setup does not fit the world.
+    /// The setup does not fit the world, or an ego is a program that is not allowed.
     pub fn begin(sandbox: &Sandbox, setup: &Setup) -> Result<DrivenEpisode, DriveError> {
         let hand = Hand::default();
         let ego = sandbox.ego(&setup.ego, &setup.ego_values, &hand)?;
@@ -73,7 +73,7 @@ impl DrivenEpisode {
                 JointActions::Policy(Arc::clone(policy))
             }
             AdoPlayer::Search => {
-                let found = sandbox.searched(&ego, setup);
+                let found = sandbox.searched(&ego, setup)?;
                 search_found = Some(found.is_some());
                 // The start can be driven nevertheless.
                 found.unwrap_or_else(|| JointActions::neutral(spaces))
