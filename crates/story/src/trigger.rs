@@ -35,6 +35,12 @@ pub(crate) struct ConditionRun {
     holds_since_s: f64,
     /// Result of the expression for long enough. `None` before the first check.
     value: Option<bool>,
+    /// That result at the end of the last earlier instant, which edges start from.
+    ///
+    /// OpenSCENARIO compares evaluations of different times, so what elements do at one
+    /// instant is no edge among itself.
+    earlier: Option<bool>,
+    checked_s: f64,
     /// Outcomes that wait for their delay, in the order of time.
     waiting: VecDeque<(f64, ConditionOutcome)>,
     level: bool,
@@ -49,12 +55,16 @@ impl ConditionRun {
             self.holds_since_s = at_s;
         }
         self.seen = Some(now);
+        if self.checked_s < at_s {
+            self.earlier = self.value;
+        }
+        self.checked_s = at_s;
         let value = now.holds && at_s + SAME_S >= self.holds_since_s + condition.held_s;
-        let outcome = match (condition.edge, self.value) {
-            (ConditionEdge::None, before) => {
-                (before != Some(value)).then_some(ConditionOutcome::Level(value))
+        let outcome = match (condition.edge, self.earlier) {
+            (ConditionEdge::None, _) => {
+                (self.value != Some(value)).then_some(ConditionOutcome::Level(value))
             }
-            // An edge needs a check before it, so the first check has none.
+            // An edge needs a check before it, so the first instant has none.
             (_, None) => None,
             (edge, Some(before)) => is_edge(edge, before, value).then_some(ConditionOutcome::Pulse),
         };

@@ -125,3 +125,79 @@ fn rain_that_begins_on_the_way_makes_the_road_slippery() {
         None
     );
 }
+
+#[test]
+fn differences_from_esmini_are_listed() {
+    let often = |event: &str| {
+        let count = |times: u32| {
+            format!(r#"name="{event}" priority="override" maximumExecutionCount="{times}""#)
+        };
+        edit(count(1), count(2))
+    };
+    let headway = r#"<TimeHeadwayCondition entityRef="Ego" value="1" freespace="false" alongRoute="true" rule="lessThan"/>"#;
+    let late_stop = format!(
+        "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
+        time(9.0, "none", 0.0)
+    );
+    let skips = |Edit { from, to }: Edit| edit(from, to.replace("override", "skip"));
+    let timed = SLOWER.replace(r#""rate""#, r#""time""#);
+    let third_event = beside(&time(8.0, "none", 0.0), FASTER).to;
+    let cases: [(&str, Vec<Edit>); 7] = [
+        (
+            "executions left of an event that another overrides",
+            vec![often("first"), second(&time(3.0, "none", 0.0), FASTER)],
+        ),
+        (
+            "skips that count as executions",
+            vec![skips(second(&time(3.0, "none", 0.0), FASTER))],
+        ),
+        (
+            "stops by other actions or events, which are no ends",
+            vec![second(&after("action", "slower", 0.0), FASTER)],
+        ),
+        (
+            "stop triggers of acts that have not begun",
+            vec![act(time(2.0, "none", 0.0)), edit("<!--act-->", late_stop)],
+        ),
+        (
+            "changes of speed that may begin at their target",
+            vec![often("first"), does(timed)],
+        ),
+        (
+            "lateral motion of agents that may stand",
+            vec![aims_at(STANDING), beside(&time(3.0, "none", 0.0), CENTRE)],
+        ),
+        (
+            "distances along the route",
+            vec![first(watch("Lead", headway))],
+        ),
+    ];
+    let plain = dropped(&imported(&[]));
+    for (kind, edits) in &cases {
+        assert!(!plain.contains(kind), "{kind}");
+        let found = dropped(&imported(edits));
+        assert!(found.contains(kind), "{kind}: {found:?}");
+    }
+    // Nothing but the event that waits may stop the first, and then it has ended.
+    let chain = second(&after("event", "first", 0.0), FASTER);
+    assert!(
+        dropped(&imported(&[chain.clone()]))
+            .iter()
+            .all(|it| !it.starts_with("stops by"))
+    );
+    let third = edit(
+        chain.from.clone(),
+        format!(
+            "{}{}",
+            chain.to,
+            third_event
+                .replace("second", "third")
+                .replace("parallel", "override")
+        ),
+    );
+    assert!(
+        dropped(&imported(&[third]))
+            .iter()
+            .any(|it| it.starts_with("stops by"))
+    );
+}

@@ -294,3 +294,28 @@ fn any_or_all_of_several_agents() {
 fn a_contact_is_a_condition() {
     starts(&of("a", "Collision(entity: \"b\")"), 4.6);
 }
+
+#[test]
+fn an_edge_is_none_between_the_changes_of_one_instant() {
+    // Both begin to wait at 1 s, when `first` starts: nothing was checked before.
+    let begun = "edge: Rising, is: StoryboardElementState(element: \"first\", state: RunningState)";
+    let acts = format!(
+        r#"(variables: [(name: "n", value: 0)], stories: [(name: "story", acts: [(name: "act",
+        start_trigger: [[(is: SimulationTime(rule: GreaterOrEqual, value_s: 1.0))]],
+        maneuver_groups: [(name: "group", actors: ["a"], maneuvers: [
+        (name: "one", events: [{}]), (name: "two", events: [{}])])])])])"#,
+        event("waits", &when(begun)),
+        event(
+            "first",
+            &(speed(20.0, 2.0) + &when("is: SimulationTime(rule: GreaterThan, value_s: 0.5)"))
+        ),
+    );
+    let played = Played::play(&acts, toy(), 6.0, 0.1);
+    played.expect("first", &[("Start", 1.0), ("End", 3.0)]);
+    assert_eq!(played.of("waits"), []);
+    // The end of a state that lasted is an edge.
+    let ended =
+        "edge: Falling, is: StoryboardElementState(element: \"first\", state: RunningState)";
+    let played = Played::play(&acts.replace(begun, ended), toy(), 6.0, 0.1);
+    played.expect("waits", &[("Start", 3.0), ("End", 3.0)]);
+}

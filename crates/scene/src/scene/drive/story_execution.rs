@@ -66,6 +66,10 @@ struct SampleStage<'a> {
     board: &'a CheckedStoryboard,
     /// Motion of the agents whose plans depend on others, once it is known.
     traces: RefCell<Vec<AgentTrace>>,
+    /// Instants of the sample and motions, of each agent, until a law begins.
+    ///
+    /// Conditions ask for the same motions, and each costs a plan that is driven.
+    known: RefCell<Vec<Vec<(f64, AgentMotion)>>>,
     /// Changes that are not those of agents.
     applied: Vec<SceneChange>,
     to_s: f64,
@@ -125,6 +129,7 @@ impl StoryExecution {
             formulas: &mut self.formulas,
             board: &self.board,
             traces: RefCell::default(),
+            known: RefCell::default(),
             applied: Vec::new(),
             to_s,
         };
@@ -244,6 +249,7 @@ impl SampleStage<'_> {
     fn drive_dependent_again(&mut self) {
         let agents = self.past.plans.len();
         self.traces = RefCell::new(vec![AgentTrace::Unknown; agents]);
+        self.known = RefCell::new(vec![Vec::new(); self.past.motions.len()]);
         for agent in 0..agents {
             if self.depends(agent) {
                 self.drive_again(agent);
@@ -266,6 +272,34 @@ impl SampleStage<'_> {
         let motion = traced(&motions, at_s);
         self.traces.borrow_mut()[agent] = AgentTrace::Known(motions);
         motion
+    }
+
+    /// Returns whether an agent's motion is final until a law begins.
+    ///
+    /// While a trace is computed, those that wait for it only assume it.
+    fn is_final(&self, agent: usize) -> bool {
+        let is_open = |it: &AgentTrace| matches!(it, AgentTrace::Open);
+        !self.depends(agent) || !self.traces.borrow().iter().any(is_open)
+    }
+
+    /// Returns the motion of an agent that has not been asked for.
+    fn motion_anew(&self, agent: usize, at_s: f64) -> AgentMotion {
+        if let Some((run, arrival)) = self.planned(agent, at_s) {
+            return AgentMotion {
+                pose: arrival.pose,
+                speed_mps: arrival.speed_mps,
+                lateral_mps: arrival.lateral_mps,
+                accel_mps2: run.accel_mps2(at_s),
+            };
+        }
+        let from = &self.past.motions[agent];
+        let lasts_s = self.to_s - self.past.from_s;
+        let share = if lasts_s > 0.0 {
+            (at_s - self.past.from_s) / lasts_s
+        } else {
+            1.0
+        };
+        from.towards(&motion_of(&self.state.states[agent]), lasts_s, share)
     }
 
     /// Returns the motion of an agent at instants that no sample time changes.
@@ -332,22 +366,19 @@ impl SampleStage<'_> {
 
 impl StoryView for SampleStage<'_> {
     fn motion(&self, agent: usize, at_s: f64) -> AgentMotion {
-        if let Some((run, arrival)) = self.planned(agent, at_s) {
-            return AgentMotion {
-                pose: arrival.pose,
-                speed_mps: arrival.speed_mps,
-                lateral_mps: arrival.lateral_mps,
-                accel_mps2: run.accel_mps2(at_s),
-            };
+        if !self.is_final(agent) {
+            return self.motion_anew(agent, at_s);
         }
-        let from = &self.past.motions[agent];
-        let lasts_s = self.to_s - self.past.from_s;
-        let share = if lasts_s > 0.0 {
-            (at_s - self.past.from_s) / lasts_s
-        } else {
-            1.0
-        };
-        from.towards(&motion_of(&self.state.states[agent]), lasts_s, share)
+        let known = self.known.borrow()[agent]
+            .iter()
+            .rev()
+            .find(|it| it.0 == at_s)
+            .map(|it| it.1);
+        known.unwrap_or_else(|| {
+            let motion = self.motion_anew(agent, at_s);
+            self.known.borrow_mut()[agent].push((at_s, motion));
+            motion
+        })
     }
 
     fn on_road(&self, viewer: usize, pose: &Pose) -> OnRoad {

@@ -5,6 +5,7 @@
 
 mod actions;
 mod begins;
+mod differences;
 mod lanes;
 mod numbers;
 mod parts;
@@ -102,6 +103,7 @@ pub(super) fn written(
     writer.is_relevant = relevant::relevant(parts, |action| writer.moves(action));
     writer.leave_ego();
     writer.note_dropped();
+    writer.note_differences();
     let board = writer.board();
     let StoryWriter {
         blockers: found,

@@ -171,14 +171,17 @@ pub(super) fn coordinate_system(it: &XmlNode) -> Result<CoordinateSystem, Import
 /// Returns direction and system of a distance. Without both it is a straight line.
 fn measured(it: &XmlNode) -> Result<(DistanceType, CoordinateSystem), ImportError> {
     let stated = (distance_type(it)?, coordinate_system(it)?);
-    let is_older = ["relativeDistanceType", "coordinateSystem"]
-        .iter()
-        .all(|name| it.raw(name).is_none());
-    // The older attribute is ignored beside the newer ones.
-    if is_older && it.raw("alongRoute") == Some("true") {
+    if is_along_route(it) {
         return Ok((DistanceType::Longitudinal, CoordinateSystem::Road));
     }
     Ok((stated.0.unwrap_or(DistanceType::Euclidean), stated.1))
+}
+
+/// Returns whether a distance is one along the route, by the older attribute.
+pub(super) fn is_along_route(it: &XmlNode) -> bool {
+    // It is ignored beside the newer ones.
+    let mut newer = ["relativeDistanceType", "coordinateSystem"].iter();
+    newer.all(|name| it.raw(name).is_none()) && it.raw("alongRoute") == Some("true")
 }
 
 fn distance_type(it: &XmlNode) -> Result<Option<DistanceType>, ImportError> {
