@@ -22,7 +22,7 @@ pub mod risk;
 
 use brakecheck_crashes::crashes;
 use brakecheck_ego::ego;
-use brakecheck_experiment::{experiment, run_dir, vector_env};
+use brakecheck_experiment::{experiment, run_dir, search, vector_env};
 use brakecheck_files::{content_hash, ron_file};
 use brakecheck_report::report;
 use brakecheck_rl::rl;

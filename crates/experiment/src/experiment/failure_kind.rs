@@ -9,7 +9,7 @@ use crate::testbench::Episode;
 use crate::world::Scenario;
 
 /// Kind of a failure: the violated part of ψ_ego, and the contact, if any.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct FailureKind {
     /// Violated leaf of ψ_ego.
     pub leaf: String,
@@ -32,10 +32,10 @@ impl FailureKind {
         }
     }
 
-    /// Returns the contact in words.
-    pub fn contact_in_words(&self) -> String {
+    /// Returns the contact in words, or the violated leaf without one.
+    pub fn in_words(&self) -> String {
         match (&self.agents, self.geometry) {
-            (None, _) => "no contact".to_owned(),
+            (None, _) => format!("`{}` without contact", self.leaf),
             (Some((a, b)), Some(geometry)) => format!("{} of {a} and {b}", geometry.word()),
             (Some((a, b)), None) => format!("contact of {a} and {b}"),
         }

@@ -1,5 +1,6 @@
 //! Law of the ados' joint action at every decision.
 
+use super::manoeuvre::Manoeuvre;
 use crate::stats::student_cdf;
 use crate::stl::BoundExpr;
 use brakecheck_driver_model::AccelerationModel;
@@ -29,6 +30,8 @@ pub(super) enum LawKind {
 pub(super) struct LawMemory {
     /// Action before the last one, and the last one, per ado.
     pub(super) last: Vec<[usize; 2]>,
+    /// Phases of each ado so far.
+    pub(super) manoeuvres: Vec<Manoeuvre>,
     decisions: usize,
 }
 
@@ -64,14 +67,26 @@ pub(super) struct FittedLaw {
 }
 
 impl LawMemory {
-    /// Writes a one-hot code of the last actions, as inputs of V.
+    /// Writes a one-hot code of the last actions and the phases before them, as inputs of V.
     pub(super) fn features(&self, law: &ActionLaw, into: &mut Vec<f32>) {
-        for (ado, last) in law.ados.iter().zip(&self.last) {
+        let each = law.ados.iter().zip(&self.last).zip(&self.manoeuvres);
+        for ((ado, last), manoeuvre) in each {
             let reach = 2 - ado.reach();
             for action in &last[reach..] {
                 into.extend((0..ado.actions).map(|it| if it == *action { 1.0 } else { 0.0 }));
             }
+            // A failure by several phases depends on those that are over, which no state shows.
+            manoeuvre.features(into);
         }
+    }
+
+    /// Returns the phases of the ados in symbols. Empty: no ado left its neutral action.
+    pub(super) fn manoeuvre_in_symbols(&self) -> String {
+        let all: Vec<String> = self.manoeuvres.iter().map(Manoeuvre::in_symbols).collect();
+        if all.iter().all(String::is_empty) {
+            return String::new();
+        }
+        all.join("/")
     }
 }
 
@@ -108,7 +123,8 @@ impl AdoLaw {
 impl ActionLaw {
     /// Returns the number of inputs that [`LawMemory::features`] writes.
     pub(super) fn features(&self) -> usize {
-        self.ados.iter().map(|ado| ado.reach() * ado.actions).sum()
+        let each = |ado: &AdoLaw| ado.reach() * ado.actions + Manoeuvre::FEATURES;
+        self.ados.iter().map(each).sum()
     }
 
     /// Returns the positions of the signals on which rates depend.
@@ -125,6 +141,7 @@ impl ActionLaw {
     pub(super) fn begin(&self) -> LawMemory {
         LawMemory {
             last: self.ados.iter().map(|ado| [ado.neutral; 2]).collect(),
+            manoeuvres: vec![Manoeuvre::default(); self.ados.len()],
             decisions: 0,
         }
     }
@@ -132,14 +149,17 @@ impl ActionLaw {
     /// Notes a joint action.
     pub(super) fn note(&self, memory: &mut LawMemory, joint: usize) {
         let mut rest = joint;
-        for (ado, last) in self.ados.iter().zip(&mut memory.last) {
+        let each = self.ados.iter().zip(&mut memory.last);
+        for ((ado, last), manoeuvre) in each.zip(&mut memory.manoeuvres) {
             // The model looks back by its own period, not by a shorter decision.
             let before = if memory.decisions.is_multiple_of(ado.hold()) {
                 last[1]
             } else {
                 last[0]
             };
-            *last = [before, rest % ado.actions];
+            let action = rest % ado.actions;
+            *last = [before, action];
+            manoeuvre.note(action.cmp(&ado.neutral));
             rest /= ado.actions;
         }
         memory.decisions += 1;

@@ -30,6 +30,14 @@ pub(super) enum Content<'a> {
     Round(usize),
     /// Counterexamples from elsewhere.
     Known(&'a [KnownFailure]),
+    /// Scripts of a search.
+    Scripts(&'a [KnownFailure]),
+}
+
+/// Returns the distance of the draws of a round whose failures are assessed.
+pub(super) fn assessed_step(draws: usize) -> usize {
+    // An assessment replays the failure, so a large round assesses an even part.
+    draws.div_ceil(ASSESSED).max(1)
 }
 
 /// Player of batches for one ego.
@@ -51,7 +59,7 @@ impl Content<'_> {
     fn len(&self) -> usize {
         match self {
             Content::Natural(n) | Content::Exploring(n) | Content::Round(n) => *n,
-            Content::Known(known) => known.len(),
+            Content::Known(known) | Content::Scripts(known) => known.len(),
         }
     }
 
@@ -62,6 +70,7 @@ impl Content<'_> {
             Content::Exploring(_) => "exploring",
             Content::Round(_) => "round",
             Content::Known(_) => "known",
+            Content::Scripts(_) => "scripts",
         }
     }
 }
@@ -207,9 +216,8 @@ impl Player<'_> {
             // Long holds reach states that are far from natural traffic.
             Content::Exploring(_) => EpisodeSource::Held([1, 2, 4, 8, all.max(1)][index % 5]),
             Content::Known(known) => EpisodeSource::Recorded(&known[index]),
+            Content::Scripts(scripts) => EpisodeSource::Scripted(&scripts[index]),
         };
-        // An assessment replays the failure, so a large round assesses an even part.
-        let assessed = content.len().div_ceil(ASSESSED);
         Order {
             seed: self.seed,
             stage,
@@ -218,8 +226,8 @@ impl Player<'_> {
             judge_held: matches!(content, Content::Natural(_)) && index < JUDGED,
             prevent: match content {
                 Content::Natural(_) => true,
-                Content::Round(_) => index.is_multiple_of(assessed),
-                Content::Exploring(_) | Content::Known(_) => false,
+                Content::Round(_) => index.is_multiple_of(assessed_step(content.len())),
+                Content::Exploring(_) | Content::Known(_) | Content::Scripts(_) => false,
             },
         }
     }
@@ -415,6 +423,7 @@ mod tests {
                 EpisodeSource::Component(component) => format!("component {component}"),
                 EpisodeSource::Held(hold) => format!("held {hold}"),
                 EpisodeSource::Recorded(known) => format!("known {}", known.noise),
+                EpisodeSource::Scripted(script) => format!("script {}", script.noise),
             };
             (source, order.judge_held, order.prevent)
         };
@@ -437,6 +446,8 @@ mod tests {
         for index in [0, 1] {
             let said = case(&format!("known {index}"), false, false);
             assert_eq!(of(Content::Known(&known), index), said);
+            let said = case(&format!("script {index}"), false, false);
+            assert_eq!(of(Content::Scripts(&known), index), said);
         }
     }
 

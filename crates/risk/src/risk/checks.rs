@@ -4,10 +4,12 @@ use indexmap::IndexMap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::counted_rounds::{self, heaviest};
+use super::limits::RiskLimits;
 use super::mixture::Mixture;
 use super::natural_counts::NaturalCounts;
 use super::pool::{
-    RiskEstimate, Round, WeightTail, bound, fault_share, greatest_share, pooled, weight_tail,
+    RiskEstimate, Round, WeightTail, fault_share, greatest_share, pooled, weight_tail,
 };
 use super::record::RiskRun;
 use crate::stats::poisson_tail;
@@ -20,8 +22,6 @@ const LEAST_HITS: usize = 25;
 const MOST_K: f64 = 0.7;
 /// Share of the risk that may be in weights above all seen, where the tail is heavy.
 const UNSEEN: f64 = 0.1;
-/// Number of equal weights of which a counterexample must not weigh more than one.
-const PARTS: f64 = 100.0;
 /// Most counterexamples of a kind that may be uncovered.
 const UNCOVERED: f64 = 0.05;
 /// Probability of a false refusal because of natural failures.
@@ -30,6 +30,8 @@ const FALSE_ALARM: f64 = 0.01;
 const BEYOND: f64 = 0.05;
 /// Fewest counterexamples of a kind that are judged.
 const LEAST_PROBES: usize = 5;
+/// Share of the risk below which a kind needs no proposal that plays it often.
+const IMMATERIAL: f64 = 0.01;
 
 /// Counterexample by which proposals are checked.
 #[derive(Clone, Debug)]
@@ -67,10 +69,14 @@ pub struct Checks {
     pub natural_failures: usize,
     /// Number of them with weights above those of earlier rounds.
     pub natural_beyond: usize,
-    /// Upper bound per run that holds whatever the proposals missed.
-    ///
-    /// Every fault counts as a failure in it.
-    pub bound: f64,
+    /// Rounds behind the estimate.
+    pub rounds: usize,
+    /// Earlier rounds, which could hardly draw what later ones found, or disagreed.
+    pub set_aside: usize,
+    /// Probability per run by the rounds that were set aside.
+    pub set_aside_probability: Option<f64>,
+    /// Kinds of failure that the rounds found, and nothing before them.
+    pub late_kinds: usize,
     /// Reasons why the estimate is no result. Empty if it is one.
     pub refusals: Vec<Refusal>,
 }
@@ -81,6 +87,19 @@ impl Refusal {
             reason: reason.into(),
             fix: fix.to_owned(),
         }
+    }
+
+    /// Returns the refusal of an estimate whose bounds exclude each other.
+    pub(super) fn of_limits(limits: &RiskLimits) -> Option<Refusal> {
+        let [least, most] = limits.fails;
+        limits.is_crossed().then(|| {
+            Refusal::new(
+                format!(
+                    "at least {least:.2e} by weighted runs, and at most {most:.2e} by natural ones"
+                ),
+                "raise `--natural-runs`, and compare with another `--seed`",
+            )
+        })
     }
 
     /// Returns the refusal of an estimate that has natural runs alone.
@@ -98,8 +117,8 @@ impl Refusal {
 impl Checks {
     /// Checks the rounds of an ego.
     ///
-    /// `natural` has its natural runs, which no proposal has learned from, and `limit` is
-    /// the greatest failing weight before the last round.
+    /// `rounds` are those that count, `natural` has its natural runs, which no proposal has
+    /// learned from, and `limit` is the greatest failing weight before the last round.
     pub(super) fn of(
         rounds: &[Round],
         natural: &NaturalCounts,
@@ -109,12 +128,6 @@ impl Checks {
     ) -> Checks {
         let (n, failures) = (natural.len(), natural.failures());
         let beyond = natural.stored_with(|run| limit < mixture.weight_of(run));
-        // Two draws avoid a division by 0 in the bound.
-        let none = Round {
-            draws: vec![2],
-            ..Round::default()
-        };
-        let last = rounds.last().unwrap_or(&none).with_failing_faults();
         let estimate = pooled(rounds, |_| true);
         let covered = coverage(mixture, probes, heaviest(rounds, estimate));
         let tail = weight_tail(rounds, mixture.greatest_weight());
@@ -129,19 +142,39 @@ impl Checks {
             }),
             natural_failures: failures,
             natural_beyond: beyond.0,
-            // Any fault may have been a failure of any weight.
-            bound: bound(&last, limit, beyond.0 + natural.stored_faults(), beyond.1).min(1.0),
+            rounds: rounds.len(),
+            set_aside: 0,
+            set_aside_probability: None,
+            late_kinds: 0,
             refusals: Vec::new(),
         };
         checks.refusals = if rounds.is_empty() && failures > 0 {
             vec![Refusal::without_rounds(failures, n)]
         } else {
-            checks.found(tail, &covered)
+            let kinds = covered.into_iter();
+            let material = kinds.filter(|(mode, _)| !is_immaterial(rounds, estimate, mode));
+            checks.found(tail, &material.collect())
         };
+        checks.refusals.extend(disagreeing(rounds));
         checks.refusals.extend(invalid(rounds, estimate, natural));
         let disagreement = checks.disagreement(estimate, [n, beyond.1]);
         checks.refusals.extend(disagreement);
         checks
+    }
+
+    /// Notes the earlier rounds of the ego, which do not count.
+    pub(super) fn note_set_aside(&mut self, earlier: &[Round]) {
+        self.set_aside = earlier.len();
+        self.set_aside_probability = pooled(earlier, |_| true).map(|it| it.probability);
+        // A single round may be as blind as the earlier ones, and nothing would show it.
+        if self.set_aside > 0 && self.rounds < 2 {
+            let reason = format!(
+                "{} rounds hardly draw what the last one found, which no other confirms",
+                self.set_aside
+            );
+            let fix = "raise `--budget`, so that more rounds know all kinds of failure";
+            self.refusals.push(Refusal::new(reason, fix));
+        }
     }
 
     fn found(
@@ -236,17 +269,25 @@ fn invalid(
     })
 }
 
-/// Returns the greatest weight of a failure that would hardly change the estimate.
-///
-/// Heavier failures that are missing make an estimate too low and its interval too narrow.
-fn heaviest(rounds: &[Round], estimate: Option<RiskEstimate>) -> f64 {
-    let draws: usize = rounds.iter().map(Round::len).sum();
-    estimate.map_or(0.0, |it| {
-        let sum = it.probability * draws as f64;
-        // In an estimate of few failures, every failure weighs more. Equal ones must not
-        // refuse each other by rounding.
-        (1.0 + 1e-9) * sum / it.ess.min(PARTS)
-    })
+/// Returns the refusal of rounds that differ by more than chance.
+fn disagreeing(rounds: &[Round]) -> Option<Refusal> {
+    let found = counted_rounds::disagreement(rounds)?;
+    let all = rounds.len();
+    Some(Refusal::new(
+        format!(
+            "round {} of the {all} that count is {:.1} standard errors from the others",
+            found.round + 1,
+            found.apart
+        ),
+        "raise `--budget`, so that the proposals learn what some rounds missed",
+    ))
+}
+
+/// Returns whether a kind of failure is measured to be a small part of the risk.
+fn is_immaterial(rounds: &[Round], estimate: Option<RiskEstimate>, mode: &str) -> bool {
+    let own = pooled(rounds, |it| it.mode == mode);
+    let pair = own.zip(estimate).filter(|(own, _)| own.hits >= LEAST_HITS);
+    pair.is_some_and(|(own, all)| own.interval[1] < IMMATERIAL * all.probability)
 }
 
 /// Returns the counterexamples that a mixture covers, and all of them, by mode.
@@ -536,14 +577,6 @@ mod tests {
         assert_eq!(refusals(&[faulty(0)], &natural(2), 1.0), [""; 0]);
         let found = refusals(&[faulty(0)], &natural(3), 1.0);
         assert!(begins(&found, "faults end a share of 3.0e-4"), "{found:?}");
-        // Both raise the bound, which speaks of everything that may have failed.
-        let bound = |round: Round, natural: &NaturalCounts| {
-            let mixture = Mixture::natural(0);
-            Checks::of(&[round], natural, 1.0, &mixture, &[]).bound
-        };
-        let sound = bound(faulty(0), &natural(0));
-        assert!(sound + 1.9e-4 < bound(faulty(20), &natural(0)));
-        assert!(sound + 1.9e-4 < bound(faulty(0), &natural(2)));
     }
 
     #[test]
@@ -575,11 +608,7 @@ mod tests {
         let greatest = std::f64::consts::SQRT_2 * 2.2 / sum;
         assert!((checks.greatest_share - greatest).abs() < 1e-9);
         assert!(checks.pareto_k.is_some() && checks.unseen_share.is_some());
-        assert!(
-            checks.bound > 1.2e-3 && checks.bound < 1.0,
-            "{}",
-            checks.bound
-        );
+        assert_eq!((checks.rounds, checks.set_aside), (2, 0));
     }
 
     #[test]
@@ -600,25 +629,65 @@ mod tests {
     }
 
     #[test]
-    fn the_bound_is_of_the_last_round_and_at_most_one() {
-        let mixture = Mixture::natural(0);
-        let bound = |rounds: &[Round], natural: &NaturalCounts, limit: f64| {
-            Checks::of(rounds, natural, limit, &mixture, &[]).bound
+    fn a_last_round_that_finds_more_than_the_others_needs_another_one() {
+        let [early, late] = [round(100, 0.01), round(100, 0.1)];
+        let (none, natural) = (NaturalCounts::default(), Mixture::natural(0));
+        let after = |counted: &[Round], earlier: &[Round]| {
+            let mut checks = Checks::of(counted, &none, 1.0, &natural, &[]);
+            checks.note_set_aside(earlier);
+            checks
         };
-        // Without a round, only natural runs are left.
-        let none = bound(&[], &natural(1000, 0, 0), 0.0);
-        assert!(
-            (none - (1.0 - libm::pow(0.025, 1e-3))).abs() < 1e-9,
-            "{none}"
-        );
-        let held = natural(10_000, 0, 0);
-        let last = bound(&[round(100, 0.1)], &held, 1.0);
+        let early = [early];
+        let one = after(std::slice::from_ref(&late), &early);
+        let says = "1 rounds hardly draw what the last one found";
+        assert!(one.refusals[0].reason.starts_with(says), "{one:?}");
+        let two = after(&[late.clone(), late.clone()], &early);
+        assert_eq!((two.refusals.len(), two.rounds, two.set_aside), (0, 2, 1));
+        let earlier = two.set_aside_probability.expect("a failure");
+        assert!((earlier - 1e-4).abs() < 1e-12);
+        assert_eq!(after(&[late], &[]).refusals, []);
+    }
+
+    #[test]
+    fn rounds_that_disagree_refuse_an_estimate() {
+        let none = NaturalCounts::default();
         assert_eq!(
-            bound(&[round(5000, 1.0), round(100, 0.1)], &held, 1.0),
-            last
+            refusals(&[round(200, 0.1), round(215, 0.1)], &none, 1.0),
+            [""; 0]
         );
-        assert!(last < 0.1, "{last}");
-        assert_eq!(bound(&[round(100, 0.1)], &held, 1e6), 1.0);
+        let found = refusals(&[round(200, 0.1), round(400, 0.1)], &none, 1.0);
+        assert!(begins(&found, "round "), "{found:?}");
+        assert!(
+            found[0].ends_with("standard errors from the others"),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_kind_that_is_measured_to_be_small_needs_no_coverage() {
+        let probe = || Probe {
+            ego: 0,
+            run: RiskRun::ending(RunEnd::Failed(EgoFailure {
+                mode: "small".to_owned(),
+                ..failure()
+            })),
+        };
+        let owned: Vec<Probe> = (0..LEAST_PROBES).map(|_| probe()).collect();
+        let probes: Vec<&Probe> = owned.iter().collect();
+        // A natural counterexample has the weight 1, and a hundredth of the sum is 0.4.
+        let refused = |small: usize, weight: f64| {
+            let mut all = round(400 + small, 0.1);
+            for it in &mut all.failures[400..] {
+                (it.weight, it.mode) = (weight, "small".to_owned());
+            }
+            let (none, natural) = (NaturalCounts::default(), Mixture::natural(0));
+            let checks = Checks::of(&[all], &none, 1.0, &natural, &probes);
+            checks.refusals.len()
+        };
+        assert_eq!(refused(30, 1e-3), 0);
+        // Too few failures measure nothing, and heavier ones are no small part.
+        assert_eq!(refused(20, 1e-3), 1);
+        assert_eq!(refused(30, 0.1), 1);
     }
 
     #[test]

@@ -27,8 +27,8 @@ pub(super) struct Decisions<'a> {
     pub(super) rows: Vec<(usize, usize)>,
     /// First row of each run.
     first: Vec<usize>,
-    /// Rows of runs that fail.
-    failing: Vec<usize>,
+    /// Rows of runs that fail, by kind of failure.
+    failing: Vec<Vec<usize>>,
     /// Runs that do not fail.
     others: Vec<usize>,
 }
@@ -43,20 +43,24 @@ pub(super) struct Targets {
 
 impl<'a> Decisions<'a> {
     pub(super) fn of(runs: &'a [(&'a RiskRun, Vec<bool>)]) -> Decisions<'a> {
-        let (mut rows, mut first, mut failing) = (Vec::new(), Vec::new(), Vec::new());
-        let mut others = Vec::new();
+        let (mut rows, mut first, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let heads = runs.iter().map(|(_, fails)| fails.len()).max();
+        let mut failing = vec![Vec::new(); heads.unwrap_or(0)];
         for (run, (played, fails)) in runs.iter().enumerate() {
             first.push(rows.len());
-            if !fails.contains(&true) {
+            // The last head is that of the kind, and the first one that of all failures.
+            let kind = fails.iter().rposition(|it| *it);
+            if kind.is_none() {
                 others.push(run);
             }
             for decision in 0..played.actions.len() {
-                if fails.contains(&true) {
-                    failing.push(rows.len());
+                if let Some(kind) = kind {
+                    failing[kind].push(rows.len());
                 }
                 rows.push((run, decision));
             }
         }
+        failing.retain(|rows: &Vec<usize>| !rows.is_empty());
         Decisions {
             runs,
             rows,
@@ -70,7 +74,7 @@ impl<'a> Decisions<'a> {
     pub(super) fn sweep_runs(&self, dice: &mut LearnerRng) -> Vec<usize> {
         let is_other = |run: usize| self.others.binary_search(&run).is_ok();
         let mut all: Vec<usize> = (0..self.runs.len()).filter(|it| !is_other(*it)).collect();
-        let other_rows = self.rows.len() - self.failing.len();
+        let other_rows = self.rows.len() - self.failing.iter().map(Vec::len).sum::<usize>();
         if other_rows <= OTHERS {
             return (0..self.runs.len()).collect();
         }
@@ -124,12 +128,14 @@ impl<'a> Decisions<'a> {
         targets
     }
 
-    /// Draws the rows of a batch, half of them from runs that fail.
+    /// Draws the rows of a batch, half of them from runs that fail, every kind as often.
     pub(super) fn draw(&self, size: usize, targets: &Targets, dice: &mut LearnerRng) -> Vec<usize> {
         // Failures are rare, and a batch without them would teach only that.
         let draw = |at: usize| {
             if at.is_multiple_of(2) && !self.failing.is_empty() {
-                self.failing[dice.below(self.failing.len())]
+                // A rare kind may be most of the risk, and few rows would teach nothing of it.
+                let kind = &self.failing[at / 2 % self.failing.len()];
+                kind[dice.below(kind.len())]
             } else {
                 targets.rows[dice.below(targets.rows.len())]
             }
@@ -210,6 +216,27 @@ mod tests {
                 .iter()
                 .all(|row| *row < 50)
         );
+    }
+
+    #[test]
+    fn a_batch_has_every_kind_of_failure_as_often() {
+        let many: Vec<RiskRun> = (0..9).map(|_| run(&[1])).collect();
+        let (rare, held) = (run(&[0]), run(&[0; 90]));
+        let mut runs: Vec<_> = many
+            .iter()
+            .map(|it| (it, vec![true, true, false]))
+            .collect();
+        runs.push((&rare, vec![true, false, true]));
+        runs.push((&held, vec![false; 3]));
+        let data = Decisions::of(&runs);
+        // A row per run but the last, of which few are drawn.
+        let targets = Targets {
+            values: Vec::new(),
+            rows: (10..100).collect(),
+        };
+        let drawn = data.draw(400, &targets, &mut LearnerRng::new(1));
+        let of = |rows: std::ops::Range<usize>| drawn.iter().filter(|it| rows.contains(it)).count();
+        assert_eq!([of(0..9), of(9..10), of(10..100)], [100, 100, 200]);
     }
 
     /// As [`Constant`], with one head.

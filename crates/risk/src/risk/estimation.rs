@@ -1,8 +1,10 @@
-//! The estimation: natural runs, exploration, then rounds with refitted proposals.
+//! The estimation: natural runs, exploration and a search, then rounds with refitted proposals.
 
 use super::batch::{self, Content, Player};
 use super::checks::{Checks, Probe};
+use super::counted_rounds::{Hindsight, exemplars};
 use super::learning::Learning;
+use super::limits::{LimitRuns, RiskLimits};
 use super::mixture::Mixture;
 use super::natural_counts::NaturalCounts;
 use super::pool::{self, RiskEstimate, Round, WeightedFailure, WeightedFault, pooled};
@@ -11,6 +13,7 @@ use super::report::{EgoRisk, RiskCost, RiskReport, WeightedRuns};
 use super::request::RiskRequest;
 use super::run::RiskWorld;
 use super::run_faults::RunFaults;
+use super::script_search::{ScriptSearch, log_likelihood};
 use crate::experiment::{EgoUnderTest, Watch, unrepeatable};
 use crate::run_dir::{ProgramContents, RunError, bind_programs, file_name, make_dir};
 use crate::surrogate::SurrogateWorld;
@@ -47,8 +50,13 @@ pub(super) struct Estimation<'a> {
     impossible: Vec<usize>,
     /// Kinds of the counterexamples from elsewhere, by ego.
     known_modes: Vec<(usize, String)>,
+    /// Kinds of the failures before the first round, by ego.
+    early_modes: Vec<(usize, String)>,
+    search: ScriptSearch,
     mixture: Mixture,
     rounds: Vec<Vec<Round>>,
+    /// Weights of later failures in each round, by ego.
+    hindsight: Vec<Hindsight>,
     /// Greatest failing weight before the last round.
     limits: Vec<f64>,
     likeliest: Vec<(usize, f64, RiskRun)>,
@@ -147,7 +155,11 @@ impl<'a> Estimation<'a> {
             .iter()
             .map(|ego| ego.name().to_owned())
             .collect();
-        let learning = Learning::begin(&players[0].world, names, request.settings.seed);
+        let seed = request.settings.seed;
+        let world = &players[0].world;
+        let decisions = world.scenario.world().clock().decisions();
+        let search = ScriptSearch::new(seed, decisions, world.scenario.spaces().actions);
+        let learning = Learning::begin(world, names, seed);
         Estimation {
             natural: Vec::new(),
             faults: vec![RunFaults::default(); players.len()],
@@ -155,8 +167,11 @@ impl<'a> Estimation<'a> {
             probes: Vec::new(),
             impossible: vec![0; players.len()],
             known_modes: Vec::new(),
+            early_modes: Vec::new(),
+            search,
             mixture: Mixture::natural(dimensions),
             rounds: vec![Vec::new(); players.len()],
+            hindsight: vec![Hindsight::default(); players.len()],
             limits: vec![0.0; players.len()],
             likeliest: Vec::new(),
             stage: 0,
@@ -199,11 +214,14 @@ impl<'a> Estimation<'a> {
     /// Plays the runs from which the proposals are learned before the first round.
     fn learn_proposals(&mut self) -> Result<Option<()>, RunError> {
         let settings = self.request.settings;
-        let [_, exploring, learning_on_own] = settings.before_rounds();
+        let [_, exploring, searching, learning_on_own] = settings.before_rounds();
         self.watch.phase("exploration");
         // Runs on another plant do not count against the budget of an ego.
         let on_own = self.learners.is_empty();
         if self.learn(Content::Exploring(exploring), on_own)?.is_none() {
+            return Ok(None);
+        }
+        if self.search_kinds(searching, on_own)?.is_none() {
             return Ok(None);
         }
         // A surrogate need not fail where its ego does.
@@ -224,6 +242,31 @@ impl<'a> Estimation<'a> {
                 return Ok(None);
             }
         }
+        Ok(Some(()))
+    }
+
+    /// Plays scripts to find failures of every kind. `None`: stopped.
+    fn search_kinds(&mut self, runs: usize, on_own: bool) -> Result<Option<()>, RunError> {
+        self.watch.phase("search for kinds of failure");
+        let request = self.request;
+        let starts = &request.traffic.starts;
+        let mut left = runs;
+        while left > 0 {
+            let scripts = self.search.generation(starts, left);
+            // Without a start inside the ranges of the world, nothing can be played.
+            if scripts.is_empty() {
+                break;
+            }
+            left = left.saturating_sub(scripts.len());
+            if self.learn(Content::Scripts(&scripts), on_own)?.is_none() {
+                return Ok(None);
+            }
+        }
+        let likely = self.search.likely();
+        self.probes.extend(likely.map(|(ego, run)| Probe {
+            ego,
+            run: run.clone(),
+        }));
         Ok(Some(()))
     }
 
@@ -264,8 +307,23 @@ impl<'a> Estimation<'a> {
         Ok(Some(()))
     }
 
+    /// Returns the number of rounds, from the first, that do not count.
+    ///
+    /// They are the same for all egos, whose rounds are compared.
+    fn set_aside(&self) -> usize {
+        let each = self.hindsight.iter().zip(&self.rounds);
+        each.map(|(it, rounds)| it.set_aside(rounds))
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// Returns the rounds of an ego that count.
+    fn counted(&self, ego: usize) -> &[Round] {
+        &self.rounds[ego][self.set_aside().min(self.rounds[ego].len())..]
+    }
+
     fn is_good(&self, ego: usize) -> bool {
-        let Some(all) = pooled(&self.rounds[ego], |_| true) else {
+        let Some(all) = pooled(self.counted(ego), |_| true) else {
             return false;
         };
         let settings = &self.request.settings;
@@ -296,11 +354,14 @@ impl<'a> Estimation<'a> {
     /// Plays a batch of which V is learned, and which is not counted.
     fn learn(&mut self, content: Content<'_>, on_own: bool) -> Result<Option<()>, RunError> {
         let is_known = matches!(content, Content::Known(_));
+        let is_search = matches!(content, Content::Scripts(_));
         let Some(all) = self.batches(content, !on_own)? else {
             return Ok(None);
         };
         let runs = all.first().map_or(0, Vec::len);
-        if on_own {
+        if on_own && is_search {
+            self.cost.searching += runs;
+        } else if on_own {
             self.cost.exploring += runs;
         } else {
             self.cost.learning += runs;
@@ -312,17 +373,27 @@ impl<'a> Estimation<'a> {
             for run in runs {
                 // A run of probability 0 has no weight to learn from.
                 if run.end == RunEnd::Impossible {
-                    self.impossible[ego] += 1;
+                    // The start of a script may be beyond its law by rounding.
+                    self.impossible[ego] += usize::from(!is_search);
                     continue;
                 }
                 // A counterexample of another ego need not fail this one.
                 if is_known && run.failure().is_none() {
                     continue;
                 }
-                if let Some(failure) = run.failure().filter(|_| is_known) {
-                    self.known_modes.push((ego, failure.mode.clone()));
+                if let Some(failure) = run.failure() {
+                    let kind = (ego, failure.mode.clone());
+                    if is_known {
+                        self.known_modes.push(kind.clone());
+                    }
+                    if !self.early_modes.contains(&kind) {
+                        self.early_modes.push(kind);
+                    }
                 }
-                if run.failure().is_some() && run.component == 0 && run.is_possible() {
+                // A search plays what is hardly ever likely, so only its likeliest are probes.
+                if is_search {
+                    self.search.add(ego, &run);
+                } else if run.failure().is_some() && run.component == 0 && run.is_possible() {
                     self.probes.push(Probe {
                         ego,
                         run: run.clone(),
@@ -349,9 +420,9 @@ impl<'a> Estimation<'a> {
             draws: vec![0; self.mixture.shares().len()],
             ..Round::default()
         };
+        runs.iter().for_each(|run| round.draws[run.component] += 1);
         for (index, run) in runs.iter().enumerate() {
-            round.draws[run.component] += 1;
-            let weight = self.mixture.weight(&run.ratios);
+            let weight = self.mixture.weight_among(&run.ratios, &round.draws);
             if matches!(run.end, RunEnd::Invalid { .. }) {
                 round.faults.push(WeightedFault {
                     index,
@@ -371,6 +442,10 @@ impl<'a> Estimation<'a> {
                 self.note_likely(ego, failure, run);
             }
         }
+        let weights: Vec<f64> = round.failures.iter().map(|it| it.weight).collect();
+        let found = exemplars(&weights).into_iter();
+        let shown: Vec<&RiskRun> = found.map(|at| &runs[round.failures[at].index]).collect();
+        self.hindsight[ego].add(&self.mixture, &shown);
         self.rounds[ego].push(round);
         // Only later rounds learn from these runs, which keeps each estimate unbiased.
         for run in runs {
@@ -380,13 +455,7 @@ impl<'a> Estimation<'a> {
 
     /// Keeps the likeliest failure of every mode.
     fn note_likely(&mut self, ego: usize, failure: &EgoFailure, run: &RiskRun) {
-        // The start adds nothing, because its uniform numbers are all equally likely.
-        let taken = run
-            .actions
-            .iter()
-            .enumerate()
-            .map(|(at, action)| f64::from(run.law(at)[*action as usize]));
-        let log: f64 = taken.map(libm::log).sum();
+        let log = log_likelihood(run);
         let same = |(other, _, known): &&mut (usize, f64, RiskRun)| {
             *other == ego && known.failure().is_some_and(|it| it.mode == failure.mode)
         };
@@ -410,17 +479,35 @@ impl<'a> Estimation<'a> {
     }
 
     fn checks(&self, ego: usize) -> Checks {
-        Checks::of(
-            &self.rounds[ego],
-            &self.natural[ego],
-            self.limits[ego],
-            &self.mixture,
-            &self
-                .probes
-                .iter()
-                .filter(|it| it.ego == ego)
-                .collect::<Vec<_>>(),
-        )
+        let own = self.probes.iter().filter(|it| it.ego == ego);
+        let probes: Vec<&Probe> = own.collect();
+        let (natural, limit) = (&self.natural[ego], self.limits[ego]);
+        let counted = self.counted(ego);
+        let mut checks = Checks::of(counted, natural, limit, &self.mixture, &probes);
+        let rounds = &self.rounds[ego];
+        let earlier = &rounds[..rounds.len() - counted.len()];
+        checks.note_set_aside(earlier);
+        let mut modes: Vec<&str> = Vec::new();
+        for failure in rounds.iter().flat_map(|it| &it.failures) {
+            let is_early = |(of, mode): &(usize, String)| *of == ego && *mode == failure.mode;
+            if !modes.contains(&&*failure.mode) && !self.early_modes.iter().any(is_early) {
+                modes.push(&failure.mode);
+            }
+        }
+        checks.late_kinds = modes.len();
+        checks
+    }
+
+    /// Returns the bounds of an ego that hold whatever the proposals missed.
+    fn limits_of(&self, ego: usize) -> RiskLimits {
+        RiskLimits::of(&LimitRuns {
+            rounds: &self.rounds[ego],
+            least_rounds: LEAST_ROUNDS,
+            natural: &self.natural[ego],
+            inside: self.learning.inside(),
+            limit: self.limits[ego],
+            mixture: &self.mixture,
+        })
     }
 
     pub(super) fn report(mut self) -> RiskReport {
@@ -472,9 +559,10 @@ impl<'a> Estimation<'a> {
     ///
     /// The first is the least that faults allow, and the second the most.
     fn ratios(&self, all: &[EgoRisk]) -> Option<[RiskEstimate; 2]> {
-        let [first, second] = &self.rounds[..] else {
+        if self.rounds.len() != 2 {
             return None;
-        };
+        }
+        let [first, second] = [0, 1].map(|ego| self.counted(ego));
         if !all.iter().all(EgoRisk::is_weighted) {
             let [a, b] = [all[0].least_and_most()?, all[1].least_and_most()?];
             return Some([a[0].over(&b[1]), a[1].over(&b[0])]);
@@ -507,7 +595,8 @@ impl<'a> Estimation<'a> {
             .map(|(_, mode)| mode.as_str())
             .collect();
         let runs = WeightedRuns {
-            rounds: &self.rounds[ego],
+            rounds: self.counted(ego),
+            limits: self.limits_of(ego),
             inside: self.learning.inside(),
             faults: self.faults[ego].clone(),
             impossible: self.impossible[ego],
@@ -522,6 +611,7 @@ mod tests {
     use super::super::RiskTraffic;
     use super::super::record::KnownFailure;
     use super::super::tests::{TRAFFIC, directory, traffic, world};
+    use super::super::two_modes;
     use super::*;
     use crate::ego::Fault;
     use crate::scene::Start;
@@ -738,6 +828,49 @@ mod tests {
         assert!(probes(&rare) > 0);
     }
 
+    /// Estimates a world of two modes by proposals that know one of them.
+    fn blind(world: &Scenario, traffic: &RiskTraffic, seed: u64) -> RiskReport {
+        let egos = [EgoUnderTest::nominal(world)];
+        let mut request = RiskRequest::new(traffic, &egos);
+        (request.settings.seed, request.settings.width) = (seed, 0.1);
+        let watch = Watch::unwatched();
+        let mut estimation = Estimation::begin(&request, vec![None], &watch);
+        let natural = estimation.players[0].count(0, 1000, &estimation.mixture);
+        estimation.natural = vec![natural.expect("no disk").expect("not stopped")];
+        estimation.stage = 1;
+        // The lead car brakes throughout, from different decisions on.
+        let braking = |wait: usize| KnownFailure {
+            start: traffic.starts.start(&[0.5; 8]).expect("inside"),
+            noise: 0,
+            actions: [&vec![1; wait][..], &[0]].concat(),
+        };
+        let known: Vec<KnownFailure> = (0..3).map(braking).collect();
+        let learned = estimation.learn(Content::Known(&known), true);
+        assert_eq!(learned.expect("no disk"), Some(()));
+        assert!(!estimation.probes.is_empty());
+        let played = estimation.rounds_within(8_000);
+        assert_eq!(played.expect("no disk"), Some(()));
+        estimation.report()
+    }
+
+    /// What no proposal knew is found late, and is never a narrow interval beside the truth.
+    #[test]
+    fn an_estimate_that_begins_blind_to_a_mode_says_so_or_is_right() {
+        let world = two_modes::world();
+        let traffic = two_modes::traffic(&world, two_modes::TURNS[0]);
+        let exact = two_modes::exact_of(&world, &traffic);
+        let report = blind(&world, &traffic, 1);
+        let ego = &report.egos[0];
+        assert!(two_modes::holds(ego, &exact), "{report} of {exact:?}");
+        assert_ne!(
+            two_modes::covers(ego, &exact),
+            Some(false),
+            "{report} of {exact:?}"
+        );
+        let checks = ego.checks.as_ref().expect("weighted");
+        assert!(checks.late_kinds > 0, "{report}");
+    }
+
     #[test]
     fn runs_on_another_plant_cost_the_ego_nothing() {
         let world = world();
@@ -765,12 +898,12 @@ mod tests {
             assert!(estimation.learn_proposals().expect("no disk").is_some());
             let cost = estimation.cost;
             assert_eq!(cost.of_ego(), estimation.faults[0].runs);
-            [cost.exploring, cost.learning]
+            [cost.exploring, cost.searching, cost.learning]
         };
-        // Ten runs explore, and one counterexample is known.
-        assert_eq!(costs(None, None), [11, 0]);
-        assert_eq!(costs(Some(PlantKind::Rigid), None), [0, 11]);
+        // Five runs explore, ten search, and one counterexample is known.
+        assert_eq!(costs(None, None), [6, 10, 0]);
+        assert_eq!(costs(Some(PlantKind::Rigid), None), [0, 0, 16]);
         // A surrogate need not fail where its ego does.
-        assert_eq!(costs(Some(PlantKind::Rigid), Some(5)), [1, 10]);
+        assert_eq!(costs(Some(PlantKind::Rigid), Some(5)), [1, 0, 15]);
     }
 }

@@ -278,7 +278,15 @@ mod tests {
         };
         again.sort_by(order);
         lawful.sort_by(order);
-        assert_eq!(again, lawful);
+        // The last action is held, so a kept file may have it once more.
+        let held = |all: &[(Start, u64, Vec<usize>)]| {
+            let mut held = all.to_vec();
+            for (_, _, actions) in &mut held {
+                actions.resize(5, actions.last().copied().expect("a decision"));
+            }
+            held
+        };
+        assert_eq!(held(&again), held(&lawful));
         // One file alone, and all of them for a world of another name or with fewer actions.
         let one = KnownFailure::of_files(&world, &found[0]).expect("read");
         assert_eq!(one, known[..1]);

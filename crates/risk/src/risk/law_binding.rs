@@ -189,7 +189,7 @@ impl LawBinder<'_, '_> {
                     .iter()
                     .map(|it| format!("{it:?}").to_lowercase())
                     .collect();
-                Some(self.markov(&place.to("lateral"), &labels, file)?)
+                Some(self.markov(&place.to("lateral"), name, &labels, file)?)
             }
             (true, Some(_)) => {
                 let what = format!("`{name}` has no lateral moves");
@@ -305,6 +305,7 @@ pub(super) fn cells(accelerations: &[f64]) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::super::action_law::LawMemory;
+    use super::super::manoeuvre::Manoeuvre;
     use super::*;
     use crate::trace::Signal;
 
@@ -569,12 +570,14 @@ mod tests {
                 },
             ],
         };
-        assert_eq!(law.features(), 3 + 2 * 2);
+        let phases = Manoeuvre::FEATURES;
+        assert_eq!(law.features(), 3 + 2 * 2 + 2 * phases);
         let mut memory = law.begin();
         let read = |memory: &LawMemory| {
             let mut all = Vec::new();
             memory.features(&law, &mut all);
-            all
+            // The phases follow the actions of each ado.
+            [&all[..3], &all[3 + phases..][..4]].concat()
         };
         assert_eq!(read(&memory), [0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
         // Both take action 0. The model looks back by two decisions, the other law by one.

@@ -14,7 +14,7 @@ use super::value_network::ValueNetwork;
 use crate::seed::generator;
 
 /// Most kinds of failure with a proposal of their own.
-const MODES: usize = 4;
+const MODES: usize = 6;
 /// Failures of a kind before it gets a proposal.
 const MODE_FAILURES: usize = 10;
 /// Starts by which the proposals of starts are fitted.
@@ -109,11 +109,10 @@ impl Learning {
         if failing.is_empty() {
             return None;
         }
-        // The latest runs come from the best proposals so far.
-        let failing = &failing[failing.len().saturating_sub(FITTED.1)..];
-        let others = FITTED.0 - failing.len();
+        let chosen = self.latest_of_each(&failing);
+        let others = FITTED.0 - chosen.len();
         let held = &held[held.len().saturating_sub(others)..];
-        let fitted: Vec<(&RiskRun, Vec<bool>)> = failing
+        let fitted: Vec<(&RiskRun, Vec<bool>)> = chosen
             .iter()
             .chain(held)
             .map(|(ego, run)| (run, self.heads_of(*ego, run)))
@@ -128,6 +127,30 @@ impl Learning {
         let mixture = Mixture::of(value.clone(), self.start_trees(&value));
         self.value = Some(value);
         Some(mixture)
+    }
+
+    /// Returns as many failing runs as a fit reads: the latest of each kind.
+    fn latest_of_each<'b>(&self, failing: &[&'b (usize, RiskRun)]) -> Vec<&'b (usize, RiskRun)> {
+        let mut kinds: IndexMap<Option<usize>, Vec<&(usize, RiskRun)>> = IndexMap::new();
+        for pair in failing {
+            let label = self.label(pair.0, &pair.1);
+            let kind = self
+                .modes
+                .iter()
+                .position(|mode| Some(mode) == label.as_ref());
+            kinds.entry(kind).or_default().push(pair);
+        }
+        // The rarest first, because what it leaves over goes to the others.
+        kinds.sort_by(|_, a, _, b| a.len().cmp(&b.len()));
+        let (mut left, mut chosen) = (FITTED.1, Vec::new());
+        let groups = kinds.len();
+        for (at, runs) in kinds.into_values().enumerate() {
+            let most = runs.len().min(left / (groups - at));
+            left -= most;
+            // The latest runs come from the best proposals so far.
+            chosen.extend(&runs[runs.len() - most..]);
+        }
+        chosen
     }
 
     /// Drops the earliest runs without a failure, of which no fit reads so many.
@@ -264,16 +287,25 @@ mod tests {
     }
 
     #[test]
-    fn the_four_most_frequent_kinds_have_a_proposal_of_their_own() {
+    fn the_most_frequent_kinds_have_a_proposal_of_their_own() {
         let few = with(learning(&["ego"]), &[("a", 9), ("b", 10)]);
         assert_eq!(few.modes, ["b"]);
-        let all = [("a", 11), ("b", 12), ("c", 13), ("d", 14), ("e", 15)];
+        let all = [
+            ("a", 11),
+            ("b", 12),
+            ("c", 13),
+            ("d", 14),
+            ("e", 15),
+            ("f", 16),
+            ("g", 17),
+        ];
         let mut most = with(learning(&["ego"]), &all);
-        assert_eq!(most.modes, ["e", "d", "c", "b"]);
+        let six = ["g", "f", "e", "d", "c", "b"];
+        assert_eq!(most.modes, six);
         // Known kinds stay, and there is no room for others.
-        most.value = Some(ValueNetwork::flat([1, 5, 2]));
-        let more = with(most, &[("f", 50)]);
-        assert_eq!(more.modes, ["e", "d", "c", "b"]);
+        most.value = Some(ValueNetwork::flat([1, 7, 2]));
+        let more = with(most, &[("h", 50)]);
+        assert_eq!(more.modes, six);
         assert!(more.value.is_some());
         // A new kind needs a V with another head.
         let mut few = few;
@@ -311,6 +343,23 @@ mod tests {
         assert!(all.data[0].1.failure().is_some());
         assert_eq!(all.data[1].1.noise, 2);
         assert!(learning(&["ego"]).refit(0).is_none());
+    }
+
+    #[test]
+    fn a_fit_reads_the_latest_runs_of_every_kind() {
+        let mut all = with(
+            learning(&["ego"]),
+            &[("rare", 20), ("often", FITTED.1 + 50)],
+        );
+        all.data.last_mut().expect("a run").1.noise = 7;
+        let failing: Vec<&(usize, RiskRun)> = all.data.iter().collect();
+        let chosen = all.latest_of_each(&failing);
+        let of = |mode: &str| {
+            let is = |it: &&&(usize, RiskRun)| it.1.failure().is_some_and(|it| it.mode == mode);
+            chosen.iter().filter(is).count()
+        };
+        assert_eq!([of("rare"), of("often")], [20, FITTED.1 - 20]);
+        assert_eq!(chosen.last().expect("a run").1.noise, 7);
     }
 
     #[test]

@@ -116,6 +116,17 @@ impl Mixture {
         1.0 / pairs.map(|(share, ratio)| share * ratio).sum::<f64>()
     }
 
+    /// Returns the weight of a run beside the draws of a round, by component.
+    ///
+    /// Shares are rounded to draws, and the weight of the draws themselves has no bias.
+    pub(super) fn weight_among(&self, ratios: &[f64], draws: &[usize]) -> f64 {
+        let n = draws.iter().sum::<usize>() as f64;
+        let pairs = draws.iter().zip(ratios);
+        n / pairs
+            .map(|(draws, ratio)| *draws as f64 * ratio)
+            .sum::<f64>()
+    }
+
     /// Returns the component of each of `n` runs, in proportion to the shares.
     pub(super) fn allocation(&self, n: usize) -> Vec<usize> {
         let mut all = Vec::with_capacity(n);
@@ -243,6 +254,15 @@ mod tests {
         assert!((one.weight_of(&run) - expected).abs() < 1e-6);
         run.laws = vec![0.25, 0.75, 0.0, 1.0];
         assert_eq!(one.weight_of(&run), f64::INFINITY);
+    }
+
+    #[test]
+    fn weights_of_draws_are_those_of_the_whole_numbers() {
+        let one = mixture(1);
+        let weight = one.weight_among(&[1.0, 2.0, 4.0], &[1, 0, 1]);
+        assert!((weight - 2.0 / 5.0).abs() < 1e-12, "{weight}");
+        let as_shares = one.weight_among(&[1.0, 2.0, 4.0], &[10, 30, 60]);
+        assert!((as_shares - one.weight(&[1.0, 2.0, 4.0])).abs() < 1e-12);
     }
 
     #[test]

@@ -239,6 +239,55 @@ pub(super) fn pooled(
     })
 }
 
+/// Estimate of a round beside that of the others.
+pub(super) struct RoundDistance {
+    /// Their difference in joint standard errors.
+    pub(super) apart: f64,
+    /// Degrees of freedom of the standard errors.
+    pub(super) freedom: f64,
+}
+
+/// Returns how far the estimate of a round is from that of the others. `None` without one.
+pub(super) fn distance(rounds: &[Round], of: usize) -> Option<RoundDistance> {
+    let others: Vec<Round> = rounds
+        .iter()
+        .enumerate()
+        .filter(|(at, _)| *at != of)
+        .map(|(_, round)| round.clone())
+        .collect();
+    let [one, many] = [&rounds[of..=of], &others[..]].map(spread);
+    let (own, rest) = (one?, many?);
+    Some(RoundDistance {
+        apart: (own.mean - rest.mean).abs() / libm::sqrt(own.variance + rest.variance),
+        freedom: own.freedom.min(rest.freedom),
+    })
+}
+
+/// Mean of rounds with its spread.
+struct RoundMean {
+    mean: f64,
+    variance: f64,
+    freedom: f64,
+}
+
+/// Returns the mean of the failures of rounds. `None` without a round that varies.
+fn spread(rounds: &[Round]) -> Option<RoundMean> {
+    let parts = contributions(rounds, |_| true);
+    let (mut mean, mut variance) = (0.0, 0.0);
+    for (round, share) in rounds.iter().zip(round_shares(rounds)) {
+        let failures = round.failures.iter();
+        let (own, spread) = round.mean(failures.map(|it| (it.component, it.weight)));
+        mean += share * own;
+        variance += share * share * spread;
+    }
+    let squares: f64 = parts.iter().map(|it| it * it).sum();
+    (variance > 0.0).then(|| RoundMean {
+        mean,
+        variance,
+        freedom: freedom(&parts, mean * mean / squares),
+    })
+}
+
 /// Returns the degrees of freedom of the spread of an estimate, at least 1.
 ///
 /// A few heavy contributions x make the spread itself uncertain. Satterthwaite's formula
@@ -316,8 +365,8 @@ pub(super) fn greatest_share(rounds: &[Round]) -> f64 {
 ///
 /// Up to the weight `limit`, which earlier runs fixed, the empirical Bernstein bound of
 /// Maurer and Pontil (2009) holds for the last round. Above it, only natural runs count,
-/// of which `beyond` of `natural` failed. Both parts share the error.
-pub(super) fn bound(last: &Round, limit: f64, beyond: usize, natural: usize) -> f64 {
+/// of which the first of `beyond` failed among the second. Both parts share the error.
+pub(super) fn bound(last: &Round, limit: f64, beyond: [usize; 2], error: f64) -> f64 {
     let n = last.len() as f64;
     let light = last.failures.iter().filter(|it| it.weight <= limit);
     let sums = light.fold([0.0; 2], |[sum, squares], it| {
@@ -326,9 +375,10 @@ pub(super) fn bound(last: &Round, limit: f64, beyond: usize, natural: usize) -> 
     let mean = sums[0] / n;
     // It is the variance of the mean, so the bound has no further division by n.
     let variance = (sums[1] - n * mean * mean).max(0.0) / (n * (n - 1.0));
-    let log = libm::log(4.0 / ERROR);
+    let log = libm::log(4.0 / error);
     let inside = mean + libm::sqrt(2.0 * variance * log) + 7.0 * limit * log / (3.0 * (n - 1.0));
-    inside + clopper_pearson_upper(beyond, natural, 0.5 * ERROR)
+    let [failed, natural] = beyond;
+    inside + clopper_pearson_upper(failed, natural, 0.5 * error)
 }
 
 /// Ratio of two risks on the same draws.
@@ -466,11 +516,11 @@ mod tests {
     fn the_bound_is_above_the_estimate_and_grows_with_failures_beyond() {
         let rounds = rounds(3, &[2000]);
         let limit = rounds[0].failures[0].weight;
-        let none = bound(&rounds[0], limit, 0, 10_000);
-        let two = bound(&rounds[0], limit, 2, 10_000);
+        let none = bound(&rounds[0], limit, [0, 10_000], ERROR);
+        let two = bound(&rounds[0], limit, [2, 10_000], ERROR);
         assert!(none > 0.002 && none < two, "{none} {two}");
         // Weights beyond the limit leave the first part.
-        assert!(bound(&rounds[0], 0.5 * limit, 0, 10_000) < none);
+        assert!(bound(&rounds[0], 0.5 * limit, [0, 10_000], ERROR) < none);
     }
 
     #[test]
@@ -594,14 +644,14 @@ mod tests {
         last.failures[1].weight = 2.0;
         // The part up to the limit, and that of no failure in 1000 natural runs.
         let above = 1.0 - libm::pow(0.025, 1e-3);
-        let found = bound(&last, 1.0, 0, 1000);
+        let found = bound(&last, 1.0, [0, 1000], ERROR);
         assert!(
             (found - (0.012_215_170_965 + above)).abs() < 1e-9,
             "{found}"
         );
         // A weight at the limit counts.
-        assert!(bound(&last, 2.0, 0, 1000) > found);
-        assert!(bound(&last, 0.5, 0, 1000) < found);
+        assert!(bound(&last, 2.0, [0, 1000], ERROR) > found);
+        assert!(bound(&last, 0.5, [0, 1000], ERROR) < found);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::checks::{Checks, Refusal};
+use super::limits::RiskLimits;
 use super::natural_counts::{FaultsAs, NaturalCounts};
 use super::pool::{RiskEstimate, Round, pooled};
 use super::record::{DriverAnswer, RiskRun};
@@ -18,6 +19,8 @@ pub struct RiskCost {
     pub natural: usize,
     /// Runs to find failures: random actions, counterexamples from elsewhere, a first round.
     pub exploring: usize,
+    /// Runs of a search for failures of every kind.
+    pub searching: usize,
     /// Runs of the estimate.
     pub rounds: usize,
     /// Runs from which a surrogate of the ego was fitted.
@@ -31,14 +34,14 @@ pub struct RiskCost {
 impl RiskCost {
     /// Returns the runs of one ego on its own plant.
     pub fn of_ego(&self) -> usize {
-        self.natural + self.exploring + self.surrogate + self.rounds
+        self.natural + self.exploring + self.searching + self.surrogate + self.rounds
     }
 }
 
 /// Risk by kind of failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ModeRisk {
-    /// Kind of failure: contact, and the state of the rules.
+    /// Kind of failure: contact or violated leaf, manoeuvre, and the state of the rules.
     pub mode: String,
     /// Share of the risk.
     pub share: f64,
@@ -79,7 +82,11 @@ pub struct RiskBounds {
 pub struct EgoRisk {
     /// Name of the ego.
     pub ego: String,
-    /// Risks. All are `None` if the estimate was refused, or if runs ended in faults.
+    /// Bounds that hold whatever the proposals missed. `None` if natural runs were counted.
+    pub limits: Option<RiskLimits>,
+    /// Risks, if the kinds of failure that were found are all.
+    ///
+    /// All are `None` if the estimate was refused, or if runs ended in faults.
     #[serde(flatten)]
     pub readings: RiskReadings,
     /// Bounds of the risks. `None` without a fault among the counted runs, or if refused.
@@ -143,7 +150,9 @@ pub struct RiskReport {
 
 /// Weighted runs of an ego, which are pooled.
 pub(super) struct WeightedRuns<'a> {
+    /// Rounds that count.
     pub(super) rounds: &'a [Round],
+    pub(super) limits: RiskLimits,
     /// Share of the law of starts inside X_init.
     pub(super) inside: RiskEstimate,
     /// Faults of all runs on the ego's own plant.
@@ -207,6 +216,7 @@ impl EgoRisk {
     fn without_readings(ego: &str, natural: &NaturalCounts, faults: RunFaults) -> EgoRisk {
         EgoRisk {
             ego: ego.to_owned(),
+            limits: None,
             readings: RiskReadings::default(),
             between: None,
             judged: natural.judged(),
@@ -295,9 +305,12 @@ impl EgoRisk {
         mut checks: Checks,
     ) -> EgoRisk {
         let WeightedRuns { rounds, inside, .. } = runs;
-        // The bound is of all draws, but risks refer to starts inside.
-        checks.bound = (checks.bound / inside.probability).min(1.0);
+        // Risks refer to starts inside.
+        let earlier = &mut checks.set_aside_probability;
+        *earlier = earlier.map(|it| it / inside.probability);
+        checks.refusals.extend(Refusal::of_limits(&runs.limits));
         let mut risk = EgoRisk {
+            limits: Some(runs.limits),
             impossible: runs.impossible,
             likeliest: runs.likeliest,
             ..EgoRisk::without_readings(ego, natural, runs.faults)
@@ -354,7 +367,10 @@ impl RiskReport {
         };
         let wrong = self.egos.iter().find(|ego| {
             let ends = ego.least_and_most();
+            let of_limits = ego.limits.iter().flat_map(RiskLimits::all);
+            let is_no_bound = |end: &f64| !(0.0..=1.0).contains(end);
             ends.is_some_and(|ends| ends.iter().any(is_wrong))
+                || of_limits.flatten().any(|end| is_no_bound(&end))
         })?;
         Some(format!(
             "the risk of `{}` is no probability within its interval",
@@ -381,6 +397,7 @@ impl RiskReport {
 
 #[cfg(test)]
 mod tests {
+    use super::super::limits::LimitRuns;
     use super::super::mixture::Mixture;
     use super::super::natural_counts::JUDGED;
     use super::super::pool::{WeightedFailure, WeightedFault};
@@ -473,8 +490,17 @@ mod tests {
     fn weighted(rounds: &[Round], natural: &NaturalCounts) -> EgoRisk {
         let mixture = Mixture::natural(0);
         let checks = Checks::of(rounds, natural, 1.0, &mixture, &[]);
+        let limits = RiskLimits::of(&LimitRuns {
+            rounds,
+            least_rounds: 3,
+            natural,
+            inside: INSIDE,
+            limit: 1.0,
+            mixture: &mixture,
+        });
         let runs = WeightedRuns {
             rounds,
+            limits,
             inside: INSIDE,
             faults: RunFaults::default(),
             impossible: 3,
@@ -535,6 +561,13 @@ mod tests {
         // 1 of 1001 natural runs is more than the half-width of the estimate.
         assert!(!weighted(&[round(0)], &natural).refusals().is_empty());
         natural.add(vec![RiskRun::ending(RunEnd::Held { lawful: None }); 9000]);
+        // As many failures as the rounds let expect.
+        let failure = EgoFailure {
+            mode: "rear-end".to_owned(),
+            lawful: true,
+            preventable: None,
+        };
+        natural.add(vec![RiskRun::ending(RunEnd::Failed(failure)); 10]);
         let risk = weighted(&[round(0)], &natural);
         assert_eq!(risk.refusals(), []);
         assert!(risk.between.is_some());
@@ -563,38 +596,80 @@ mod tests {
     }
 
     #[test]
-    fn a_claim_names_its_interval_or_its_bound() {
+    fn a_claim_is_the_pair_of_bounds_and_then_what_it_is_if_all_kinds_were_found() {
         let sound = weighted(&[round(0)], &natural());
         let text = report(vec![sound.clone()]).to_string();
-        let bound = number(sound.checks.as_ref().expect("weighted").bound);
+        let pair = |ego: &EgoRisk| ego.limits.expect("weighted").fails.map(number);
+        let [least, most] = pair(&sound);
         let interval = interval(&sound.readings.fails.expect("a result"));
         for said in [
-            "in runs of 15 s, `ego` fails in 2.00e-3 of runs (95 % interval ",
-            &interval,
-            &format!("and in at most {bound} whatever they missed"),
+            &format!(
+                "in runs of 15 s, `ego` fails in at least {least} of runs (whatever was missed can \
+                 only add) and at most {most} (trusts no proposal), 95 %"
+            )[..],
+            &format!(
+                "if the kinds found are all, `ego` fails in 2.00e-3 (95 % interval {interval})"
+            ),
+            "60 % rear-end; 40 % side-swipe",
             "more that the fuzzy safety model of UN R157 (FSM) avoids (`counts`)",
             "90.0 % of the law of starts is inside",
             "warning: 3 known counterexamples",
         ] {
             assert!(text.contains(said), "{said}: {text}");
         }
+        let first: Vec<&str> = text.lines().take(2).collect();
+        assert!(first[0].contains("at least") && first[1].starts_with("if the kinds"));
         let faulty = weighted(&[round(10)], &natural());
-        let [least, most] = faulty.least_and_most().expect("a result");
+        let [_, most] = pair(&faulty);
         let text = report(vec![faulty]).to_string();
-        let said = format!(
-            "`ego` fails in at least {} and at most {} of runs (95 %)",
-            number(least.interval[0]),
-            number(most.interval[1])
-        );
+        let said = format!("at most {most} (trusts no proposal), 95 %, since 0 of 0 runs ended in");
         assert!(text.contains(&said), "{said}: {text}");
-        // A refused estimate has a bound alone, per start inside.
+        // A refused estimate has its bounds alone, per start inside.
         let refused = weighted(&[], &natural());
-        let bound = refused.checks.as_ref().expect("weighted").bound;
+        let [_, most] = pair(&refused);
         let refused = report(vec![refused]);
         assert!(!refused.is_result());
-        let said = format!("fails in at most {} of runs (95 % bound)", number(bound));
+        let said = format!("fails in at most {most} of runs (trusts no proposal), 95 %");
         assert!(refused.to_string().contains(&said), "{refused}");
         assert!(refused.to_string().contains("ego: no result"));
+        let few = report(vec![weighted(&[weak()], &natural())]).to_string();
+        assert!(
+            few.contains("fails in at least ") && few.contains("ego: no result"),
+            "{few}"
+        );
+        assert!(!few.contains("if the kinds found are all"), "{few}");
+    }
+
+    /// Round whose failures are too few for a result.
+    fn weak() -> Round {
+        let mut few = round(0);
+        few.failures.truncate(20);
+        few
+    }
+
+    #[test]
+    fn bounds_that_exclude_each_other_are_no_result() {
+        let mut sound = NaturalCounts::default();
+        sound.add(vec![
+            RiskRun::ending(RunEnd::Held { lawful: None });
+            100_000
+        ]);
+        let mut many = round(0);
+        many.failures.iter_mut().for_each(|it| it.weight = 5.0);
+        let risk = weighted(&[many], &sound);
+        let reasons = risk.refusals().iter().map(|it| it.reason.as_str());
+        assert!(
+            reasons.clone().any(|it| it.starts_with("at least ")),
+            "{:?}",
+            risk.refusals()
+        );
+        assert!(risk.readings.fails.is_none());
+        let mut read = report(vec![weighted(&[round(0)], &natural())]);
+        assert_eq!(read.contradiction(), None);
+        if let Some(limits) = &mut read.egos[0].limits {
+            limits.fails_lawful[1] = 1.5;
+        }
+        assert!(read.contradiction().is_some());
     }
 
     #[test]
@@ -656,12 +731,13 @@ mod tests {
         let cost = RiskCost {
             natural: 1,
             exploring: 2,
+            searching: 6,
             rounds: 3,
             surrogate: 4,
             learning: 5,
             egos: 1,
         };
-        assert_eq!(cost.of_ego(), 10);
+        assert_eq!(cost.of_ego(), 16);
         let line = |cost: RiskCost| {
             let report = RiskReport {
                 cost,
@@ -671,7 +747,7 @@ mod tests {
             let line = text.lines().find(|it| it.starts_with("runs per ego"));
             line.expect("a line").to_owned()
         };
-        let plain = "runs per ego: 1 natural, 2 exploring, 3 in rounds";
+        let plain = "runs per ego: 1 natural, 2 exploring, 6 searching for kinds, 3 in rounds";
         assert_eq!(line(cost), format!("{plain}, 4 for its surrogate, 5 in it"));
         let on_other = RiskCost {
             surrogate: 0,

@@ -3,52 +3,27 @@
 use std::fmt::{self, Display, Formatter, Write};
 
 use super::checks::Checks;
+use super::limits::RiskLimits;
 use super::pool::RiskEstimate;
-use super::report::{EgoRisk, RiskCost, RiskReadings, RiskReport};
+use super::report::{EgoRisk, RiskBounds, RiskCost, RiskReadings, RiskReport};
 use super::run_faults::RunFaults;
 use crate::report::TextTable;
 use crate::rulebook::Counts;
 
+/// Most kinds of failure in the table, and in the claim.
+const LISTED: usize = 6;
+const NAMED: usize = 3;
+
 impl RiskReport {
     fn readings_of(&self, f: &mut String, ego: &EgoRisk) -> fmt::Result {
         match &ego.between {
-            Some(between) => {
-                let [held, failing] = ["if no fault is a failure", "if every fault is one"];
-                writeln!(f, "{:24}{held:30}{failing:30}share of", ego.ego)?;
-                for (row, [least, most]) in pairs(&between.least, &between.most) {
-                    let cell = |it: Option<RiskEstimate>| match it {
-                        Some(it) => format!("{}, {}", number(it.probability), interval(&it)),
-                        None => "none observed".to_owned(),
-                    };
-                    let (name, of) = (row.name, row.share_of(ego));
-                    writeln!(f, "{name:24}{:30}{:30}{of}", cell(least), cell(most))?;
-                }
-            }
-            None => {
-                let name = &ego.ego;
-                writeln!(
-                    f,
-                    "{name:24}probability    95 % interval          ESS     share of"
-                )?;
-                for (row, [risk, _]) in pairs(&ego.readings, &ego.readings) {
-                    let (name, of) = (row.name, row.share_of(ego));
-                    match risk {
-                        Some(risk) => writeln!(
-                            f,
-                            "{name:24}{:<15}{:<23}{:<8.0}{of}",
-                            number(risk.probability),
-                            interval(&risk),
-                            risk.ess
-                        )?,
-                        None => writeln!(f, "{name:24}{:46}{of}", "none observed")?,
-                    }
-                }
-            }
+            Some(between) => readings_between(f, ego, between)?,
+            None => readings_alone(f, ego)?,
         }
         if !ego.modes.is_empty() {
             writeln!(f, "of the failures:")?;
         }
-        for mode in &ego.modes {
+        for mode in ego.modes.iter().take(LISTED) {
             writeln!(
                 f,
                 "{:5.1} %  {:.1e}  {}",
@@ -56,6 +31,11 @@ impl RiskReport {
                 mode.risk.probability,
                 mode.mode
             )?;
+        }
+        if let Some(others) = ego.modes.get(LISTED..).filter(|it| !it.is_empty()) {
+            let share: f64 = others.iter().map(|it| it.share).sum();
+            let count = others.len();
+            writeln!(f, "{:5.1} %  of {count} other kinds", 100.0 * share)?;
         }
         if let Some(share) = ego.known_share {
             let share = 100.0 * share;
@@ -108,11 +88,15 @@ impl RiskReport {
         // A heavy tail can expect more than the whole risk above its greatest weight.
         let unseen = checks.unseen_share.unwrap_or(0.0).min(1.0);
         let [covered, probes] = checks.probes;
+        let aside = match checks.set_aside_probability {
+            Some(p) => format!("{} set aside with {}", checks.set_aside, number(p)),
+            None => format!("{} set aside", checks.set_aside),
+        };
         writeln!(
             f,
-            "whatever the proposals missed: at most {}, of {} natural runs",
-            number(checks.bound),
-            self.cost.natural
+            "rounds    {} count, {aside}, {} kinds found in rounds only; the upper bound is of {} \
+             natural runs",
+            checks.rounds, checks.late_kinds, self.cost.natural
         )?;
         writeln!(
             f,
@@ -178,7 +162,8 @@ impl RiskReport {
                 claim(ego)
             )
         });
-        claims.chain(self.ratio_in_words()).collect()
+        let narrow = self.egos.iter().filter_map(if_all_kinds);
+        claims.chain(self.ratio_in_words()).chain(narrow).collect()
     }
 
     fn ratio_in_words(&self) -> Option<String> {
@@ -224,6 +209,7 @@ impl RiskReport {
                 self.readings_of(f, ego)?;
             } else {
                 writeln!(f, "{}: no result", ego.ego)?;
+                bounds_alone(f, ego)?;
             }
             RiskReport::faults(f, ego)?;
             if ego.impossible > 0 {
@@ -267,6 +253,7 @@ impl RiskReport {
         let RiskCost {
             natural,
             exploring,
+            searching,
             rounds,
             surrogate,
             learning,
@@ -274,7 +261,8 @@ impl RiskReport {
         } = self.cost;
         write!(
             f,
-            "runs per ego: {natural} natural, {exploring} exploring, {rounds} in rounds"
+            "runs per ego: {natural} natural, {exploring} exploring, {searching} searching for \
+             kinds, {rounds} in rounds"
         )?;
         if surrogate > 0 {
             write!(f, ", {surrogate} for its surrogate, {learning} in it")?;
@@ -306,30 +294,105 @@ impl EgoRisk {
             Some(between) => (&between.least, &between.most),
             None => (&self.readings, &self.readings),
         };
+        let limits = self.limits.as_ref();
         let rows = pairs(least, most).map(|(row, [least, most])| {
-            let mut cells = vec![row.name.to_owned(), cell(least)];
+            let mut cells = vec![row.name.to_owned()];
+            cells.extend(limits.iter().flat_map(|it| row.ends(it)));
+            cells.push(cell(least));
             cells.extend(self.between.is_some().then(|| cell(most)));
             cells.push(row.share_of(self));
             cells
         });
-        let columns: &[&str] = if self.between.is_some() {
-            &[
-                "run",
-                "if no fault is a failure",
-                "if every fault is one",
-                "share of",
-            ]
-        } else {
-            &["run", "probability, 95 % interval", "share of"]
-        };
-        TextTable::new(columns.iter().copied(), rows)
+        let mut columns = vec!["run"];
+        columns.extend(limits.iter().flat_map(|_| ["at least", "at most"]));
+        columns.extend(match (&self.between, limits) {
+            (Some(_), _) => &["if no fault is a failure", "if every fault is one"][..],
+            (None, Some(_)) => &["if the kinds found are all, 95 % interval"][..],
+            (None, None) => &["probability, 95 % interval"][..],
+        });
+        columns.push("share of");
+        TextTable::new(columns, rows)
     }
+}
+
+/// Writes readings of runs of which some ended in a fault.
+fn readings_between(f: &mut String, ego: &EgoRisk, between: &RiskBounds) -> fmt::Result {
+    let [held, failing] = ["if no fault is a failure", "if every fault is one"];
+    writeln!(f, "{:24}{held:30}{failing:30}share of", ego.ego)?;
+    for (row, [least, most]) in pairs(&between.least, &between.most) {
+        let cell = |it: Option<RiskEstimate>| match it {
+            Some(it) => format!("{}, {}", number(it.probability), interval(&it)),
+            None => "none observed".to_owned(),
+        };
+        let (name, of) = (row.name, row.share_of(ego));
+        writeln!(f, "{name:24}{:30}{:30}{of}", cell(least), cell(most))?;
+    }
+    Ok(())
+}
+
+/// Writes readings without faults, after the bounds that hold whatever was missed.
+fn readings_alone(f: &mut String, ego: &EgoRisk) -> fmt::Result {
+    let name = &ego.ego;
+    let Some(limits) = &ego.limits else {
+        writeln!(
+            f,
+            "{name:24}probability    95 % interval          ESS     share of"
+        )?;
+        for (row, [risk, _]) in pairs(&ego.readings, &ego.readings) {
+            let (name, of) = (row.name, row.share_of(ego));
+            match risk {
+                Some(risk) => writeln!(
+                    f,
+                    "{name:24}{:<15}{:<23}{:<8.0}{of}",
+                    number(risk.probability),
+                    interval(&risk),
+                    risk.ess
+                )?,
+                None => writeln!(f, "{name:24}{:46}{of}", "none observed")?,
+            }
+        }
+        return Ok(());
+    };
+    writeln!(
+        f,
+        "{name:24}at least at most  if the kinds found are all  ESS    share of"
+    )?;
+    for (row, [risk, _]) in pairs(&ego.readings, &ego.readings) {
+        let (name, of, [least, most]) = (row.name, row.share_of(ego), row.ends(limits));
+        let [narrow, ess] = match risk {
+            Some(it) => [
+                format!("{}, {}", number(it.probability), interval(&it)),
+                format!("{:.0}", it.ess),
+            ],
+            None => ["none observed".to_owned(), String::new()],
+        };
+        writeln!(f, "{name:24}{least:<9}{most:<9}{narrow:<28}{ess:<7}{of}")?;
+    }
+    Ok(())
+}
+
+/// Writes the bounds of an ego without a result.
+fn bounds_alone(f: &mut String, ego: &EgoRisk) -> fmt::Result {
+    let Some(limits) = &ego.limits else {
+        return Ok(());
+    };
+    writeln!(f, "{:24}at least at most  share of", "")?;
+    for (row, _) in pairs(&ego.readings, &ego.readings) {
+        let [least, most] = row.ends(limits);
+        if !most.is_empty() {
+            let of = row.share_of(ego);
+            writeln!(f, "{:24}{least:<9}{most:<9}{of}", row.name)?;
+        }
+    }
+    Ok(())
 }
 
 /// Line of the table of readings.
 struct ReadingRow {
     name: &'static str,
     of: ShareOf,
+    /// Its bounds. `None`: it is of natural runs alone.
+    limits: Option<fn(&RiskLimits) -> [f64; 2]>,
 }
 
 /// Runs of which a reading is a share.
@@ -341,6 +404,14 @@ enum ShareOf {
 }
 
 impl ReadingRow {
+    /// Returns its bounds in words, both empty without any.
+    fn ends(&self, limits: &RiskLimits) -> [String; 2] {
+        match self.limits {
+            Some(of) => of(limits).map(number),
+            None => [String::new(), String::new()],
+        }
+    }
+
     fn share_of(&self, ego: &EgoRisk) -> String {
         match self.of {
             ShareOf::All => "all runs".to_owned(),
@@ -355,59 +426,119 @@ fn pairs(
     least: &RiskReadings,
     most: &RiskReadings,
 ) -> [(ReadingRow, [Option<RiskEstimate>; 2]); 6] {
-    let pair = |name, of, get: fn(&RiskReadings) -> Option<RiskEstimate>| {
-        (ReadingRow { name, of }, [get(least), get(most)])
+    let pair = |row: ReadingRow, get: fn(&RiskReadings) -> Option<RiskEstimate>| {
+        (row, [get(least), get(most)])
     };
+    let row = |name, of, limits: fn(&RiskLimits) -> [f64; 2]| ReadingRow {
+        name,
+        of,
+        limits: Some(limits),
+    };
+    let lawful = ReadingRow {
+        name: "lawful",
+        of: ShareOf::Judged,
+        limits: None,
+    };
+    let (all, given) = (ShareOf::All, ShareOf::Lawful);
     [
-        pair("fails", ShareOf::All, |it| it.fails),
-        pair("fails, lawful", ShareOf::All, |it| it.fails_lawful),
-        pair("fails, preventable", ShareOf::All, |it| {
-            it.fails_preventable
+        pair(row("fails", all, |it| it.fails), |it| it.fails),
+        pair(row("fails, lawful", all, |it| it.fails_lawful), |it| {
+            it.fails_lawful
         }),
-        pair("fails, no driver model", ShareOf::All, |it| {
-            it.fails_unjudged
-        }),
-        pair("fails, given lawful", ShareOf::Lawful, |it| {
-            it.fails_given_lawful
-        }),
-        pair("lawful", ShareOf::Judged, |it| it.lawful),
+        pair(
+            row("fails, preventable", all, |it| it.fails_preventable),
+            |it| it.fails_preventable,
+        ),
+        pair(
+            row("fails, no driver model", all, |it| it.fails_unjudged),
+            |it| it.fails_unjudged,
+        ),
+        pair(
+            row("fails, given lawful", given, |it| it.fails_given_lawful),
+            |it| it.fails_given_lawful,
+        ),
+        pair(lawful, |it| it.lawful),
     ]
 }
 
-/// Returns the share of runs in which an ego may be said to fail, with its interval or bound.
+/// Returns the share of runs in which an ego may be said to fail, with its interval or bounds.
 fn claim(ego: &EgoRisk) -> String {
-    let bound = ego.checks.as_ref().map(|checks| number(checks.bound));
-    let Some([least, most]) = ego.least_and_most() else {
-        // Without any check, nothing is excluded.
-        let bound = bound.unwrap_or_else(|| number(1.0));
-        return format!("at most {bound} of runs (95 % bound). No estimate is a result");
-    };
     let RunFaults { runs, invalid, .. } = &ego.faults;
-    let mut text = match &ego.between {
-        Some(_) => format!(
-            "at least {} and at most {} of runs (95 %), since {invalid} of {runs} runs ended in a \
-             fault",
-            number(least.interval[0]),
-            number(most.interval[1])
-        ),
-        None => format!(
-            "{} of runs (95 % interval {})",
-            number(least.probability),
-            interval(&least)
-        ),
+    let faults = match &ego.between {
+        Some(_) => format!(", since {invalid} of {runs} runs ended in a fault"),
+        None => String::new(),
     };
-    if let Some(bound) = bound {
+    let Some(limits) = &ego.limits else {
+        return counted_claim(ego, &faults);
+    };
+    let [least, most] = limits.fails;
+    let mut text = String::new();
+    if least > 0.0 {
+        text = format!(
+            "at least {} of runs (whatever was missed can only add) and at most {} (trusts no \
+             proposal), 95 %",
+            number(least),
+            number(most)
+        );
+    } else {
         text.push_str(&format!(
-            ", as far as its runs show every kind of failure, and in at most {bound} whatever they \
-             missed"
+            "at most {} of runs (trusts no proposal), 95 %",
+            number(most)
         ));
+    }
+    text.push_str(&faults);
+    if !ego.refusals().is_empty() {
+        text.push_str(". No narrower estimate is a result");
     }
     text
 }
 
+/// Returns the claim of counted natural runs, which no proposal can blind.
+fn counted_claim(ego: &EgoRisk, faults: &str) -> String {
+    let Some([least, most]) = ego.least_and_most() else {
+        // Without any run, nothing is excluded.
+        return "any share of runs. No estimate is a result".to_owned();
+    };
+    if ego.between.is_some() {
+        let [lo, hi] = [least.interval[0], most.interval[1]].map(number);
+        return format!("at least {lo} and at most {hi} of runs (95 %){faults}");
+    }
+    let p = number(least.probability);
+    format!("{p} of runs (95 % interval {})", interval(&least))
+}
+
+/// Returns the narrow claim of weighted runs, with the kinds of failure on which it rests.
+fn if_all_kinds(ego: &EgoRisk) -> Option<String> {
+    ego.limits.as_ref()?;
+    let [least, most] = ego.least_and_most()?;
+    let name = &ego.ego;
+    let risk = if ego.between.is_some() {
+        let [lo, hi] = [least.interval[0], most.interval[1]].map(number);
+        format!("{lo} … {hi} (95 %, with every fault or none)")
+    } else {
+        let p = number(least.probability);
+        format!("{p} (95 % interval {})", interval(&least))
+    };
+    let mut kinds: Vec<String> = ego
+        .modes
+        .iter()
+        .take(NAMED)
+        .map(|it| format!("{:.0} % {}", 100.0 * it.share, it.mode))
+        .collect();
+    if ego.modes.len() > NAMED {
+        kinds.push(format!("{} others", ego.modes.len() - NAMED));
+    }
+    let kinds = kinds.join("; ");
+    Some(format!(
+        "if the kinds found are all, `{name}` fails in {risk}: {kinds}"
+    ))
+}
+
 pub(super) fn number(value: f64) -> String {
     // Small risks need an exponent, and larger numbers compare better without.
-    if value < 0.01 {
+    if value == 0.0 {
+        "0".to_owned()
+    } else if value < 0.01 {
         format!("{value:.2e}")
     } else {
         format!("{value:.4}")

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::record::KnownFailure;
+use super::script_search::SEARCHING;
 use super::traffic::RiskTraffic;
 use crate::content_hash;
 use crate::experiment::{EgoUnderTest, Watch};
@@ -13,7 +14,7 @@ use crate::sim::PlantKind;
 use crate::surrogate::SurrogateWorld;
 
 /// Version of the stored runs, which changes with their meaning.
-const STORED_RUNS: u32 = 2;
+const STORED_RUNS: u32 = 3;
 /// Most runs with random actions.
 const EXPLORING: usize = 5_000;
 /// Most runs of the round that only learns on the plant of the ego.
@@ -86,15 +87,16 @@ fn ego_identity(ego: &EgoUnderTest) -> serde_json::Value {
 }
 
 impl RiskSettings {
-    /// Returns the numbers of natural runs, of runs with random actions, and of runs of a
-    /// learning round on the ego's own plant.
-    pub(super) fn before_rounds(&self) -> [usize; 3] {
+    /// Returns the numbers of natural runs, of runs with random actions, of runs of a search
+    /// and of a learning round on the ego's own plant.
+    pub(super) fn before_rounds(&self) -> [usize; 4] {
         let natural = self.natural.min(self.budget);
         let left = self.budget - natural;
         // Few, because runs that only learn are not part of the estimate.
         [
             natural,
-            EXPLORING.min(left / 5),
+            EXPLORING.min(left / 10),
+            SEARCHING.min(left / 5),
             LEARNING_ON_OWN.min(left / 10),
         ]
     }
@@ -250,9 +252,9 @@ mod tests {
             };
             settings.before_rounds()
         };
-        assert_eq!(before(1_000, 10_000), [1_000, 0, 0]);
-        assert_eq!(before(20_000, 10_000), [10_000, 2_000, 1_000]);
-        assert_eq!(before(100_000, 10_000), [10_000, 5_000, 5_000]);
+        assert_eq!(before(1_000, 10_000), [1_000, 0, 0, 0]);
+        assert_eq!(before(20_000, 10_000), [10_000, 1_000, 2_000, 1_000]);
+        assert_eq!(before(100_000, 10_000), [10_000, 5_000, 5_000, 5_000]);
     }
 
     /// Drives like the world's own ego would coast.

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::action_law::ActionLaw;
 use super::mixture::Mixture;
 use super::record::{DriverAnswer, EgoFailure, KnownFailure, RiskRun, RunEnd, multiply};
+use super::script_search::BY_LAW;
 use super::start_law::StartLaw;
 use crate::ego::{Fault, FaultKind};
 use crate::experiment::FailureKind;
@@ -37,6 +38,8 @@ pub(super) enum EpisodeSource<'a> {
     Held(usize),
     /// A recorded sequence, whose last action is held.
     Recorded(&'a KnownFailure),
+    /// A script of a search, with the likeliest action where the law excludes its own.
+    Scripted(&'a KnownFailure),
 }
 
 /// Request of a run.
@@ -120,7 +123,7 @@ impl RiskWorld {
             }
             let law = state.read(self, bench, &memory);
             let proposals = mixture.proposals(&state.input, &law);
-            let action = chooser.choose(&proposals);
+            let action = chooser.choose(&proposals, &law);
             run.inputs.extend(&state.input);
             run.laws.extend(law.iter().map(|it| *it as f32));
             run.actions.push(action as u32);
@@ -129,7 +132,17 @@ impl RiskWorld {
             played.push(action);
             bench.decide(action);
         }
-        let failed = self.end(bench, &mut run, order, &start, played);
+        let manoeuvre = memory.manoeuvre_in_symbols();
+        let failed = self.end(
+            bench,
+            &mut run,
+            order,
+            RunOf {
+                start: &start,
+                manoeuvre: &manoeuvre,
+            },
+            played,
+        );
         // Held actions explore beyond the law on purpose.
         if !run.is_possible() && matches!(order.source, EpisodeSource::Recorded(..)) {
             run.end = RunEnd::Impossible;
@@ -156,11 +169,13 @@ impl RiskWorld {
                 let shares = mixture.tree(component).draw(which, &uniform);
                 (component, Some(shares))
             }
-            EpisodeSource::Recorded(known) => (0, self.starts.shares(&known.start)),
+            EpisodeSource::Recorded(known) | EpisodeSource::Scripted(known) => {
+                (0, self.starts.shares(&known.start))
+            }
         };
         // A recorded failure may depend on its noise.
         let noise = match order.source {
-            EpisodeSource::Recorded(known) => known.noise,
+            EpisodeSource::Recorded(known) | EpisodeSource::Scripted(known) => known.noise,
             _ => noise,
         };
         let is_known = shares.is_some();
@@ -183,8 +198,10 @@ impl RiskWorld {
 
     pub(super) fn start_of(&self, order: &Order<'_>, run: &RiskRun) -> Option<Start> {
         match order.source {
-            EpisodeSource::Recorded(_) if run.end == RunEnd::Impossible => None,
-            EpisodeSource::Recorded(known) => Some(known.start.clone()),
+            _ if run.end == RunEnd::Impossible => None,
+            EpisodeSource::Recorded(known) | EpisodeSource::Scripted(known) => {
+                Some(known.start.clone())
+            }
             _ => self.starts.start(&run.shares),
         }
     }
@@ -195,7 +212,7 @@ impl RiskWorld {
         bench: &Testbench,
         run: &mut RiskRun,
         order: &Order<'_>,
-        start: &Start,
+        of: RunOf<'_>,
         played: Vec<usize>,
     ) -> Option<Episode> {
         let verdict = bench.verdict().unwrap_or(Verdict::Invalid);
@@ -207,8 +224,8 @@ impl RiskWorld {
                 None
             }
             verdict if verdict.is_success() => {
-                let episode = bench.episode(start, run.noise, played);
-                run.end = RunEnd::Failed(self.failure(&episode, order.prevent));
+                let episode = bench.episode(of.start, run.noise, played);
+                run.end = RunEnd::Failed(self.failure(&episode, of.manoeuvre, order.prevent));
                 Some(episode)
             }
             _ => {
@@ -221,7 +238,7 @@ impl RiskWorld {
         }
     }
 
-    fn failure(&self, episode: &Episode, prevent: bool) -> EgoFailure {
+    fn failure(&self, episode: &Episode, manoeuvre: &str, prevent: bool) -> EgoFailure {
         // A rule that is broken after the failure did not cause it.
         let mut judged = episode.trace.clone();
         judged.truncate(episode.judged);
@@ -237,7 +254,7 @@ impl RiskWorld {
             None => DriverAnswer::NoAnswer,
         };
         EgoFailure {
-            mode: format!("{}, {rules}", kind.contact_in_words()),
+            mode: format!("{}{}, {rules}", kind.in_words(), after(manoeuvre)),
             lawful: broken.is_none(),
             preventable: prevent.then(answer),
         }
@@ -249,6 +266,20 @@ impl RiskWorld {
         let rules = self.rules.rules.iter().enumerate();
         let broken = rules.filter(|(_, it)| it.monitor.robustness(trace, &mut scratch) <= 0.0);
         broken.min_by_key(|(_, rule)| rule.priority).map(|(i, _)| i)
+    }
+}
+
+/// Start of a run, and the phases of the ados up to its verdict.
+struct RunOf<'a> {
+    start: &'a Start,
+    manoeuvre: &'a str,
+}
+
+/// Returns a manoeuvre as a part of the words of a kind.
+fn after(manoeuvre: &str) -> String {
+    match manoeuvre {
+        "" => String::new(),
+        symbols => format!(" after {symbols}"),
     }
 }
 
@@ -307,7 +338,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    fn choose(&mut self, proposals: &[Vec<f64>]) -> usize {
+    fn choose(&mut self, proposals: &[Vec<f64>], law: &[f64]) -> usize {
         let at = self.next;
         self.next += 1;
         match self.source {
@@ -324,8 +355,24 @@ impl<'a> Chooser<'a> {
                 let action = known.actions.get(at).or(known.actions.last());
                 action.copied().unwrap_or(0)
             }
+            EpisodeSource::Scripted(script) => {
+                let share = self.rng.random::<f64>();
+                let action = script.actions.get(at).copied().unwrap_or(BY_LAW);
+                match law.get(action) {
+                    None => draw(law, share),
+                    Some(p) if *p > 0.0 => action,
+                    // The traffic cannot produce the script as it is.
+                    Some(_) => likeliest(law),
+                }
+            }
         }
     }
+}
+
+/// Returns the likeliest action, the first of equals.
+fn likeliest(law: &[f64]) -> usize {
+    let greater = |best: usize, at: usize| if law[best] < law[at] { at } else { best };
+    (1..law.len()).fold(0, greater)
 }
 
 /// Returns the action at a share of the probability.
