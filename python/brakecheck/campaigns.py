@@ -135,7 +135,8 @@ def eval(
         seed: of the test starts.
         plant: the physics to test in.
         search: also search with this many switches of action, which gives `recall`.
-        tries: runs of the trained ado per start.
+        tries: also search each start with at most so many runs, which the trained
+            ado proposes.
         temperature: also draw the trained ado's actions, the better the likelier.
         draws: draws per start.
         runs: runs of the ego that the ado may learn it from: at least 10, 100 for
@@ -192,9 +193,10 @@ def search(
     world: Worldly,
     *,
     ego: Any = None,
-    method: str = "switches",
+    method: str | None = None,
     switches: int | None = None,
     budget: int | None = None,
+    guided: Run | Path | None = None,
     starts: int = 300,
     seed: int = 0,
     plant: str | None = None,
@@ -210,10 +212,12 @@ def search(
 
     Args:
         world: a world, a `.ron` file, or the name of a shipped world.
-        method: how sequences are chosen: switches, uniform, hold, cem.
+        method: how sequences are chosen: switches, uniform, hold, cem, or guided.
+            The default is guided with a run in `guided`, and switches otherwise.
         switches: of the method switches: how often the action changes, 2 by default
             and 1 for programs and egos in Python.
-        budget: of the others: simulations per start.
+        budget: of the others: simulations per start, 20 if guided and otherwise 100.
+        guided: of the method guided: the run whose trained policy proposes sequences.
         ego, starts, seed, plant, keep, keep_most, as_found: as for `eval`.
         jobs, progress, allow_programs, allow_invalid: as for `train`.
     """
@@ -222,11 +226,13 @@ def search(
     keeping = None
     if keep is not None:
         keeping = {"directory": os.fspath(keep), "most": keep_most, "as_found": as_found}
+    usual = "switches" if guided is None else "guided"
     asked = {
         "ego": ego,
-        "method": method,
+        "method": usual if method is None else method,
         "switches": switches,
         "budget": budget,
+        "guided": None if guided is None else os.fspath(guided),
         "starts": starts,
         "seed": seed,
         "keep": keeping,

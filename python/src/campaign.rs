@@ -7,13 +7,14 @@ use std::sync::Arc;
 use brakecheck::adversary::{Ado, AdoGroup};
 use brakecheck::crashes::{CrashSelection, Form, KeepSettings};
 use brakecheck::evaluation::{
-    Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, untrained,
+    Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, policy_for, untrained,
 };
 use brakecheck::experiment::{check_repeatability, consent, on_plant, test_starts};
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{AdversaryId, Row, RunDir};
 use brakecheck::search::{
-    Adversary, BUDGET, BestConstant, Experiment, Method, MethodSettings, Search, usual_switches,
+    Adversary, BestConstant, Experiment, GuidingPolicy, Method, MethodSettings, Search,
+    usual_switches,
 };
 use brakecheck::training::{PerAdoMode, TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
@@ -329,6 +330,7 @@ pub(crate) struct SearchOptions {
     method: String,
     switches: Option<usize>,
     budget: Option<u64>,
+    guided: Option<PathBuf>,
     starts: usize,
     seed: u64,
     keep: Option<Keeping>,
@@ -343,19 +345,33 @@ pub(crate) fn search_world<'py>(
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
     let egos = egos(&world.0, options.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let guide = options.guided.as_ref().map(|run| {
+        let run = RunDir::open(run).map_err(failed)?;
+        policy_for(&run, &egos).map_err(failed)
+    });
+    let policy = guide.transpose()?;
+    let switches = Some(options.switches.unwrap_or_else(|| usual_switches(&egos)));
+    // Refused before anything is played.
     let settings = MethodSettings {
-        switches: Some(options.switches.unwrap_or_else(|| usual_switches(&egos))),
-        stored: None,
+        switches,
+        guide: policy.as_deref().map(GuidingPolicy),
+        ..MethodSettings::default()
     };
-    let method = Method::named(&options.method, &settings).map_err(failed)?;
-    let world = world.0.clone();
+    Method::named(&options.method, &settings).map_err(failed)?;
+    let (world, name) = (world.0.clone(), options.method.clone());
     let rows = running.watched(py, move |watch| {
+        let settings = MethodSettings {
+            switches,
+            guide: policy.as_deref().map(GuidingPolicy),
+            ..MethodSettings::default()
+        };
+        let method = Method::named(&name, &settings)?;
         let campaign = SearchCampaign {
             world: &world,
             egos: &egos,
             run: None,
             method,
-            budget: options.budget.unwrap_or(BUDGET),
+            budget: options.budget.unwrap_or(method.info().budget),
             starts: (options.starts, options.seed),
         };
         let Some(table) = campaign.run(watch)? else {

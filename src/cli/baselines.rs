@@ -7,7 +7,7 @@ use super::eval_args::EvalArgs;
 use super::failure::{Exit, Failure};
 use super::test_args::note_program_costs;
 use super::{points, progress, table};
-use crate::evaluation::untrained;
+use crate::evaluation::{ado_effects, untrained};
 use crate::search::usual_switches;
 
 /// Refuses options that require a trained ado.
@@ -64,10 +64,16 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     };
     note_program_costs(&egos, &watch);
     drop(bar);
+    let effects = ado_effects(&baselines.rows);
     if test.common.json {
-        print_json(&json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way }))?
+        let mut object = json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way });
+        if !effects.is_empty() {
+            object["ado_effects"] = json!(effects);
+        }
+        print_json(&object)?
     } else {
         let mut answer = table::rows(&baselines.rows);
+        table::add_effects(&mut answer, &effects);
         for why in &baselines.in_the_way {
             answer.table.push_str(&format!("\n{why}"));
         }

@@ -13,7 +13,7 @@ use crate::theorems::admits_theorems;
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     // All checks of the request come before the first simulation.
-    let tested = RunUnderTest::open(&args.run, &args.test)?;
+    let tested = RunUnderTest::open(&args.run, &args.test)?.leaving_out_each();
     if args.theorems {
         admits_theorems(&tested.nominal)?;
     }

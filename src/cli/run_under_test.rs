@@ -11,9 +11,9 @@ use super::input;
 use super::keep::KeepStep;
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
-use super::{egos_table, progress};
+use super::{egos_table, progress, table};
 use crate::adversary::{AdoGroup, GridPolicy};
-use crate::evaluation::{Evaluation, EvaluationTable, summarise};
+use crate::evaluation::{Evaluation, EvaluationTable, ado_effects, summarise};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{AdversaryId, Row, RunDir};
 use crate::world::Scenario;
@@ -75,6 +75,16 @@ impl<'a> RunUnderTest<'a> {
         })
     }
 
+    /// Adds the trained ado without each of its ados, unless ados are requested.
+    pub(super) fn leaving_out_each(mut self) -> RunUnderTest<'a> {
+        if self.test.ado.is_empty() {
+            let without = AdoGroup::named("without").into_iter();
+            self.ados
+                .extend(without.flat_map(|group| group.ids(&self.run, &self.nominal)));
+        }
+        self
+    }
+
     /// Opens the stream of the test, if one is requested.
     pub(super) fn live(&self) -> Result<Live, Failure> {
         let name = format!("test with {}", self.run.path().display());
@@ -130,12 +140,17 @@ impl<'a> RunUnderTest<'a> {
             if !evaluated.adapted_to.is_empty() {
                 object["adapted"] = json!(evaluated.adapted_to);
             }
+            let effects = ado_effects(&evaluated.rows());
+            if !effects.is_empty() {
+                object["ado_effects"] = json!(effects);
+            }
             if let Some(result) = result {
                 object[result.key] = result.value;
             }
             return print_json(&object);
         }
         let mut answer = egos_table::reuse(&evaluated.egos, &summary);
+        table::add_effects(&mut answer, &ado_effects(&evaluated.rows()));
         for adapted in &evaluated.adapted_to {
             answer.details.push_str(&format!("\n{adapted}"));
         }

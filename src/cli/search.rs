@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{ArgPredicate, PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
@@ -20,11 +20,14 @@ use super::terminal::Common;
 use super::test_args::{EgoArgs, note_program_costs};
 use super::traffic_args::TrafficArgs;
 use super::{progress, table};
-use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
+use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for, policy_for};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::report::junit;
+use crate::rl::Policy;
 use crate::run_dir::{Row, RunDir, Stored, write_file};
-use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings, usual_switches};
+use crate::search::{
+    GuidingPolicy, Method, MethodInfo, MethodOption, MethodSettings, usual_switches,
+};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -34,15 +37,18 @@ pub(super) struct SearchArgs {
     #[arg(value_name = "WORLD|RUN")]
     world: PathBuf,
     /// Method that chooses the sequences.
-    #[arg(long, value_parser = method_of_the_list(), default_value = "switches")]
+    #[arg(long, value_parser = method_of_the_list(), default_value = "switches",
+        default_value_if("guided", ArgPredicate::IsPresent, "guided"))]
     method: MethodInfo,
     #[arg(long, value_name = "M", help = MethodOption::Switches.help(), help_heading = TEST)]
     switches: Option<usize>,
-    #[arg(long, value_name = "SIMS", help = MethodOption::Budget.help(),
+    #[arg(long, visible_alias = "tries", value_name = "SIMS", help = MethodOption::Budget.help(),
         value_parser = count(1..=u64::MAX), help_heading = TEST)]
     budget: Option<u64>,
     #[arg(long, value_name = "RUN", help = MethodOption::Bank.help(), help_heading = INPUT)]
     bank: Option<PathBuf>,
+    #[arg(long, value_name = "RUN", help = MethodOption::Guided.help(), help_heading = INPUT)]
+    guided: Option<PathBuf>,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
@@ -86,10 +92,10 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     let (world, nominal) = worlds(args, run.as_ref())?;
     args.traffic.keep_one(args.keep.dir())?;
     let egos = args.traffic.levels(args.ego.find(&nominal)?);
-    let stored = stored(args, run.as_ref(), &egos)?;
+    let training = TrainingResults::of(args, run.as_ref(), &egos)?;
     let settings = MethodSettings {
         switches: Some(args.switches.unwrap_or_else(|| usual_switches(&egos))),
-        stored: stored.as_ref(),
+        ..training.settings()
     };
     let live = args.live.open(world.name(), Streamed::Episodes)?;
     let bar = progress::bar(&args.common, "");
@@ -98,7 +104,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         egos: &egos,
         run: run.as_ref(),
         method: Method::named(args.method.name, &settings)?,
-        budget: args.budget.unwrap_or(BUDGET),
+        budget: args.budget.unwrap_or(args.method.budget),
         starts: (args.starts, args.seed),
     };
     let steps = args.keep.steps(egos.len());
@@ -168,8 +174,36 @@ fn given(args: &SearchArgs) -> Vec<MethodOption> {
         MethodOption::Switches => args.switches.is_some(),
         MethodOption::Budget => args.budget.is_some(),
         MethodOption::Bank => args.bank.is_some(),
+        MethodOption::Guided => args.guided.is_some(),
     };
     options.filter(is_given).collect()
+}
+
+/// Results of a training that propose sequences, where the method takes them.
+struct TrainingResults {
+    stored: Option<Stored>,
+    policy: Option<Box<dyn Policy>>,
+}
+
+impl TrainingResults {
+    fn of(
+        args: &SearchArgs,
+        run: Option<&RunDir>,
+        egos: &[EgoUnderTest],
+    ) -> Result<TrainingResults, Failure> {
+        Ok(TrainingResults {
+            stored: stored(args, run, egos)?,
+            policy: guiding(args, run, egos)?,
+        })
+    }
+
+    fn settings(&self) -> MethodSettings<'_> {
+        MethodSettings {
+            stored: self.stored.as_ref(),
+            guide: self.policy.as_deref().map(GuidingPolicy),
+            ..MethodSettings::default()
+        }
+    }
 }
 
 /// The counterexamples to mutate, if the method does and there is a run.
@@ -188,6 +222,22 @@ fn stored(
     Ok(source
         .map(|source| counterexamples_for(source, egos))
         .transpose()?)
+}
+
+/// The policy that proposes the sequences, if the method takes one and there is a run.
+fn guiding(
+    args: &SearchArgs,
+    run: Option<&RunDir>,
+    egos: &[EgoUnderTest],
+) -> Result<Option<Box<dyn Policy>>, Failure> {
+    if !args.method.takes(MethodOption::Guided) {
+        return Ok(None);
+    }
+    let path = args.guided.as_ref();
+    let guide = path.map(|path| open_run(path, &args.common)).transpose()?;
+    // `--guided` takes precedence over the searched run.
+    let source = guide.as_ref().or(run);
+    Ok(source.map(|source| policy_for(source, egos)).transpose()?)
 }
 
 /// Success after fewer simulations, one line per search.
@@ -231,7 +281,7 @@ fn in_words(even: &BreakEven) -> String {
     );
     // Both use the same training, so neither is charged for it.
     if even.once.simulations == 0 {
-        return format!("{spent}.\nBoth require the counterexamples of a training.");
+        return format!("{spent}.\nBoth require a training.");
     }
     let at_most = if even.matched { "" } else { "at most " };
     let from = |starts: Option<f64>| match starts {
@@ -266,7 +316,10 @@ mod tests {
             .expect("in the list");
         assert_eq!(parsed.search.method.name, "mutate");
         let help = Alone::command().render_long_help().to_string();
-        for says in ["- mutate: ", "(uniform, hold, cem, mutate) [default: 100]"] {
+        for says in [
+            "- mutate: ",
+            "(uniform, hold, cem, mutate, guided) [default: 100, guided 20]",
+        ] {
             assert!(help.contains(says), "{help}");
         }
     }

@@ -3,6 +3,7 @@
 use super::answer::PrintedAnswer;
 use super::display::stdout_columns;
 use super::verdict::{bound_in_words, ego, percent, severity, verdict};
+use crate::evaluation::{AdoEffect, AdoFinding};
 use crate::report::TextTable;
 use crate::run_dir::{AdversaryId, Row};
 
@@ -17,6 +18,8 @@ rest, hit      contacts with the ego at rest (at most 0.5 m/s) or hit from behin
 avoided        of a sample of them: avoided by a reference driver, of those that can be judged
 fouls          starts on which a rule was broken first: no success; search: sequences it tried
 cpu s          processor time spent on all of the starts";
+/// Effects of ados in the verdict. The details have all of them.
+const EFFECTS_SHOWN: usize = 2;
 /// Width of the first column of the legend.
 const LEGEND_INDENT: usize = 15;
 
@@ -28,6 +31,16 @@ pub(super) fn rows(rows: &[Row]) -> PrintedAnswer {
         warnings: warnings(rows),
         details: format!("{}{}", contacts(rows), remarks(rows)),
         legend: legend(rows),
+    }
+}
+
+/// Adds effects of single ados: to the verdict if one hinders, and all to the details.
+pub(super) fn add_effects(answer: &mut PrintedAnswer, effects: &[AdoEffect]) {
+    let hinders = |effect: &&AdoEffect| effect.finding == AdoFinding::Hinders;
+    let named = effects.iter().filter(hinders).take(EFFECTS_SHOWN);
+    answer.verdict.extend(named.map(ToString::to_string));
+    for effect in effects {
+        answer.details.push_str(&format!("\n{effect}"));
     }
 }
 
@@ -135,6 +148,15 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             text.push_str(&format!(
                 "\ncontacts: {}, {}: {severity}{late}{unjudged}",
                 row.ego, row.ado
+            ));
+        }
+        if let Some(most) = row
+            .max_sims_per_start
+            .filter(|_| row.ado == AdversaryId::Guided)
+        {
+            text.push_str(&format!(
+                "\nruns per start: {}, {}: {:.1} on average, at most {most}",
+                row.ego, row.ado, row.sims_per_start
             ));
         }
         if let Some(natural) = &row.naturalness {

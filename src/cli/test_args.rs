@@ -86,7 +86,7 @@ pub(super) struct TestArgs {
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     pub(super) starts: usize,
-    /// Ado to play; repeat for several [default: trained; with `--runs` baselines, too].
+    /// Ado to play; repeat for several [default: trained; more with `--runs`].
     #[arg(long, value_parser = ado_group(), value_name = "ADO")]
     pub(super) ado: Vec<AdoGroup>,
     /// The physics to test in, instead of the run's.
@@ -95,7 +95,7 @@ pub(super) struct TestArgs {
     /// Also search with at most M switches of action, which gives recall.
     #[arg(long, value_name = "M")]
     pub(super) search: Option<usize>,
-    /// Tries of the trained ado per start: the first greedy, the others exploring.
+    /// Also search each start with at most N runs that the trained ado proposes.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000), help_heading = TEST)]
     pub(super) tries: u64,
     /// Also draw the trained ado's actions: softmax of its values over T.

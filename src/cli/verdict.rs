@@ -53,6 +53,7 @@ fn sentence(row: &Row) -> String {
     let ego = ego(row);
     let against = match &row.ado {
         AdversaryId::Trained => "the trained ado".to_owned(),
+        AdversaryId::Guided => "the search by the trained ado".to_owned(),
         ado if ado.is_search() => "the search".to_owned(),
         ado => format!("the ado `{ado}`"),
     };

@@ -103,6 +103,62 @@ fn each_ado_has_a_policy_and_its_contribution_is_a_row() {
 }
 
 #[test]
+fn a_trained_ado_guides_a_search_and_each_ado_is_left_out() {
+    let dir = scratch();
+    let (world, run, kept) = (sandwich(&dir), path(&dir, "run"), path(&dir, "kept"));
+    assert_eq!(code(&train(&world, &run, &[])), 0);
+    let guided = ["search", "--guided", &run, &world, "--starts", "40"];
+    let more = ["--tries", "12", "--keep", &kept, "--json"];
+    let output = brakecheck(&[&guided[..], &more].concat());
+    let found = &rows(&output)[0];
+    assert_eq!(found["ado"], "guided");
+    assert_eq!(found["method"], "guided, at most 12 runs");
+    let most = found["max_sims_per_start"].as_u64().expect("recorded");
+    assert!((1..=12).contains(&most), "{most}");
+    assert!(found["successes"].as_u64() > Some(0), "{found}");
+    let replayed = brakecheck(&["replay", &kept, "--expect", "recorded"]);
+    assert_eq!(code(&replayed), 0, "{}", stderr(&replayed));
+    // The first run of each start is that of the trained ado.
+    let eval = ["eval", &run, "--starts", "40", "--tries", "12"];
+    let output = brakecheck(&[&eval[..], &["--json"]].concat());
+    let all = rows(&output);
+    let ados: Vec<&str> = all.iter().filter_map(|row| row["ado"].as_str()).collect();
+    assert_eq!(ados, ["trained", "guided", "without lead", "without tail"]);
+    assert_eq!(all[1]["solved"], found["solved"]);
+    assert_eq!(all[0]["success_rate"], all[1]["anytime"][0]["success_rate"]);
+    let effects = json(&output)["ado_effects"]
+        .as_array()
+        .expect("two")
+        .clone();
+    let ados: Vec<&str> = effects.iter().filter_map(|it| it["ado"].as_str()).collect();
+    assert_eq!(ados, ["lead", "tail"]);
+    for (effect, without) in effects.iter().zip(&all[2..]) {
+        assert_eq!(effect["some"], without["successes"]);
+        assert_eq!(effect["all"], all[0]["successes"]);
+    }
+    let details = brakecheck(&[&eval[..], &["--details"]].concat());
+    let text = String::from_utf8_lossy(&details.stdout).into_owned();
+    for says in [
+        "runs per start: nominal, guided: ",
+        "`lead`",
+        "`tail`",
+        "McNemar p = ",
+    ] {
+        assert!(text.contains(says), "{says} is missing in\n{text}");
+    }
+    // A policy of other observations has nothing to say here.
+    let refused = brakecheck(&["search", "--guided", &run, "acc"]);
+    assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("other observations or actions"));
+    let refused = brakecheck(&["search", &world, "--method", "guided"]);
+    assert!(
+        stderr(&refused).contains("--guided RUN"),
+        "{}",
+        stderr(&refused)
+    );
+}
+
+#[test]
 fn placed_ados_are_evaluated_without_a_training() {
     let dir = scratch();
     let (world, run) = (sandwich(&dir), path(&dir, "run"));

@@ -7,11 +7,10 @@ use brakecheck::rl::Policy;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{AdversaryId, ClosingSpeed, Row};
 use brakecheck::scene::Start;
-use brakecheck::search::{Adversary, BestConstant};
+use brakecheck::search::{Adversary, BestConstant, Guided, GuidingPolicy, SearchRequest, search};
 use brakecheck::stats::{StartOutcome, at_most, wilson};
 use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
 use brakecheck::world::{Repeats, Scenario};
-use brakecheck_experiment::adversary::best_of_n::BestOfN;
 use brakecheck_experiment::adversary::rollout::{EvalRequest, Evaluated, eval};
 
 use super::near;
@@ -335,7 +334,7 @@ impl Policy for Always {
     }
 }
 
-/// Try 0 is greedy, and the others explore.
+/// The first run is greedy, and the others explore.
 #[test]
 fn tries_count_every_run_until_the_first_success() {
     let world = chase();
@@ -343,64 +342,43 @@ fn tries_count_every_run_until_the_first_success() {
     let starts = starts_at(&headways_m);
     let run = |greedy: usize, tries: u64| {
         let policy = Always(greedy);
-        let tries = BestOfN {
-            request: EvalRequest {
-                scenario: &world,
-                ego: "nominal",
-                ado: Ado::Trained(&policy, 1),
-                starts: &starts,
-            },
-            policy: &policy,
-            tries,
-            temperature: None,
+        let request = SearchRequest {
+            scenario: &world,
+            ego: "nominal",
+            method: Guided(GuidingPolicy(&policy)).into(),
+            budget: tries,
+            starts: &starts,
         };
-        let tried = tries.run(&quiet());
-        // What the exploring tries drew is not on paper, what it costs is.
-        let mut bench = world.bench();
-        let steps = |index: usize, number: u64| {
-            let mut bench = world.bench();
-            let actions = tries.play(&mut bench, index, number).actions;
-            paper_of(headways_m[index], &actions).steps()
-        };
-        let mut total = 0;
-        for (index, winner) in tried.winners.iter().enumerate() {
-            let last = winner.unwrap_or(tries.tries - 1);
-            total += (0..=last).map(|number| steps(index, number)).sum::<u64>();
-            if let Some(number) = winner {
-                let won = tries.play(&mut bench, index, *number);
-                assert!(paper_of(headways_m[index], &won.actions).success);
-            }
+        let tried = search(&request, &quiet());
+        for (headway_m, found) in headways_m.iter().zip(tried.found.iter().flatten()) {
+            let Some(actions) = &found.actions else {
+                assert_eq!(found.simulations, tries);
+                continue;
+            };
+            assert!(paper_of(*headway_m, actions).success);
         }
-        assert_eq!(tried.evaluated.row.physics_steps, total);
-        tried
+        tried.row
     };
-    // Greedy alone: −2 solves the first two.
-    let tried = run(3, 1);
-    assert_eq!(tried.winners, [Some(0), Some(0), None]);
-    assert_eq!(tried.evaluated.row.sims_per_start, 1.0);
-    assert_eq!(tried.evaluated.row.solved.to_string(), "110");
-    // The last start is solved by nobody: all five runs are charged, and the
-    // greedy run's foul is what is shown.
-    let tried = run(3, 5);
-    assert_eq!(tried.winners, [Some(0), Some(0), None]);
-    near(tried.evaluated.row.sims_per_start, (1.0 + 1.0 + 5.0) / 3.0);
-    near(tried.evaluated.row.foul_rate, 1.0 / 3.0);
-    assert!(tried.evaluated.row.method.ends_with(", at most 5 tries"));
-    // Coasting solves nothing, so every success is one of an exploring try.
-    let tried = run(1, 5);
-    let winners = tried.winners.iter();
-    let simulations: u64 = winners
-        .clone()
-        .map(|winner| winner.map_or(5, |number| number + 1))
-        .sum();
-    near(tried.evaluated.row.sims_per_start, simulations as f64 / 3.0);
-    let solved: String = winners
-        .map(|winner| {
-            assert_ne!(*winner, Some(0));
-            if winner.is_some() { '1' } else { '0' }
-        })
-        .collect();
-    assert_eq!(tried.evaluated.row.solved.to_string(), solved);
+    // Greedy alone: −2 solves the first two, and violates a rule on the last.
+    let row = run(3, 1);
+    assert_eq!((row.sims_per_start, row.max_sims_per_start), (1.0, Some(1)));
+    assert_eq!(row.solved.to_string(), "110");
+    near(row.foul_rate, 1.0 / 3.0);
+    // No sequence solves the last start, so all five runs are charged.
+    let row = run(3, 5);
+    assert_eq!(row.solved.to_string(), "110");
+    near(row.sims_per_start, (1.0 + 1.0 + 5.0) / 3.0);
+    assert_eq!(row.max_sims_per_start, Some(5));
+    assert_eq!(row.method, "guided, at most 5 runs");
+    assert_eq!(row.ado, AdversaryId::Guided);
+    let budgets: Vec<u64> = row.anytime.iter().map(|at| at.budget).collect();
+    assert_eq!(budgets, [1, 5]);
+    near(row.anytime[0].success_rate, 2.0 / 3.0);
+    // Coasting solves nothing, so every success is one of a later run.
+    assert_eq!(run(1, 1).successes, 0);
+    let row = run(1, 30);
+    assert!(row.successes > 0 && row.sims_per_start > 1.0);
+    near(row.anytime[0].success_rate, 0.0);
 }
 
 /// An ego that fails to answer on two starts: they are in no rate.

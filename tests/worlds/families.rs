@@ -8,12 +8,12 @@ use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::{Control, Policy};
 use brakecheck::run_dir::RunDir;
 use brakecheck::scene::Dynamics;
+use brakecheck::search::{Guided, GuidingPolicy, SearchRequest, SearchResult, search};
 use brakecheck::seed::{Purpose, StartKey};
-use brakecheck::stats::StartOutcome::{Solved, Trivial};
-use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
+use brakecheck::stats::StartOutcome::Solved;
+use brakecheck::testbench::{Aftermath, Gym, HeldRandom, Replay, play};
 use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario, TrainingEgos};
-use brakecheck_experiment::adversary::best_of_n::BestOfN;
 use brakecheck_experiment::adversary::rollout::{EvalRequest, eval};
 use brakecheck_scene::scene::drive::DriveSpec;
 use brakecheck_training::training::train_loop::train;
@@ -261,56 +261,63 @@ fn more_tries_never_solve_less_and_are_counted() {
         starts: &starts,
     };
     let once = eval(&request, &quiet());
-    let tries = |tries| {
-        let tries = BestOfN {
-            request,
-            policy: &Near,
-            tries,
-            temperature: None,
+    let tries = |budget| {
+        let request = SearchRequest {
+            scenario: &world,
+            ego: "nominal",
+            method: Guided(GuidingPolicy(&Near)).into(),
+            budget,
+            starts: &starts,
         };
-        tries.run(&quiet())
+        search(&request, &quiet())
     };
     let one = tries(1);
-    assert_eq!(one.evaluated.row.solved, once.row.solved);
-    assert_eq!(one.evaluated.row.sims_per_start, 1.0);
-    assert_eq!(one.evaluated.row.physics_steps, once.row.physics_steps);
+    assert_eq!(one.row.solved, once.row.solved);
+    assert_eq!(one.row.sims_per_start, 1.0);
+    assert_eq!(one.row.physics_steps, once.row.physics_steps);
     let mut before = one;
-    for count in [3, 10, 30] {
-        let after = tries(count);
-        let (old, new) = (&before.evaluated.row, &after.evaluated.row);
-        for (old, new) in old.solved.iter().zip(new.solved.iter()) {
+    for budget in [3, 10, 30] {
+        let after = tries(budget);
+        for (old, new) in before.row.solved.iter().zip(after.row.solved.iter()) {
             assert!(*old != Solved || *new == Solved);
         }
-        let spent: u64 = after
-            .winners
-            .iter()
-            .zip(new.solved.iter())
-            .map(|(winner, mark)| match (winner, mark) {
-                (Some(number), _) => number + 1,
-                (None, Trivial) => 0,
-                (None, _) => count,
-            })
-            .sum();
-        assert_eq!(new.sims_per_start, spent as f64 / new.starts as f64);
+        let found = after.found.iter().flatten();
+        let unsolved = found.clone().filter(|found| found.actions.is_none());
+        assert!(
+            unsolved
+                .map(|found| found.simulations)
+                .all(|spent| spent == budget)
+        );
+        let spent: u64 = found.map(|found| found.simulations).sum();
+        assert_eq!(
+            after.row.sims_per_start,
+            spent as f64 / after.row.starts as f64
+        );
+        assert_eq!(after.row.max_sims_per_start, Some(budget));
         before = after;
     }
-    let (few, many) = (once.row.successes, before.evaluated.row.successes);
+    let (few, many) = (once.row.successes, before.row.successes);
     assert!(few + 5 < many, "{few} {many}");
-    // What a try did is played again bit for bit.
-    let all = BestOfN {
-        request,
-        policy: &Near,
-        tries: 30,
-        temperature: None,
+    // A later run is played again bit for bit.
+    let later = |found: &Option<SearchResult>| {
+        let found = found.as_ref().filter(|found| found.simulations > 1)?;
+        found.actions.clone()
     };
-    let later = before
-        .winners
-        .iter()
-        .position(|w| w.is_some_and(|w| w > 0))
+    let found = before.found.iter().enumerate();
+    let (index, actions) = found
+        .filter_map(|(index, found)| Some((index, later(found)?)))
+        .next()
         .expect("one");
-    let number = before.winners[later].expect("one");
-    let mut bench = world.bench();
-    assert!(all.play(&mut bench, later, number).verdict.is_success());
+    let (start, noise) = &starts.starts[index];
+    let mut actor = Replay::holding(&actions);
+    let again = play(
+        &mut world.bench(),
+        start,
+        *noise,
+        &mut actor,
+        Aftermath::Skip,
+    );
+    assert!(again.verdict.is_success());
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! Evaluation of all ados against an ego.
 
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample};
-use crate::adversary::{Ado, Baselines, BestOfN, EvalRequest, GridPolicy, eval};
+use crate::adversary::{Ado, Baselines, EvalRequest, GridPolicy};
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::rl::Policy;
 use crate::run_dir::{AdversaryId, Row};
-use crate::search::{Adversary, ExperimentCell, Hold, PlayerParts, Search};
+use crate::search::{Adversary, ExperimentCell, Guided, GuidingPolicy, Hold, PlayerParts, Search};
 use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::training::retrained;
 use crate::world::Repeats;
@@ -36,9 +36,11 @@ impl<'a> EgoEvaluation<'a> {
             match id {
                 AdversaryId::Trained => {
                     self.trained();
+                    self.guided();
                     self.sampled();
                 }
                 AdversaryId::Without { .. } => self.without(id),
+                AdversaryId::Alone { .. } => self.alone(id),
                 AdversaryId::Retrained => self.retrained()?,
                 // A fair baseline for a learned ego gets as many runs as learning takes.
                 AdversaryId::Hold => {
@@ -107,38 +109,44 @@ impl<'a> EgoEvaluation<'a> {
         self.ego.against(ado, self.starts)
     }
 
-    /// Plays the trained ado, with several tries per start if requested.
+    /// Plays the trained ado once per start.
     fn trained(&mut self) {
-        let request = self.request();
-        let once = self.evaluation.tries <= 1;
-        let evaluated = if once {
-            eval(&request, self.watch)
-        } else {
-            let several = BestOfN {
-                request,
-                policy: self.policy,
-                tries: self.evaluation.tries,
-                temperature: None,
-            };
-            several.run(self.watch).evaluated
+        let ado = Ado::Trained(self.policy, self.evaluation.run.manifest().seed);
+        let Some(cell) = ado.play(self.ego, self.starts, self.watch) else {
+            return;
         };
-        let cell = ExperimentCell::evaluated(self.ego, self.starts, evaluated)
-            .with_judged_contacts(self.watch);
-        // The explanation is made for the plain evaluation only, without tries.
-        if once {
-            self.reason =
-                cell.explain_first()
-                    .map(|(start, explanation)| ExplainedCounterexample {
-                        ego: self.ego.name().to_owned(),
-                        start,
-                        requirement: self.ego.scenario().requirement.clone(),
-                        explanation,
-                    });
-        }
+        self.reason = cell
+            .explain_first()
+            .map(|(start, explanation)| ExplainedCounterexample {
+                ego: self.ego.name().to_owned(),
+                start,
+                requirement: self.ego.scenario().requirement.clone(),
+                explanation,
+            });
         self.rows.push(Row {
             warning: self.evaluation.run.warning(),
             ..cell.row.clone()
         });
+        self.found = Some(cell);
+    }
+
+    /// Searches every start by the trained ado's proposals, if several tries are requested.
+    fn guided(&mut self) {
+        if self.evaluation.tries <= 1 {
+            return;
+        }
+        let search = Search {
+            method: Guided(GuidingPolicy(self.policy)).into(),
+            budget: self.evaluation.tries,
+        };
+        let Some(cell) = search.play(self.ego, self.starts, self.watch) else {
+            return;
+        };
+        self.rows.push(Row {
+            train_seed: Some(self.evaluation.run.manifest().seed),
+            ..cell.row.clone()
+        });
+        // Its first run is the trained ado's, so it solves these starts, too.
         self.found = Some(cell);
     }
 
@@ -183,6 +191,14 @@ impl<'a> EgoEvaluation<'a> {
             ado: id.clone(),
             ..cell.row
         }));
+    }
+
+    /// Plays one of the trained ados alone.
+    fn alone(&mut self, id: &AdversaryId) {
+        let seed = self.evaluation.run.manifest().seed;
+        if let Some(ado) = id.only() {
+            self.add(&Ado::Alone(self.policy, seed, ado));
+        }
     }
 
     /// Plays the ado that plans in a surrogate of this ego, unless stopped.

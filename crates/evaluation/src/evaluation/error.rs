@@ -41,6 +41,19 @@ pub enum EvaluationError {
         /// Name of the ego.
         ego: String,
     },
+    /// A policy of a world with other observations or actions.
+    #[error(
+        "the policy of `{source_world}` does not fit `{world}` with the ego `{ego}`: other \
+         observations or actions"
+    )]
+    OtherObservations {
+        /// World of the run with the policy.
+        source_world: String,
+        /// World that is searched.
+        world: String,
+        /// Name of the ego.
+        ego: String,
+    },
     /// A file of rows that cannot be shown.
     #[error("`{}` holds no rows: {why}", file.display())]
     NoRows {
@@ -86,7 +99,9 @@ impl EvaluationError {
                 format!("`--runs` takes {LEAST_RUNS} at least; 100 are enough for most")
             }
             EvaluationError::StartsDiffer { .. } => "compare egos on the same map".to_owned(),
-            EvaluationError::OtherActions { .. } => "name a run of the same world".to_owned(),
+            EvaluationError::OtherActions { .. } | EvaluationError::OtherObservations { .. } => {
+                "name a run of the same world".to_owned()
+            }
             EvaluationError::NoRows { .. } => {
                 "give what `brakecheck eval RUN --json` or `search … --json` printed".to_owned()
             }

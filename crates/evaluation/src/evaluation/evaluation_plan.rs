@@ -26,7 +26,7 @@ pub struct Evaluation<'a> {
     pub starts: (usize, u64),
     /// Largest number of switches of a search for comparison, if any.
     pub search: Option<usize>,
-    /// Runs of the trained ado per start: the greedy run, then exploring runs.
+    /// Most runs per start of a search that the trained ado guides. 1: no such search.
     pub tries: u64,
     /// Drawing of the trained ado's actions, for a row of its own.
     pub sampling: Option<Sampling>,

@@ -197,7 +197,8 @@ impl Trained<'_> {
         if watch.interrupted() || !method.takes(MethodOption::Budget) {
             return None;
         }
-        let once = if method.takes(MethodOption::Bank) {
+        let reuses = [MethodOption::Bank, MethodOption::Guided].map(|it| method.takes(it));
+        let once = if reuses.contains(&true) {
             // It lives on a training as well: neither is charged for one.
             Cost::default()
         } else {
@@ -222,5 +223,31 @@ pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored
             ego: ego.to_owned(),
         }),
         None => Ok(stored),
+    }
+}
+
+/// The trained policy of a run, to propose sequences against some egos.
+///
+/// # Errors
+/// The policy is damaged, or its observations or actions are not those of the egos' worlds.
+pub fn policy_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Box<dyn Policy>, EvaluationError> {
+    let (policy, source) = (run.policy()?, run.scenario()?);
+    let shape = |scenario: &Scenario| {
+        let spaces = scenario.world().spaces();
+        let labels = (0..spaces.actions).map(|action| scenario.action_label(action));
+        // With their scales, because another range would give other numbers.
+        let signals = scenario
+            .drive()
+            .map(|driving| driving.spec().observe.clone());
+        (spaces.clone(), labels.collect::<Vec<_>>(), signals)
+    };
+    let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
+    match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {
+        Some((ego, scenario)) => Err(EvaluationError::OtherObservations {
+            source_world: source.name.clone(),
+            world: scenario.name.clone(),
+            ego: ego.to_owned(),
+        }),
+        None => Ok(policy),
     }
 }

@@ -1,8 +1,8 @@
 //! Ados of a row: policies, baselines and recordings.
 
 use super::nearest_replay::NearestReplay;
+use super::some_ados::SomeAdos;
 use super::threshold_rule::Heuristic;
-use super::without_ado::WithoutAdo;
 use crate::rl::{Policy, Spaces};
 use crate::run_dir::{AdversaryId, Stored};
 use crate::testbench::{
@@ -19,6 +19,8 @@ pub enum Ado<'a> {
     Sampled(&'a dyn Policy, u64, f64),
     /// A trained policy whose ado of this name plays its action without effect.
     Without(&'a dyn Policy, u64, &'a str),
+    /// The ado of this name of a trained policy, while the others play without effect.
+    Alone(&'a dyn Policy, u64, &'a str),
     /// The action without effect, beside the placed ados of the world.
     Composed,
     /// The neutral action throughout, so that the ego fails by itself or not at all.
@@ -46,6 +48,7 @@ impl Ado<'_> {
             Ado::Trained(..) => AdversaryId::Trained,
             Ado::Sampled(..) => AdversaryId::Sampled,
             Ado::Without(_, _, name) => AdversaryId::without(name),
+            Ado::Alone(_, _, name) => AdversaryId::alone(name),
             Ado::Composed => AdversaryId::Composed,
             Ado::Neutral => AdversaryId::Neutral,
             Ado::Random => AdversaryId::Random,
@@ -60,7 +63,7 @@ impl Ado<'_> {
 
     pub(super) fn method(&self, scenario: &Scenario) -> String {
         match self {
-            Ado::Trained(..) | Ado::Without(..) => match scenario.against {
+            Ado::Trained(..) | Ado::Without(..) | Ado::Alone(..) => match scenario.against {
                 TrainingEgos::Nominal => scenario.learner.name().to_lowercase(),
                 family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
             },
@@ -88,7 +91,12 @@ impl Ado<'_> {
             Ado::Sampled(policy, _, temperature) => {
                 Box::new(SampledPolicy::new(policy, temperature, run))
             }
-            Ado::Without(policy, _, ado) => Box::new(WithoutAdo::new(policy, spaces, ado)),
+            Ado::Without(policy, _, ado) => {
+                Box::new(SomeAdos::new(policy, spaces, |name| name == ado))
+            }
+            Ado::Alone(policy, _, ado) => {
+                Box::new(SomeAdos::new(policy, spaces, |name| name != ado))
+            }
             Ado::Composed | Ado::Neutral => Box::new(Constant(spaces.neutral)),
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),

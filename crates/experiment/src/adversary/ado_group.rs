@@ -18,7 +18,7 @@ pub struct AdoGroup {
 }
 
 /// Words of `--ado`, in the order of the help.
-pub static ADO_GROUPS: [AdoGroup; 12] = [
+pub static ADO_GROUPS: [AdoGroup; 13] = [
     group("trained", "The trained policy", |_| {
         vec![AdversaryId::Trained]
     }),
@@ -26,6 +26,11 @@ pub static ADO_GROUPS: [AdoGroup; 12] = [
         "without",
         "The trained policy without each of its ados in turn, in worlds with several",
         without_each,
+    ),
+    group(
+        "alone",
+        "Each ado of the trained policy alone, in worlds with more than two",
+        alone_each,
     ),
     group("random", "A random action at each decision", |_| {
         vec![AdversaryId::Random]
@@ -107,7 +112,7 @@ fn all(world: &Scenario) -> Vec<AdversaryId> {
         ScenarioKind::Grid(_) => &["optimal", "chaser"],
         ScenarioKind::Drive(_) => &["switch", "heuristic", "replays", "retrained"],
     };
-    let words = ["trained", "without", "hold", "random", "constant"];
+    let words = ["trained", "without", "alone", "hold", "random", "constant"];
     let groups = words
         .iter()
         .chain(kind)
@@ -125,6 +130,13 @@ fn without_each(world: &Scenario) -> Vec<AdversaryId> {
         .chain(world.judged_ados())
         .map(AdversaryId::without)
         .collect()
+}
+
+/// Returns each ado of the trained policy alone. Of two it is the policy without the other.
+fn alone_each(world: &Scenario) -> Vec<AdversaryId> {
+    let parts = &world.spaces().parts;
+    let own = parts.iter().filter(|_| parts.len() > 2);
+    own.map(|part| AdversaryId::alone(&part.name)).collect()
 }
 
 #[cfg(test)]
@@ -151,5 +163,20 @@ mod tests {
         let several = captions("sandwich");
         assert_eq!(several[0], "trained");
         assert!(several[1].starts_with("without ") && several[2].starts_with("without "));
+        // One of two alone is the other left out.
+        assert_eq!(several[3], "hold");
+        const THREE: &str = include_str!("../../../../worlds/others/three_around.ron");
+        let three = Scenario::parse("three_around.ron", THREE).expect("a world");
+        let captions = all(&three)
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>();
+        assert_eq!(
+            captions[4..7]
+                .iter()
+                .filter(|it| it.starts_with("alone "))
+                .count(),
+            3
+        );
     }
 }

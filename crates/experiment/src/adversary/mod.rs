@@ -3,21 +3,19 @@
 mod ado;
 mod ado_group;
 mod baselines;
-pub mod best_of_n;
 mod error;
 mod grid_policies;
 mod nearest_replay;
 mod open_loop_baselines;
 pub mod rollout;
+mod some_ados;
 mod threshold_rule;
-mod without_ado;
 
 pub use crate::grid_solver::game_graph::NotSolvable;
 pub use crate::grid_solver::position_policy::{Indistinct, NoOptimalPolicy};
 pub use ado::Ado;
 pub use ado_group::{ADO_GROUPS, AdoGroup};
 pub use baselines::Baselines;
-pub use best_of_n::BestOfN;
 pub use error::AdversaryError;
 pub use grid_policies::GridPolicy;
 pub use open_loop_baselines::{best_constant, best_then_brake, in_words};

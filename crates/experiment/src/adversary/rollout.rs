@@ -283,8 +283,10 @@ impl EvalRequest<'_> {
     pub(super) fn row(&self, played: &[Option<EpisodeResult>]) -> Row {
         let mut row = blank_row(self.scenario, self.ego, self.ado.id(), self.starts);
         row.method = self.ado.method(self.scenario);
-        if let Ado::Trained(_, seed) | Ado::Sampled(_, seed, _) | Ado::Without(_, seed, _) =
-            self.ado
+        if let Ado::Trained(_, seed)
+        | Ado::Sampled(_, seed, _)
+        | Ado::Without(_, seed, _)
+        | Ado::Alone(_, seed, _) = self.ado
         {
             row.train_seed = Some(seed);
         }
@@ -417,6 +419,7 @@ pub fn blank_row(scenario: &Scenario, ego: &str, ado: AdversaryId, starts: &Test
         faults: Vec::new(),
         repeats: None,
         sims_per_start: 0.0,
+        max_sims_per_start: None,
         physics_steps: 0,
         cpu_s: 0.0,
         anytime: Vec::new(),

@@ -24,6 +24,11 @@ pub enum AdversaryId {
         /// Caption: `without` and the name of the ado that is left out.
         name: String,
     },
+    /// One ado of a policy, while the others play their neutral actions.
+    Alone {
+        /// Caption: `alone` and the name of the ado that acts.
+        name: String,
+    },
     /// Planner in a surrogate of the ego.
     Adapted,
     /// Policy trained for the changed ego.
@@ -68,6 +73,8 @@ pub enum AdversaryId {
         #[serde(flatten)]
         settings: Option<SearchSettings>,
     },
+    /// Search of every start by the policy of a run, which proposes the sequences.
+    Guided,
     /// Adversary that only its name identifies.
     Named {
         /// Name given by its author.
@@ -88,6 +95,8 @@ pub struct SearchSettings {
 
 /// Beginning of the caption of several ados without one.
 const WITHOUT: &str = "without ";
+/// Beginning of the caption of one of several ados.
+const ALONE: &str = "alone ";
 /// Number of replays in rows of earlier versions, which name no number.
 const FORMER_REPLAYS: usize = 10;
 
@@ -110,7 +119,8 @@ impl AdversaryId {
                 name: Some(name), ..
             }
             | AdversaryId::Named { name }
-            | AdversaryId::Without { name } => name,
+            | AdversaryId::Without { name }
+            | AdversaryId::Alone { name } => name,
             AdversaryId::Trained => "trained",
             AdversaryId::Adapted => "adapted",
             AdversaryId::Retrained => "retrained",
@@ -125,6 +135,7 @@ impl AdversaryId {
             AdversaryId::Replays { .. } => "replays",
             AdversaryId::Search { .. } => "search",
             AdversaryId::Sampled => "sampled",
+            AdversaryId::Guided => "guided",
             AdversaryId::Composed => "composed",
         }
     }
@@ -145,6 +156,23 @@ impl AdversaryId {
     }
 }
 
+impl AdversaryId {
+    /// Returns the identity of one of several ados alone.
+    pub fn alone(ado: &str) -> AdversaryId {
+        AdversaryId::Alone {
+            name: format!("{ALONE}{ado}"),
+        }
+    }
+
+    /// Returns the only ado that acts, if the others do not.
+    pub fn only(&self) -> Option<&str> {
+        match self {
+            AdversaryId::Alone { name } => name.strip_prefix(ALONE),
+            _ => None,
+        }
+    }
+}
+
 impl Display for AdversaryId {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.pad(self.caption())
@@ -158,6 +186,7 @@ impl From<&str> for AdversaryId {
             "trained" => AdversaryId::Trained,
             "adapted" => AdversaryId::Adapted,
             "sampled" => AdversaryId::Sampled,
+            "guided" => AdversaryId::Guided,
             "composed" => AdversaryId::Composed,
             "retrained" => AdversaryId::Retrained,
             "random" => AdversaryId::Random,
@@ -258,6 +287,7 @@ mod tests {
             "replay",
             "replays",
             "search",
+            "guided",
         ] {
             let id = read(json!({ "ado": name }));
             assert!(!matches!(id, AdversaryId::Named { .. }), "{name}");

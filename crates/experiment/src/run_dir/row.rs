@@ -134,6 +134,9 @@ pub struct Row {
     pub repeats: Option<Repeated>,
     /// Mean number of simulations per start.
     pub sims_per_start: f64,
+    /// Greatest number of simulations of a start. `None` if it was not recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_sims_per_start: Option<u64>,
     /// Physics steps in total.
     pub physics_steps: u64,
     /// Processor time in total, in s.

@@ -84,6 +84,10 @@ impl ExperimentCell {
                 outcome: match (&found.actions, &found.fault) {
                     (Some(_), _) => StartOutcome::Solved,
                     (None, Some(_)) => StartOutcome::Invalid,
+                    // Runs that all broke a rule show nothing about the ego.
+                    (None, None) if found.violations == found.simulations => {
+                        StartOutcome::RuleViolation
+                    }
                     (None, None) => StartOutcome::Held,
                 },
                 verdict: None,

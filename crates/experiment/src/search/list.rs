@@ -9,7 +9,7 @@ use super::found::SearchResult;
 use super::method::{
     MethodInfo, MethodOption, MethodSettings, SearchError, SearchMethod, StartSearch,
 };
-use crate::run_dir::Unconfirmed;
+use crate::run_dir::{AdversaryId, Unconfirmed};
 
 macro_rules! methods {
     ($(
@@ -87,6 +87,8 @@ methods! {
     cem::Cem;
     /// Mutations of the nearest counterexamples of a training.
     mutate::Mutate<'a>;
+    /// Runs that a trained policy proposes.
+    guided::Guided<'a>;
     /// All sequences with at most a given number of action switches, fewest first.
     switches::Switches;
     /// Method of the tests, which shows that a file and a line are enough.
@@ -98,6 +100,16 @@ impl Method<'_> {
     /// Returns all methods in the order of the help.
     pub fn all() -> &'static [MethodInfo] {
         METHODS
+    }
+}
+
+impl Method<'_> {
+    /// Returns the identity of its rows.
+    pub(super) fn adversary(&self) -> AdversaryId {
+        match self {
+            Method::Guided(_) => AdversaryId::Guided,
+            _ => AdversaryId::SEARCH,
+        }
     }
 }
 
@@ -141,6 +153,7 @@ impl SearchError {
                 format!("it is for {others}; `{method}` takes {takes}")
             }
             SearchError::NothingToMutate => "name a run directory with `--bank RUN`".to_owned(),
+            SearchError::NothingToGuide => "name a run directory with `--guided RUN`".to_owned(),
         }
     }
 }
@@ -175,6 +188,7 @@ fn quoted(word: &str) -> String {
 mod tests {
     use super::*;
     use crate::experiment::{Watch, test_starts};
+    use crate::search::method::GuidingPolicy;
     use crate::search::request::SearchRequest;
     use crate::search::search;
     use crate::sim::PlantKind;
@@ -182,6 +196,19 @@ mod tests {
 
     const GUIDE: &str = include_str!("../../../../docs/guide/search.md");
     const WORLD: &str = include_str!("../../../../worlds/acc.ron");
+
+    /// Policy of the first action.
+    struct Neutral;
+
+    impl crate::rl::Policy for Neutral {
+        fn act(&self, _obs: &[f32]) -> usize {
+            0
+        }
+
+        fn value(&self, _obs: &[f32]) -> f32 {
+            0.0
+        }
+    }
 
     fn is_shipped(method: &&MethodInfo) -> bool {
         // The table in the guide lists only methods that users can call.
@@ -228,8 +255,9 @@ mod tests {
     fn every_method_is_found_by_its_name_and_refuses_what_it_ignores() {
         let stored = crate::run_dir::Stored::new(Vec::new(), &[]);
         let settings = MethodSettings {
-            switches: None,
             stored: Some(&stored),
+            guide: Some(GuidingPolicy(&Neutral)),
+            ..MethodSettings::default()
         };
         for method in Method::all() {
             let named = Method::named(method.name, &settings).expect("in the list");
@@ -244,6 +272,8 @@ mod tests {
         assert_eq!(error.to_string(), "no search method is called `magic`");
         let error = Method::named("mutate", &MethodSettings::default()).unwrap_err();
         assert!(error.to_string().contains("counterexamples"), "{error}");
+        let error = Method::named("guided", &MethodSettings::default()).unwrap_err();
+        assert!(error.help().contains("--guided RUN"), "{error}");
     }
 
     #[test]
@@ -254,7 +284,7 @@ mod tests {
             let options: Vec<String> = method
                 .takes
                 .iter()
-                .map(|o| format!("`{}` ({})", o.usage(), o.default_text()))
+                .map(|&o| format!("`{}` ({})", o.usage(), method.default_text(o)))
                 .collect();
             format!(
                 "| `{}` | {} | {} |",

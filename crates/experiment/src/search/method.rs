@@ -1,9 +1,12 @@
 //! Interface of a search method: its description and its inputs.
 
+use std::fmt;
+
 use strum::VariantArray;
 
 use super::found::SearchResult;
 use crate::experiment::{EgoUnderTest, Watch};
+use crate::rl::Policy;
 use crate::run_dir::{Stored, Unconfirmed};
 use crate::scene::Start;
 use crate::scene::drive::EgoDrive;
@@ -12,6 +15,9 @@ use crate::world::Scenario;
 
 /// Default number of simulations per start of sampling methods.
 pub const BUDGET: u64 = 100;
+
+/// The same default if a trained policy proposes the sequences.
+pub const GUIDED_BUDGET: u64 = 20;
 
 /// Default of the largest number of action switches of [`super::list::Switches`].
 ///
@@ -41,6 +47,8 @@ pub enum MethodOption {
     Budget,
     /// Run that provides the training counterexamples to begin with.
     Bank,
+    /// Run whose trained policy proposes the sequences.
+    Guided,
 }
 
 impl MethodOption {
@@ -50,6 +58,7 @@ impl MethodOption {
             MethodOption::Switches => "--switches M",
             MethodOption::Budget => "--budget SIMS",
             MethodOption::Bank => "--bank RUN",
+            MethodOption::Guided => "--guided RUN",
         }
     }
 
@@ -57,8 +66,8 @@ impl MethodOption {
     pub fn default_text(self) -> String {
         match self {
             MethodOption::Switches => format!("{SWITCHES}, programs {SWITCHES_OF_PROGRAMS}"),
-            MethodOption::Budget => BUDGET.to_string(),
-            MethodOption::Bank => "RUN".to_owned(),
+            MethodOption::Budget => format!("{BUDGET}, guided {GUIDED_BUDGET}"),
+            MethodOption::Bank | MethodOption::Guided => "RUN".to_owned(),
         }
     }
 
@@ -67,6 +76,7 @@ impl MethodOption {
             MethodOption::Switches => "Most switches of action in a sequence",
             MethodOption::Budget => "Simulations per start",
             MethodOption::Bank => "The run whose training counterexamples are mutated",
+            MethodOption::Guided => "The run whose trained policy proposes the sequences",
         }
     }
 
@@ -100,6 +110,9 @@ pub enum SearchError {
     /// A method that starts from the counterexamples of a training has none.
     #[error("`--method mutate` needs the counterexamples of a training")]
     NothingToMutate,
+    /// A method that plays what a trained policy proposes has none.
+    #[error("`--method guided` needs the policy of a training")]
+    NothingToGuide,
 }
 
 /// Description of a method: its name, its help and its options.
@@ -111,6 +124,8 @@ pub struct MethodInfo {
     pub help: &'static str,
     /// Options that have an effect.
     pub takes: &'static [MethodOption],
+    /// Default number of simulations per start, 0 for methods without a budget.
+    pub budget: u64,
     /// Whether the kinematic plant pre-screens sequences for the rigid plant.
     pub(super) prescreens: bool,
 }
@@ -122,13 +137,33 @@ impl MethodInfo {
             name,
             help,
             takes: &[MethodOption::Budget],
+            budget: BUDGET,
             prescreens: false,
+        }
+    }
+
+    /// Returns the text of the default of an option.
+    pub fn default_text(&self, option: MethodOption) -> String {
+        match option {
+            MethodOption::Budget => self.budget.to_string(),
+            other => other.default_text(),
         }
     }
 
     /// Returns whether an option has an effect.
     pub fn takes(&self, option: MethodOption) -> bool {
         self.takes.contains(&option)
+    }
+}
+
+/// Trained policy that proposes the sequences of a search.
+#[derive(Clone, Copy)]
+pub struct GuidingPolicy<'a>(pub &'a dyn Policy);
+
+impl fmt::Debug for GuidingPolicy<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // A policy is a network, which no message shows.
+        f.write_str("GuidingPolicy")
     }
 }
 
@@ -139,6 +174,8 @@ pub struct MethodSettings<'a> {
     pub switches: Option<usize>,
     /// Counterexamples of a training.
     pub stored: Option<&'a Stored>,
+    /// Trained policy that proposes sequences.
+    pub guide: Option<GuidingPolicy<'a>>,
 }
 
 /// Start to search, with everything needed for it.

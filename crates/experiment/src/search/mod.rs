@@ -10,6 +10,7 @@ mod confirm;
 mod example_search;
 mod experiment;
 mod found;
+mod guided;
 mod hold;
 mod joint_actions;
 mod list;
@@ -18,6 +19,7 @@ mod mutate;
 mod player;
 mod random;
 mod request;
+mod run_tree;
 mod switches;
 mod tree;
 mod trials;
@@ -27,10 +29,10 @@ pub use cell::{ExperimentCell, StartResult};
 pub use experiment::Experiment;
 pub use found::SearchResult;
 pub use joint_actions::{AdoPlayer, JointActions};
-pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
+pub use list::{Cem, Guided, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{
-    BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SWITCHES_OF_PROGRAMS, SearchError,
-    usual_switches,
+    BUDGET, GUIDED_BUDGET, GuidingPolicy, MethodInfo, MethodOption, MethodSettings, SWITCHES,
+    SWITCHES_OF_PROGRAMS, SearchError, usual_switches,
 };
 pub use mutate::mutate;
 pub use player::{Adversary, BASELINES, BestConstant, BestSwitch, PlayerParts, Search};
@@ -76,6 +78,7 @@ impl Searched {
         count_solved(&mut row);
         let spent: u64 = self.found.iter().flatten().map(|f| within(f).0).sum();
         row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
+        row.max_sims_per_start = row.max_sims_per_start.map(|most| most.min(budget));
         let found = self.found.iter().flatten();
         count_contacts(&mut row, found.filter(|found| within(found).1));
         row.method = method.text(budget, None);
@@ -98,7 +101,8 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
             // A program would have to play the episode again.
             let can_replay = request.scenario.program().is_none();
             if let Some(actions) = found.actions.as_ref().filter(|_| can_replay) {
-                let caption = || success_caption(request.ego, &AdversaryId::SEARCH, turn.index);
+                let id = request.method.adversary();
+                let caption = || success_caption(request.ego, &id, turn.index);
                 let found = RecordedSuccess::of_actions(actions.clone());
                 let again = || found.play(request.scenario, &mut searcher.bench, from);
                 watch.show_success(request.scenario, &caption, again);
@@ -150,13 +154,17 @@ impl SearchRequest<'_> {
         // `checked_pow` ends the decades before they overflow.
         let decades = (1..).map_while(|power| 10u64.checked_pow(power));
         let steps = decades.flat_map(|decade| [decade, decade.saturating_mul(3)]);
-        let mut budgets: Vec<u64> = steps.take_while(|&budget| budget < self.budget).collect();
+        // The first run of a trained policy is its greedy one, which is worth a number.
+        let first = (self.method.adversary() == AdversaryId::Guided).then_some(1);
+        let budgets = first.into_iter().chain(steps);
+        let mut budgets: Vec<u64> = budgets.take_while(|&budget| budget < self.budget).collect();
         budgets.push(self.budget);
         budgets
     }
 
     fn row(&self, found: &[Option<SearchResult>]) -> Row {
-        let mut row = blank_row(self.scenario, self.ego, AdversaryId::SEARCH, self.starts);
+        let id = self.method.adversary();
+        let mut row = blank_row(self.scenario, self.ego, id, self.starts);
         let searched = found.iter().flatten();
         row.unconfirmed = self.prescreens().then(|| Unconfirmed {
             sequences: searched.clone().map(|found| found.unconfirmed).sum(),
@@ -189,6 +197,8 @@ impl SearchRequest<'_> {
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         let violations: u64 = valid.map(|found| found.violations).sum();
         row.foul_rate = violations as f64 / simulations.max(1) as f64;
+        let most = searched.clone().map(|found| found.simulations).max();
+        row.max_sims_per_start = most;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
         // `sum` of nothing is -0.0, which would be printed with its sign.
         row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);

@@ -2,7 +2,7 @@
 
 use super::cell::ExperimentCell;
 use super::list::{Method, Switches};
-use super::method::MethodSettings;
+use super::method::{GuidingPolicy, MethodSettings};
 use super::request::SearchRequest;
 use super::{SearchError, search};
 use crate::adversary::{Ado, Evaluated, Heuristic, best_constant, best_then_brake, eval};
@@ -73,6 +73,7 @@ impl<'a> PlayerParts<'a> {
                 let takes = MethodSettings {
                     switches: Some(settings.switches),
                     stored: self.stored,
+                    guide: self.policy.map(|(policy, _)| GuidingPolicy(policy)),
                 };
                 return Ok(Some(Box::new(Search {
                     method: Method::named(&settings.method, &takes)?,
@@ -92,7 +93,9 @@ impl<'a> PlayerParts<'a> {
             }
             AdversaryId::Search { settings: None }
             | AdversaryId::Sampled
+            | AdversaryId::Guided
             | AdversaryId::Without { .. }
+            | AdversaryId::Alone { .. }
             | AdversaryId::Adapted
             | AdversaryId::Retrained
             | AdversaryId::Named { .. } => None,

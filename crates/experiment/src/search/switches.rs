@@ -21,6 +21,7 @@ impl SearchMethod<'_> for Switches {
         name: "switches",
         help: "All sequences with at most M switches of action, fewest first",
         takes: &[MethodOption::Switches],
+        budget: 0,
         prescreens: true,
     };
 

@@ -8,9 +8,9 @@ use brakecheck::rl::Policy;
 use brakecheck::run_dir::Stored;
 use brakecheck::run_dir::{Row, RunDir, RunError};
 use brakecheck::search::{
-    Adversary, BASELINES, Experiment, Hold, Mutate, SWITCHES, Search, SearchRequest, search,
+    Adversary, BASELINES, Experiment, Guided, GuidingPolicy, Hold, Mutate, SWITCHES, Search,
+    SearchRequest, search,
 };
-use brakecheck_experiment::adversary::best_of_n::BestOfN;
 use brakecheck_experiment::adversary::rollout::eval;
 
 /// Ego with the starts on which all ados play.
@@ -25,19 +25,21 @@ impl EgoOnStarts<'_> {
     pub(super) fn ados(&self, policies: &SeedPolicies, tries: u64) -> Result<Vec<Row>, RunError> {
         let seed = policies.wide.manifest().seed;
         let policy = policies.wide.policy()?;
-        let tried = BestOfN {
-            request: self.ego.against(Ado::Trained(&*policy, seed), self.starts),
-            policy: &*policy,
-            tries,
-            temperature: None,
+        let tried = Search {
+            method: Guided(GuidingPolicy(&*policy)).into(),
+            budget: tries,
         };
         let mut rows = vec![
             self.trained("nominal ado", &*policies.nominal.policy()?, seed),
             self.trained(WIDE, &*policy, seed),
-            called(WIDE_TRIES, tried.run(self.watch).evaluated.row),
         ];
         // The wide ado has the same learner as the nominal ado and would look the same.
         rows[1].method = "dqn, wide".to_owned();
+        let tried = self.rows(vec![&tried]).into_iter();
+        rows.extend(tried.map(|row| Row {
+            train_seed: Some(seed),
+            ..called(WIDE_TRIES, row)
+        }));
         Ok(rows)
     }
 

@@ -8,7 +8,7 @@ use super::bank::gather;
 use super::error::{OptionClash, SessionError};
 use super::per_ado_mode::PerAdoMode;
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
-use crate::adversary::{Ado, BestOfN};
+use crate::adversary::Ado;
 use crate::crashes::save_crashes::keep_first;
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, check_repeatability, consent, consent_to_family, on_plant,
@@ -18,9 +18,10 @@ use crate::run_dir::{
     Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError, bind_programs,
     trained_naturally,
 };
-use crate::search::{Adversary, BASELINES, Experiment, ExperimentCell};
+use crate::search::{
+    Adversary, BASELINES, Experiment, ExperimentCell, GUIDED_BUDGET, Guided, GuidingPolicy, Search,
+};
 use crate::sim::PlantKind;
-use crate::testbench::Sampling;
 use crate::world::{Change, Scenario, TrainingEgos, TrainingGoal};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -248,7 +249,7 @@ impl TrainSession {
         Ok(Some(Closing { rows, trained }))
     }
 
-    /// Plays the ado with drawn actions where its greedy actions do not succeed.
+    /// Searches every start by the ado's proposals where its greedy actions do not succeed.
     ///
     /// `None` unless the calibration has shown that it then solves more starts.
     fn second_look(
@@ -261,18 +262,15 @@ impl TrainSession {
         // Draws that solved nothing on the calibration starts will not pay on the test
         // starts.
         calibration.filter(|calibration| calibration.drawn > 0)?;
-        let Sampling { temperature, draws } = Sampling::SECOND_LOOK;
-        let ado = Ado::Trained(policy, self.run.manifest().seed);
-        let several = BestOfN {
-            request: self.ego.against(ado, starts),
-            policy,
-            // The greedy action first, as in the calibration.
-            tries: 1 + u64::from(draws),
-            temperature: Some(temperature),
+        let guided = Search {
+            method: Guided(GuidingPolicy(policy)).into(),
+            budget: GUIDED_BUDGET,
         };
-        let evaluated = several.run(watch).evaluated;
-        let cell = ExperimentCell::evaluated(&self.ego, starts, evaluated);
-        Some(cell.with_judged_contacts(watch).row)
+        let cell = guided.play(&self.ego, starts, watch)?;
+        Some(Row {
+            train_seed: Some(self.run.manifest().seed),
+            ..cell.row
+        })
     }
 
     /// Writes the closing evaluation and some counterexamples into the run.

@@ -115,10 +115,15 @@ impl Checker {
             let help = "use another method, or `brakecheck search RUN --method mutate`";
             return Err(self.source.wrong(at, what, Some(help.to_owned())));
         }
+        if name == "guided" {
+            let what = "a search of a campaign has no trained ado that guides it";
+            let help = "use another method, or `brakecheck search --guided RUN`";
+            return Err(self.source.wrong(at, what, Some(help.to_owned())));
+        }
         let wrong = self.source.at(at);
         let settings = MethodSettings {
             switches,
-            stored: None,
+            ..MethodSettings::default()
         };
         let known = Method::named(name, &settings).map_err(&wrong)?;
         // Only options that the file gives are checked, and defaults are always allowed.

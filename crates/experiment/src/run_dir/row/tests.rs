@@ -100,6 +100,7 @@ fn complete() -> Row {
             differing: 0,
         }),
         sims_per_start: 1.0,
+        max_sims_per_start: None,
         physics_steps: 0,
         cpu_s: 0.0,
         anytime: vec![Anytime {

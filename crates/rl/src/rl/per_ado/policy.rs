@@ -40,6 +40,10 @@ impl Policy for PartPolicy {
     fn value(&self, obs: &[f32]) -> f32 {
         self.policy.value(&self.seen(obs))
     }
+
+    fn action_values(&self, obs: &[f32]) -> Option<Vec<f32>> {
+        self.policy.action_values(&self.seen(obs))
+    }
 }
 
 impl PerAdoPolicy {
@@ -122,6 +126,21 @@ impl Policy for PerAdoPolicy {
     fn value(&self, obs: &[f32]) -> f32 {
         let sum: f32 = self.parts.iter().map(|part| part.value(obs)).sum();
         sum / self.parts.len().max(1) as f32
+    }
+
+    /// The mean over the ados of the values of their shares of a joint action.
+    fn action_values(&self, obs: &[f32]) -> Option<Vec<f32>> {
+        let ados = self.parts.len().max(1) as f32;
+        let mut joint = vec![0.0];
+        for part in &self.parts {
+            let own = part.action_values(obs)?;
+            // The first ado is the lowest digit of a joint action.
+            let sums = own
+                .iter()
+                .flat_map(|value| joint.iter().map(move |sum: &f32| sum + value / ados));
+            joint = sums.collect();
+        }
+        Some(joint)
     }
 }
 
@@ -237,5 +256,51 @@ pub(super) fn bundles(
 fn damaged(why: &str) -> BundleError {
     BundleError::Format {
         why: why.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values that do not depend on the observation.
+    struct Valued(Vec<f32>);
+
+    impl Policy for Valued {
+        fn act(&self, _obs: &[f32]) -> usize {
+            crate::rl::nn::argmax(&self.0)
+        }
+
+        fn value(&self, _obs: &[f32]) -> f32 {
+            0.0
+        }
+
+        fn action_values(&self, _obs: &[f32]) -> Option<Vec<f32>> {
+            (!self.0.is_empty()).then(|| self.0.clone())
+        }
+    }
+
+    fn joint(values: &[&[f32]]) -> PerAdoPolicy {
+        let parts = values.iter().map(|values| {
+            let spaces = PartSpaces {
+                name: "ado".to_owned(),
+                actions: values.len(),
+                neutral: 0,
+                observed: Vec::new(),
+            };
+            let policy: Box<dyn Policy> = Box::new(Valued(values.to_vec()));
+            (spaces, policy)
+        });
+        PerAdoPolicy::new(0, parts)
+    }
+
+    #[test]
+    fn values_of_joint_actions_are_the_means_of_those_of_their_digits() {
+        let policy = joint(&[&[0.0, 1.0], &[0.5, 0.25, 0.75]]);
+        let values = policy.action_values(&[]).expect("both have values");
+        assert_eq!(values, [0.25, 0.75, 0.125, 0.625, 0.375, 0.875]);
+        assert_eq!(crate::rl::nn::argmax(&values), policy.act(&[]));
+        // Without the values of one ado there are none of joint actions.
+        assert_eq!(joint(&[&[0.0, 1.0], &[]]).action_values(&[]), None);
     }
 }
