@@ -76,6 +76,10 @@ pub mod several_ados {}
 #[doc = include_str!("../docs/guide/diversity.md")]
 pub mod diversity {}
 
+/// Rules, formula parts and starts that episodes never covered.
+#[doc = include_str!("../docs/guide/coverage.md")]
+pub mod coverage {}
+
 /// Reusing an ado on changed egos.
 #[doc = include_str!("../docs/guide/reuse.md")]
 pub mod reuse {}
@@ -87,6 +91,10 @@ pub mod adapting {}
 /// Probability of a failure in declared traffic.
 #[doc = include_str!("../docs/guide/risk.md")]
 pub mod risk {}
+
+/// The smallest change of an ego with which it withstands.
+#[doc = include_str!("../docs/guide/harden.md")]
+pub mod harden {}
 
 /// Search without learning.
 #[doc = include_str!("../docs/guide/search.md")]

@@ -67,6 +67,8 @@ pub use brakecheck_drive::drive;
 #[doc(inline)]
 pub use brakecheck_ego::ego;
 #[doc(inline)]
+pub use brakecheck_evaluation::coverage;
+#[doc(inline)]
 pub use brakecheck_evaluation::evaluation;
 #[doc(inline)]
 pub use brakecheck_experiment::experiment;

@@ -34,7 +34,18 @@ from brakecheck.programs import serve_ego
 from brakecheck.recordings import Recording, fit_traffic
 from brakecheck.registration import register_all
 from brakecheck.results import Ado, Replayed, Rows, Run
-from brakecheck.verbs import Outcome, gate, merge, plan, risk, run_piece, sweep, verb
+from brakecheck.verbs import (
+    Outcome,
+    coverage,
+    gate,
+    harden,
+    merge,
+    plan,
+    risk,
+    run_piece,
+    sweep,
+    verb,
+)
 from brakecheck.worlds import World
 
 if TYPE_CHECKING:
@@ -68,11 +79,13 @@ __all__ = [
     "SeenLight",
     "VectorEnv",
     "World",
+    "coverage",
     "errors",
     "eval",
     "export",
     "fit_traffic",
     "gate",
+    "harden",
     "merge",
     "plan",
     "replay",

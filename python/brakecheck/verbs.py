@@ -1,4 +1,4 @@
-"""The verbs that only the command line has, as functions: gate, sweep, risk, campaigns.
+"""The verbs that only the command line has: gate, sweep, harden, risk, campaigns.
 
 Each of them runs the program of this package in a process of its own and reads its
 `--json`. Their options are therefore those of `brakecheck VERB --help`, with `_` for
@@ -20,7 +20,18 @@ from brakecheck.errors import FaultError, InputError, NotIdenticalError
 from brakecheck.results import Rows, Run
 from brakecheck.worlds import World
 
-__all__ = ["Outcome", "gate", "merge", "plan", "risk", "run_piece", "sweep", "verb"]
+__all__ = [
+    "Outcome",
+    "coverage",
+    "gate",
+    "harden",
+    "merge",
+    "plan",
+    "risk",
+    "run_piece",
+    "sweep",
+    "verb",
+]
 
 Path = str | os.PathLike[str]
 #: A name under the world's `reuse`, a RON file, or the words of a program.
@@ -133,6 +144,21 @@ def sweep(run: Run | Path, over: str, **options: Any) -> Outcome:
     return verb("sweep", run, over=over, **options)
 
 
+def harden(where: World | Run | Path, *, ego: Ego | None = None, **options: Any) -> Outcome:
+    """Searches for the smallest change of an ego with which it withstands.
+
+    Args:
+        where: a world, or the run of an ado or a population that the ego must withstand.
+        ego: the ego to change; the world's own without it.
+        options: of `brakecheck harden`, such as `over="ego.time_gap_s=0.3..1.5"`,
+            `keep_below=["braking=105%"]`, `output="hardened"`.
+
+    Returns:
+        The changes, the smallest first; `passed` is False if none is confirmed.
+    """
+    return verb("harden", where, rows="candidates", ego=ego, **options)
+
+
 def risk(world: World | Path, *, ego: Ego | None = None, **options: Any) -> Outcome:
     """Estimates how often an ego fails in declared traffic.
 
@@ -145,6 +171,19 @@ def risk(world: World | Path, *, ego: Ego | None = None, **options: Any) -> Outc
         The egos; `about` has the traffic, the ratio and the cost.
     """
     return verb("risk", world, rows="egos", ego=ego, **options)
+
+
+def coverage(path: Run | Path, **options: Any) -> Outcome:
+    """Lists the rules, formula parts and starts that episodes never covered.
+
+    Args:
+        path: a run, a population, a planned campaign, or a directory of kept crashes.
+        options: of `brakecheck coverage`, such as `starts=100`.
+
+    Returns:
+        The worlds, each with its `gaps`, `rules`, `parts`, `kinds` and `cells`.
+    """
+    return verb("coverage", path, rows="coverage", **options)
 
 
 def plan(campaign: Path, output: Path, **options: Any) -> Outcome:

@@ -48,7 +48,7 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
         "new", "check", "worlds", "drive",
         "search", "eval", "train", "risk", "campaign",
         "gate", "sweep",
-        "replay", "view", "export", "report",
+        "replay", "coverage", "view", "export", "report",
         "stl", "log",
         "serve", "lsp", "completions", "man",
     ]

@@ -101,6 +101,12 @@ def test_a_sweep_and_a_risk_are_tables(run):
     assert refused.value.outcome[0]["checks"]["refusals"]
 
 
+def test_a_coverage_is_an_object_per_world(run):
+    covered = brakecheck.coverage(run, starts=20)
+    assert [world["world"] for world in covered] == ["acc"]
+    assert covered[0]["tries"] > 0 and covered[0]["rules"] and covered[0]["parts"]
+
+
 def test_a_campaign_is_planned_played_in_pieces_and_merged(tmp_path):
     file = tmp_path / "two.ron"
     file.write_text(
@@ -118,3 +124,31 @@ def test_a_campaign_is_planned_played_in_pieces_and_merged(tmp_path):
 def test_replays_are_a_table(kept):
     replays = brakecheck.replay(kept, episode=0)
     assert list(replays.to_pandas()["outcome"]) == [replays[0].about["outcome"]]
+
+
+def test_a_served_ego_declares_its_parameters_and_receives_their_values(tmp_path):
+    file = tmp_path / "tunable.py"
+    file.write_text(
+        "import brakecheck\n"
+        "class Mine:\n"
+        "    def brief(self, briefing):\n"
+        "        assert briefing['parameters'] == {'brake': 2.5}\n"
+        "    def control(self, percept):\n"
+        "        return 0.0\n"
+        "brakecheck.serve_ego(Mine, parameters={'brake': (0.0, 6.0, 1.0)})\n"
+    )
+    asked = [
+        {"hello": {"protocol": 1}},
+        {"id": 1, "reset": {"seed": 1, "parameters": {"brake": 2.5}}},
+        {"close": {}},
+    ]
+    done = subprocess.run(
+        [sys.executable, str(file)],
+        input="".join(json.dumps(line) + "\n" for line in asked),
+        capture_output=True,
+        text=True,
+    )
+    hello, ready = map(json.loads, done.stdout.splitlines())
+    declared = {"name": "brake", "lo": 0.0, "hi": 6.0, "default": 1.0}
+    assert hello["hello"]["parameters"] == [declared]
+    assert ready == {"id": 1, "ready": True}

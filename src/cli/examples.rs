@@ -2,8 +2,7 @@
 
 /// Behind the list of verbs.
 pub(super) const SHORT: &str = "\
-Begin with `brakecheck new mine`, then `brakecheck check mine.ron`.
-`brakecheck VERB --help` explains a verb; manual: docs/README.md";
+Begin with `brakecheck new mine`. `brakecheck VERB --help` explains a verb";
 
 /// Behind the list of all options.
 pub(super) const ALL: &str = "\
@@ -35,9 +34,11 @@ pub(super) const TRAIN: &str = "Examples:\n  brakecheck train worlds/acc.ron -o 
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";
 pub(super) const GATE: &str = "Examples:\n  brakecheck gate runs/acc --ego new.ron --baseline-ego nominal\n  brakecheck gate runs/acc --baseline-ego old.ron -- python3 ego.py\n\nDocuments: docs/background/claims.md";
 pub(super) const SWEEP: &str = "Example:\n  brakecheck sweep runs/acc --over ego.time_gap_s=0.3..1.5:7 --curve curve.svg\n\nDocuments: docs/background/claims.md";
+pub(super) const HARDEN: &str = "Examples:\n  brakecheck harden acc --traffic examples/traffic/acc.ron\n  brakecheck harden runs/acc --keep-below braking=105%\n  brakecheck harden runs/acc -- python3 examples/egos/tunable.py\n\nDocuments: docs/guide/harden.md";
 pub(super) const SEARCH: &str =
     "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/guide/search.md";
 pub(super) const RISK: &str = "Example:\n  brakecheck risk acc --traffic examples/traffic/acc.ron --plant kinematic --budget 50000\n\nDocuments: docs/guide/risk.md";
+pub(super) const COVERAGE: &str = "Examples:\n  brakecheck coverage runs/acc\n  brakecheck coverage kept\n\nDocuments: docs/guide/coverage.md";
 pub(super) const REPLAY: &str =
     "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/guide/crashes.md";
 pub(super) const STL: &str = "Examples:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n  brakecheck stl motorway --log tracks.csv --junit rules.xml\n\nDocuments: docs/reference/stl.md, docs/guide/recordings.md";
@@ -102,7 +103,7 @@ mod tests {
             Some((verb.get_name(), starts.get_default_values().to_vec()))
         });
         let drawing: Vec<_> = verbs.collect();
-        assert_eq!(drawing.len(), 6, "{drawing:?}");
+        assert_eq!(drawing.len(), 8, "{drawing:?}");
         for (verb, values) in &drawing {
             assert_eq!(values, &["300"], "{verb}");
         }

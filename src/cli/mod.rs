@@ -9,6 +9,7 @@ mod check;
 mod command_line;
 mod common;
 mod completions;
+mod coverage;
 mod crashes;
 mod defaults;
 mod display;
@@ -22,6 +23,8 @@ mod excerpt;
 mod export;
 mod failure;
 mod gate;
+mod harden;
+mod harden_text;
 mod headings;
 mod input;
 mod keep;
@@ -116,12 +119,18 @@ enum Verb {
     /// Measure a trained ado over a range of an ego's parameter.
     #[command(after_help = examples::SWEEP)]
     Sweep(sweep::SweepArgs),
+    /// Find the smallest change of an ego with which it withstands.
+    #[command(after_help = examples::HARDEN)]
+    Harden(harden::HardenArgs),
     /// Search every start for actions that make the ego fail.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
     /// Estimate how often an ego fails, in traffic that you declare.
     #[command(after_help = examples::RISK)]
     Risk(risk::RiskArgs),
+    /// List what episodes never covered: rules, formula parts and starts.
+    #[command(after_help = examples::COVERAGE)]
+    Coverage(coverage::CoverageArgs),
     /// Play kept counterexamples again, also against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(replay::ReplayArgs),
@@ -174,8 +183,10 @@ impl Verb {
             Verb::Eval(args) => args.test.common.clone(),
             Verb::Gate(args) => args.test.common.clone(),
             Verb::Sweep(args) => args.test.common.clone(),
+            Verb::Harden(args) => args.common.clone(),
             Verb::Search(args) => args.common.clone(),
             Verb::Risk(args) => args.common.clone(),
+            Verb::Coverage(args) => args.common.clone(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
             Verb::Log(args) => args.common(),
@@ -206,8 +217,10 @@ impl Verb {
                 | Verb::Eval(_)
                 | Verb::Gate(_)
                 | Verb::Sweep(_)
+                | Verb::Harden(_)
                 | Verb::Search(_)
                 | Verb::Risk(_)
+                | Verb::Coverage(_)
                 | Verb::Report(_)
                 | Verb::Campaign(_)
         )
@@ -255,8 +268,10 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Eval(args) => evaluate(&args),
         Verb::Gate(args) => gate::run(&args),
         Verb::Sweep(args) => sweep::run(&args),
+        Verb::Harden(args) => harden::run(&args),
         Verb::Search(args) => search::run(&args),
         Verb::Risk(args) => risk::run(&args),
+        Verb::Coverage(args) => coverage::run(&args),
         Verb::Replay(args) => replay::run(&args),
         Verb::Stl(args) => match &args.trace {
             Some(trace) => stl::run(&args, trace),

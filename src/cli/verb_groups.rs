@@ -9,10 +9,10 @@ const GROUPS: [(&str, &[&str]); 6] = [
         "Find failures",
         &["search", "eval", "train", "risk", "campaign"],
     ),
-    ("Compare egos", &["gate", "sweep"]),
+    ("Compare egos", &["gate", "sweep", "harden"]),
     (
         "Look into failures",
-        &["replay", "view", "export", "report"],
+        &["replay", "coverage", "view", "export", "report"],
     ),
     ("Formulas and recordings", &["stl", "log"]),
     ("Connect", &["serve", "lsp", "completions", "man"]),

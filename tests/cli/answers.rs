@@ -11,7 +11,17 @@ const MOST_LINES: usize = 25;
 const WIDTH: usize = 100;
 
 /// Verbs that answer in messages of a protocol, on a page, or with a whole text or list.
-const WITHOUT_ANSWER: [&str; 6] = ["completions", "drive", "lsp", "man", "serve", "worlds"];
+///
+/// `harden` trains, so its answer is tested where it runs anyway.
+const WITHOUT_ANSWER: [&str; 7] = [
+    "completions",
+    "drive",
+    "harden",
+    "lsp",
+    "man",
+    "serve",
+    "worlds",
+];
 
 /// Lines of a terminal, into which long lines are wrapped.
 fn lines(text: &str) -> usize {
@@ -55,7 +65,7 @@ fn empty_column(text: &str) -> Option<usize> {
 }
 
 #[track_caller]
-fn answers(output: &Output, args: &[&str], verdict: &str) {
+pub(super) fn answers(output: &Output, args: &[&str], verdict: &str) {
     let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
     let said = stderr(output);
     if let Some(problem) = problem(&stdout, &said, verdict) {
@@ -171,6 +181,12 @@ fn every_verb_answers_first_and_in_few_lines() {
             ],
             "`nominal` fails in ",
         ),
+        (vec!["coverage", &run, "--starts", "20"], "`acc`: "),
+        (
+            vec!["coverage", "tests/regressions"],
+            "no gap found in 12 worlds",
+        ),
+        (vec!["coverage", crash], "`acc`: "),
         (vec!["replay", "tests/regressions"], " still fail, "),
         (vec!["replay", crash], "1 of 1 still fail, "),
         (
@@ -206,6 +222,7 @@ fn every_verb_answers_first_and_in_few_lines() {
         ),
         (vec!["campaign", "run", &plan], " pieces are there"),
         (vec!["campaign", "merge", &plan], "fail"),
+        (vec!["coverage", &plan], "`acc`: "),
         (vec!["view", crash, "-o", &svg], "crash.svg"),
         (vec!["export", crash, "-o", &scenarios], "acc-nominal-0001"),
     ];

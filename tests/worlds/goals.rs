@@ -260,3 +260,30 @@ fn goals_that_cannot_be_reached_are_refused_by_name() {
     let refused = grid.training_towards(&[Distinct]).expect_err("a grid");
     assert!(refused.what.contains("this is a grid"), "{refused}");
 }
+
+#[test]
+fn the_default_learner_of_a_contact_world_prefers_severe_failures() {
+    let goals = |name: &str| {
+        let world = Scenario::shipped(name).expect("shipped").expect("sound");
+        world.goals().to_vec()
+    };
+    // `merge_fair` names its learner, and the specification of `acc` is no gap of bodies.
+    assert_eq!(goals("cut_in"), [TrainingGoal::Severe]);
+    assert_eq!(goals("acc_iso"), [TrainingGoal::Severe]);
+    for name in ["acc", "merge_fair", "grid"] {
+        assert_eq!(goals(name), [], "{name}");
+    }
+    let text = include_str!("../../worlds/cut_in.ron");
+    let with = |lines: &str| {
+        let changed = text.replacen("road: Straight", &format!("{lines} road: Straight"), 1);
+        let world = Scenario::parse("cut_in.ron", &changed).expect("sound");
+        world.goals().to_vec()
+    };
+    assert_eq!(with("goals: [],"), []);
+    assert_eq!(with("goals: [Distinct],"), [TrainingGoal::Distinct]);
+    assert_eq!(with("learner: Dqn(),"), []);
+    assert_eq!(
+        with("learner: Dqfd(decisions: 9_000),"),
+        [TrainingGoal::Severe]
+    );
+}

@@ -20,7 +20,7 @@
 
 pub mod campaign;
 
-use brakecheck_evaluation::evaluation;
+use brakecheck_evaluation::{coverage, evaluation};
 use brakecheck_experiment::{experiment, run_dir, search};
 use brakecheck_files::{content_hash, ron_file};
 use brakecheck_report::report;

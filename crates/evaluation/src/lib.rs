@@ -18,18 +18,21 @@
     allow(clippy::disallowed_methods, clippy::expect_used, clippy::unwrap_used)
 )]
 
+pub mod coverage;
 pub mod evaluation;
 pub mod theorems;
 
 use brakecheck_crashes::crashes;
+use brakecheck_ego::ego;
 use brakecheck_experiment::{adversary, experiment, grid_solver, run_dir, search};
 use brakecheck_files::ron_file;
 use brakecheck_report::report;
+use brakecheck_risk::risk;
 use brakecheck_rl::rl;
 use brakecheck_scene::{preventability, rulebook, scene, testbench};
 use brakecheck_stats::{seed, stats};
 use brakecheck_stl as stl;
 use brakecheck_stl::trace;
 use brakecheck_surrogate::surrogate;
-use brakecheck_training::training;
+use brakecheck_training::{population, training};
 use brakecheck_world::world;

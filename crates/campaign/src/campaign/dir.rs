@@ -310,7 +310,7 @@ impl PlanDir {
         })
     }
 
-    fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
+    pub(super) fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
         let (name, change) = (&unit.ego.name, &unit.ego.change);
         let help = "the plan was made with another world";
         Ok(EgoUnderTest::changed(

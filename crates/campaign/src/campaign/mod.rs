@@ -13,6 +13,7 @@
 mod cell_map;
 mod check;
 mod cost_pilot;
+mod coverage;
 mod dir;
 mod error;
 mod estimate;
@@ -36,6 +37,7 @@ mod workflow_files;
 
 pub use cost_pilot::PIECE_S;
 pub use cost_pilot::{Cut, PlanCost};
+pub use coverage::CampaignCoverage;
 pub use dir::{PieceDone, PlanDir};
 pub use error::CampaignError;
 pub use merge::Merged;

@@ -8,7 +8,7 @@ use crate::world::Scenario;
 
 /// Action set of one ado as a digit of the joint action.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct AdoDigit {
+pub struct AdoDigit {
     name: String,
     /// Joint actions that are skipped when this ado's action increases by one.
     unit: usize,
@@ -17,6 +17,38 @@ struct AdoDigit {
 }
 
 impl AdoDigit {
+    /// Returns the digits of a world, one per ado.
+    pub fn all(scenario: &Scenario) -> Vec<AdoDigit> {
+        let Some(driving) = scenario.drive() else {
+            // A grid has one ado and no action sets.
+            let spaces = scenario.spaces();
+            return vec![AdoDigit {
+                name: "ado".to_owned(),
+                unit: 1,
+                actions: spaces.actions,
+                neutral: spaces.neutral,
+            }];
+        };
+        let (mut digits, mut unit) = (Vec::new(), 1);
+        for (name, actions, neutral) in driving.spec().action_sets() {
+            digits.push(AdoDigit {
+                name: name.to_owned(),
+                unit,
+                actions: actions.len(),
+                neutral,
+            });
+            unit *= actions.len();
+        }
+        digits
+    }
+
+    /// Returns the joint actions in which this ado alone acts otherwise.
+    pub fn others(&self, joint: usize) -> impl Iterator<Item = usize> + use<> {
+        let (unit, mine) = (self.unit, self.of(joint));
+        let other = (0..self.actions).filter(move |action| *action != mine);
+        other.map(move |action| joint - mine * unit + action * unit)
+    }
+
     fn of(&self, joint: usize) -> usize {
         joint / self.unit % self.actions
     }
@@ -46,30 +78,9 @@ pub struct CellFinder {
 impl CellFinder {
     /// Creates the finder for episodes of a world.
     pub fn new(scenario: &Scenario) -> CellFinder {
-        let spaces = scenario.spaces();
-        let (mut digits, mut unit) = (Vec::new(), 1);
-        if let Some(driving) = scenario.drive() {
-            for (name, actions, neutral) in driving.spec().action_sets() {
-                digits.push(AdoDigit {
-                    name: name.to_owned(),
-                    unit,
-                    actions: actions.len(),
-                    neutral,
-                });
-                unit *= actions.len();
-            }
-        } else {
-            // A grid has one ado and no action sets.
-            digits.push(AdoDigit {
-                name: "ado".to_owned(),
-                unit,
-                actions: spaces.actions,
-                neutral: spaces.neutral,
-            });
-        }
         CellFinder {
             bench: scenario.bench(),
-            digits,
+            digits: AdoDigit::all(scenario),
             ego: ego_name(scenario),
             simulations: 0,
             physics_steps: 0,
@@ -181,6 +192,13 @@ mod tests {
         };
         assert_eq!(found, Some(expected));
         assert_eq!(seen.len(), 3, "a 0, b 2, b 3: {seen:?}");
+        // Each ado acts otherwise alone, in every other way.
+        let others: Vec<Vec<usize>> = digits()
+            .iter()
+            .map(|it| it.others(joint(0, 2)).collect())
+            .collect();
+        assert_eq!(others[0], [joint(1, 2), joint(2, 2)]);
+        assert_eq!(others[1], [joint(0, 0), joint(0, 1), joint(0, 3)]);
         // Neutral actions are never tried: a 0, b 2, b 3 and a 2 are all.
         let mut count = 0;
         let none = necessary(&digits(), &actions, |_| {

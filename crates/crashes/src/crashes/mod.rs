@@ -19,7 +19,7 @@ pub mod save_crashes;
 
 pub use export::{ExportRefusal, ExportSettings, Exports, NotExported, export, export_with};
 pub use export::{openx, write_openx};
-pub use failure_cell::CellFinder;
+pub use failure_cell::{AdoDigit, CellFinder};
 pub use find::FindError;
 pub use highlights::highlights;
 pub use picture::{Inapplicable, PictureError, PictureFormat, UnknownViewKind, ViewKind};

@@ -7,22 +7,27 @@ use serde::{Deserialize, Deserializer};
 use super::break_even::BreakEven;
 use super::error::EvaluationError;
 use crate::adversary::Ado;
+use crate::coverage::{Coverage, tries_of};
 use crate::crashes::{description, highlights};
 use crate::experiment::{
     Cost, EgoUnderTest, TestStarts, Watch, check_repeatability, consent, worse_first,
 };
-use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
+use crate::report::{CoverageSection, Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::rl::Policy;
 use crate::ron_file::file_text;
 use crate::run_dir::{Row, RunDir, RunError, Swept};
+use crate::scene::drive::EgoDrive;
 use crate::search::{Adversary, ExperimentCell};
-use crate::testbench::{Film, film_beyond};
+use crate::testbench::{FaultLog, Film, film_beyond};
 use crate::world::Scenario;
 
 /// Default number of episodes for changed egos, and bounds on the starts of each.
 const REUSE_EPISODES: usize = 1000;
 const LEAST_STARTS: usize = 20;
 const MOST_STARTS: usize = 100;
+/// Most episodes of a page whose rules are evaluated, and lines of its coverage.
+const RULED_OF_PAGE: usize = 60;
+const LINES_OF_PAGE: usize = 40;
 /// A file of rows is no larger than this.
 const MAX_ROWS_BYTES: u64 = 50_000_000;
 
@@ -133,6 +138,7 @@ impl<'a> ReportRequest<'a> {
             about_tested: String::new(),
             sweeps: self.given.swept.clone(),
             costs: Vec::new(),
+            coverage: None,
             notes: notes(run),
             faults: Vec::new(),
             commands: Vec::new(),
@@ -213,12 +219,40 @@ impl<'a> ReportRequest<'a> {
             }
         }
         report.costs = costs(report, &self.given.break_even, self.name());
+        report.coverage = self.coverage(own, &*policy, &starts, watch);
         Ok((!watch.interrupted()).then_some(()))
     }
 
     /// Returns the name of the ego that the page is about.
     fn name(&self) -> &str {
         self.ego.map_or("nominal", EgoUnderTest::name)
+    }
+
+    /// Plays the trained ado again to measure its coverage.
+    ///
+    /// `None`: stopped, no start, or a program, which would be as slow once more.
+    fn coverage(
+        &self,
+        ego: &EgoUnderTest,
+        policy: &dyn Policy,
+        starts: &TestStarts,
+        watch: &Watch<'_>,
+    ) -> Option<CoverageSection> {
+        if ego.scenario().ego().is_some_and(EgoDrive::is_foreign) {
+            return None;
+        }
+        // The faults of these tries were noted once.
+        let quiet = Watch {
+            faults: FaultLog::default(),
+            ..watch.quiet()
+        };
+        let ado = Ado::Trained(policy, self.run.manifest().seed);
+        let tries = tries_of(ego, ado, starts, RULED_OF_PAGE, &quiet)?;
+        let coverage = Coverage::of(ego.scenario(), &tries);
+        (!coverage.is_empty()).then(|| CoverageSection {
+            verdict: coverage.verdict(),
+            table: coverage.table(LINES_OF_PAGE),
+        })
     }
 
     /// Every ego on the first starts, beside held-random actions. `None`: stopped.

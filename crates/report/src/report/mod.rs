@@ -68,12 +68,22 @@ pub struct Report<'a> {
     pub sweeps: Vec<Swept>,
     /// Simulations that methods of failure search cost.
     pub costs: Vec<TestingCost>,
+    /// Coverage of the specification, the rules and the starts. `None` without a policy.
+    pub coverage: Option<CoverageSection>,
     /// Notes to show first, such as unfinished training.
     pub notes: Vec<String>,
     /// Faults of ego or physics above the allowed number. Empty if all is well.
     pub faults: Vec<FaultCount>,
     /// Commands that reproduce the report.
     pub commands: Vec<String>,
+}
+
+/// Coverage as a page shows it.
+pub struct CoverageSection {
+    /// Verdict, a sentence per line.
+    pub verdict: Vec<String>,
+    /// Gaps first.
+    pub table: TextTable,
 }
 
 /// Course of one training.

@@ -38,6 +38,11 @@ pub(super) fn html(report: &Report<'_>) -> String {
                 (results::training(&report.trainings))
                 @if let Some(nominal) = &report.nominal { (reuse::which_rate(&nominal.row, &report.trainings)) }
                 @if let Some(nominal) = &report.nominal { (starts(report, nominal)) }
+                @if let Some(coverage) = &report.coverage {
+                    h2 { "What these starts covered" }
+                    @for line in &coverage.verdict { p { (line) } }
+                    (coverage.table.to_html())
+                }
                 @if !report.tested.is_empty() {
                     h2 { "Reuse: the same ado against other egos" }
                     p { (report.about_tested) }

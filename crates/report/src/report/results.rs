@@ -149,11 +149,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
     // Few starts get larger cells, since a share of one start says little.
     let wanted = (nominal.starts.len() as f64 / PER_CELL).sqrt() as usize;
     let bins = wanted.clamp(2, BINS);
-    let bin = |axis: &Axis, value: f64| {
-        let share = (value - axis.lo) / (axis.hi - axis.lo);
-        // The upper end of the axis belongs to the last cell.
-        ((share * bins as f64) as usize).min(bins - 1)
-    };
+    let bin = |axis: &Axis, value: f64| axis.bin(value, bins);
     let mut counts = vec![[0usize; 3]; bins * bins];
     for (start, verdict) in &nominal.starts {
         let (Some(verdict), Some(a), Some(b)) = (verdict, start.0.get(x), start.0.get(y)) else {

@@ -80,6 +80,27 @@ pub struct Axis {
     pub hi: f64,
 }
 
+impl Axis {
+    /// Returns the position of a value among `bins` bins of equal width.
+    ///
+    /// An axis of one value has only the first bin.
+    pub fn bin(&self, value: f64, bins: usize) -> usize {
+        let width = self.hi - self.lo;
+        if width <= 0.0 {
+            return 0;
+        }
+        let share = (value - self.lo) / width;
+        // The upper end of the axis belongs to the last bin. The cast saturates at 0.
+        ((share * bins as f64) as usize).min(bins.saturating_sub(1))
+    }
+
+    /// Returns the ends of a bin of `bins` bins of equal width.
+    pub fn bin_ends(&self, bin: usize, bins: usize) -> [f64; 2] {
+        let end = |n: usize| self.lo + (self.hi - self.lo) * n as f64 / bins.max(1) as f64;
+        [end(bin), end(bin + 1)]
+    }
+}
+
 /// One point of X_init: a value per axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start(pub Vec<f64>);

@@ -90,3 +90,66 @@ fn nothing_to_explain() {
     );
     assert_eq!(explanation.to_string(), "ρ = -inf: the trace is empty");
 }
+
+#[test]
+fn parts_are_leaves_and_operands_and_every_explanation_goes_through_them() {
+    let schema = run();
+    let parts = |text: &str| {
+        let formula: Formula = text.parse().unwrap();
+        let constants = Constants::from([("d_safe".into(), 4.7)]);
+        let monitor = formula.bind(schema.schema(), &constants).unwrap();
+        let parts = monitor.parts();
+        let leaf = monitor.explain(&schema).leaf().unwrap().formula.clone();
+        assert!(
+            parts.iter().any(|part| part.formula == leaf),
+            "{leaf}: {parts:?}"
+        );
+        let listed = parts.into_iter().map(|part| (part.formula, part.within));
+        listed.collect::<Vec<_>>()
+    };
+    let at = |text: &str, within| (text.to_owned(), within);
+    assert_eq!(
+        parts("always (headway >= d_safe)"),
+        [at("headway >= d_safe", None)]
+    );
+    // An operand with a single leaf is no part of its own.
+    assert_eq!(
+        parts("always (headway > 1 and (eventually[0, 1] (headway > 2)) and not contact)"),
+        [
+            at("headway > 1", None),
+            at("headway > 2", None),
+            at("contact", None)
+        ]
+    );
+    assert_eq!(
+        parts("(always (headway > 1 or contact)) and (always (headway < 20))"),
+        [
+            at("always ((headway > 1) or contact)", None),
+            at("headway > 1", Some(0)),
+            at("contact", Some(0)),
+            at("headway < 20", None),
+        ]
+    );
+    // What occurs twice is one part.
+    assert_eq!(
+        parts("(headway > 1 or contact) implies (always (headway > 1))").len(),
+        3
+    );
+}
+
+#[test]
+fn only_windows_inside_of_an_invariant_delay_its_violation() {
+    let schema = run();
+    let reach = |text: &str| {
+        let formula: Formula = text.parse().unwrap();
+        let monitor = formula.bind(schema.schema(), &Constants::new()).unwrap();
+        monitor.inner_window_samples()
+    };
+    assert_eq!(reach("always[0, 9] (headway > 1)"), 0);
+    assert_eq!(
+        reach("always[0, 9] (contact implies eventually[0, 2] (headway > 1))"),
+        4
+    );
+    assert_eq!(reach("(headway > 1) unless contact"), 0);
+    assert_eq!(reach("eventually[0, 1] (headway > 1)"), 2);
+}

@@ -32,4 +32,4 @@ pub use evaluate::{
 };
 pub use league::{LeagueError, LeagueRequest, LeagueResponse, LeagueRound, train_league};
 pub use manifest::{ArchiveSummary, PopulationManifest, PopulationMember, PopulationOrigin};
-pub use train::{DistinctOutcome, DistinctRequest, train_distinct};
+pub use train::{DistinctOutcome, DistinctRequest, archive_of, train_distinct};

@@ -179,7 +179,11 @@ fn simulations(scenario: &Scenario) -> u64 {
     (scenario.learner.decisions() / 2).clamp(1, MOST_SIMULATIONS)
 }
 
-fn archive_of(dir: &PopulationDir) -> Result<FailureArchive, RunError> {
+/// Returns the archive of a population, an empty one if it has none.
+///
+/// # Errors
+/// Its file is missing or damaged.
+pub fn archive_of(dir: &PopulationDir) -> Result<FailureArchive, RunError> {
     let Some(bytes) = dir.archive_bytes()? else {
         return Ok(FailureArchive::default());
     };

@@ -121,6 +121,7 @@ fn assemble(
     let roads = roads::placed(&mut problems, &top.to("roads"), &road, &file.roads);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
+    let others = counting::others(&file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
     let traffic = includes::traffic(&mut problems, &file);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
@@ -289,6 +290,7 @@ fn assemble(
     };
     let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging)
         .map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
+    let default_goals = counting::default_goals(others, &learner, &rulebook, world.schema());
     let scenario = Scenario {
         name: file.name,
         question: file.question,
@@ -304,7 +306,7 @@ fn assemble(
         learner,
         learners,
         learning: None,
-        goals: file.goals,
+        goals: file.goals.unwrap_or(default_goals),
         against: TrainingEgos::Nominal,
         left_out: None,
         family: family.map(Arc::new),

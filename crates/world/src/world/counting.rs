@@ -1,20 +1,19 @@
 //! Checks of `counts` and `goals` against the judge, the reward and the road users.
 
 use super::check;
+use crate::rl::LearnerConfig;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
+use crate::trace::Schema;
 use crate::world_file::{AgentFile, DriveFile, ScenarioFile, TrainingGoal};
 
 /// Greatest closing speed that `counts` may require, in m/s.
 const MAX_CLOSING_MPS: f64 = 150.0;
 
 pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFile) {
-    let others = file
-        .agents
-        .iter()
-        .filter(|agent| is_other_with_a_body(agent));
-    if let Some((what, help)) = against_goals(&file.goals, Some(others.count())) {
+    let goals = file.goals.as_deref().unwrap_or_default();
+    if let Some((what, help)) = against_goals(goals, Some(others(file))) {
         problems.add(&top.to("goals"), what, "here", Some(help));
     }
     let place = top.to("counts");
@@ -62,14 +61,42 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
         let help = Some("write reward: Tanh() or any with jump above 0".to_owned());
         problems.add(&place, what, "needs another reward", help);
     }
-    let mut agents = file.agents.iter();
-    if !agents.any(is_other_with_a_body) {
+    if others(file) == 0 {
         let what = "no agent of this world can touch the ego".to_owned();
         let help = Some(
             "add a vehicle, a pedestrian or an obstacle; or write counts: Violation".to_owned(),
         );
         problems.add(&place, what, "here", help);
     }
+}
+
+/// Returns the goals of a world that states none, with so many `others` with a body.
+///
+/// A failure is a contact where the specification reads a gap or a contact. A severe one
+/// is then worth more, which costs the default learner no recall (lab/training.md).
+/// Worlds that name another learner train as before, to the bit.
+pub(super) fn default_goals(
+    others: usize,
+    learner: &LearnerConfig,
+    rulebook: &Rulebook,
+    schema: &Schema,
+) -> Vec<TrainingGoal> {
+    let signals = rulebook.spec.signals();
+    let mut names = signals.iter().map(|at| schema.signals()[*at].name.as_str());
+    let is_of_contacts =
+        names.any(|name| matches!(name.rsplit('.').next(), Some("gap" | "contact")));
+    let is_default_learner = learner.name() == LearnerConfig::default().name();
+    if is_of_contacts && is_default_learner && others > 0 {
+        vec![TrainingGoal::Severe]
+    } else {
+        Vec::new()
+    }
+}
+
+/// Returns the number of agents that can touch the ego.
+pub(super) fn others(file: &ScenarioFile) -> usize {
+    let agents = file.agents.iter();
+    agents.filter(|agent| is_other_with_a_body(agent)).count()
 }
 
 /// Why a training cannot have these goals, and the cure, among so many `others`

@@ -58,10 +58,11 @@ pub struct ScenarioFile {
     /// `Preventable(by: [RSS])`. Default: `Violation`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub counts: Counts,
-    /// Failures for which training pays more: `[Severe]`, `[Distinct]` or both. Default:
-    /// `[]`.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub goals: Vec<TrainingGoal>,
+    /// Failures for which training pays more: `[Severe]`, `[Distinct]`, both or `[]`.
+    /// Default: `[Severe]` if the specification is about a gap or a contact and the learner
+    /// is `Dqfd`, otherwise `[]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub goals: Option<Vec<TrainingGoal>>,
     /// Lanes and their course.
     pub road: OwnRoad,
     /// Pose of the world's origin in a road file of another simulator, which `serve` reports.
@@ -168,7 +169,7 @@ impl ScenarioFile {
             after_contact_s: None,
             judge: JudgeKind::default(),
             counts: Counts::default(),
-            goals: Vec::new(),
+            goals: None,
             road,
             origin: None,
             grades: Vec::new(),
