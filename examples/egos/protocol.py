@@ -8,11 +8,12 @@ answers = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
 
 
-def serve(name, reset, control):
+def serve(name, reset, control, parameters=()):
     """Answers until brakecheck is done.
 
     `reset(message)` begins an episode, `control(step)` gives the acceleration in m/s²;
-    what they raise is reported as the ego's fault.
+    what they raise is reported as the ego's fault. `parameters` has the name, least value,
+    greatest value and default of each parameter, whose values are `message["parameters"]`.
     """
     for line in sys.stdin:
         message = json.loads(line)
@@ -21,7 +22,8 @@ def serve(name, reset, control):
         answer = {"id": message.get("id")}
         try:
             if "hello" in message:
-                answer = {"hello": {"protocol": 1, "name": name}}
+                declared = [dict(zip(("name", "lo", "hi", "default"), one)) for one in parameters]
+                answer = {"hello": {"protocol": 1, "name": name, "parameters": declared}}
             elif "reset" in message:
                 reset(message["reset"])
                 answer["ready"] = True

@@ -7,6 +7,7 @@ import inspect
 import json
 import sys
 import traceback
+from collections.abc import Mapping
 from typing import Any, TextIO
 
 from brakecheck._brakecheck import Percept, command_of
@@ -20,7 +21,11 @@ _PROTOCOL = 1
 _TRACEBACK = 4000
 
 
-def serve_ego(ego: Any, name: str | None = None) -> None:
+def serve_ego(
+    ego: Any,
+    name: str | None = None,
+    parameters: Mapping[str, tuple[float, float, float]] | None = None,
+) -> None:
     """Plays an ego as a program: reads the ego protocol on stdin, answers on stdout.
 
     The last line of a file makes it a program for all verbs::
@@ -35,6 +40,8 @@ def serve_ego(ego: Any, name: str | None = None) -> None:
         ego: a function of a percept, or a class or an object with `control(percept)`
             and, if it likes, `brief(briefing)` and `reset(seed)`.
         name: what brakecheck calls it; its own name without one.
+        parameters: least value, greatest value and default of each parameter that
+            `brakecheck harden` may change; the values are `briefing["parameters"]`.
     """
     own = ego() if inspect.isclass(ego) else ego
     if not callable(getattr(own, "control", own)):
@@ -43,6 +50,11 @@ def serve_ego(ego: Any, name: str | None = None) -> None:
             "`control(percept)`"
         )
     named = name or getattr(ego, "__name__", type(ego).__name__)
+    declared = [
+        {"name": one, "lo": lo, "hi": hi, "default": default}
+        for one, (lo, hi, default) in (parameters or {}).items()
+    ]
+    hello = {"protocol": _PROTOCOL, "name": named, "parameters": declared}
     answers = sys.stdout
     with contextlib.redirect_stdout(sys.stderr):
         for line in sys.stdin:
@@ -50,7 +62,7 @@ def serve_ego(ego: Any, name: str | None = None) -> None:
             if "close" in message:
                 break
             if "hello" in message:
-                _tell(answers, {"hello": {"protocol": _PROTOCOL, "name": named}})
+                _tell(answers, {"hello": hello})
             elif "reset" in message or "step" in message:
                 _tell(answers, {"id": message["id"], **_answer(own, message)})
 

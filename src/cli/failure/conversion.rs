@@ -12,6 +12,7 @@ use crate::crashes::{
 };
 #[cfg(feature = "drive")]
 use crate::drive::DriveError;
+use crate::evaluation::harden::HardenError;
 use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError, unknown_ego_help};
 use crate::openx::OpenXError;
@@ -90,6 +91,25 @@ impl From<RiskTrafficError> for Failure {
                 error.to_string(),
                 "name a driving world; `brakecheck eval` measures grids on all starts",
             ),
+        }
+    }
+}
+
+impl From<HardenError> for Failure {
+    fn from(error: HardenError) -> Failure {
+        match error {
+            HardenError::Traffic(error) => error.into(),
+            HardenError::Ego(error) => error.into(),
+            HardenError::Session(error) => error.into(),
+            HardenError::Run(error) => error.into(),
+            HardenError::Kept(error) => error.into(),
+            HardenError::Program(_) | HardenError::Unwritable { .. } => {
+                Failure::fault(error.to_string(), error.help())
+            }
+            other => {
+                let help = other.help().unwrap_or_default();
+                Failure::input(other.to_string(), help)
+            }
         }
     }
 }

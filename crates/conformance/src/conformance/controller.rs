@@ -31,6 +31,7 @@ pub fn check_controller(
                 lane_width_m: 3.5,
                 pieces: Vec::new(),
             },
+            ..Briefing::default()
         });
         Driven {
             controller,

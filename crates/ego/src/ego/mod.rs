@@ -58,6 +58,8 @@ mod stock;
 pub mod takeover;
 mod traffic_light_acc;
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -67,7 +69,7 @@ pub use actuator::Actuator;
 pub use fault::{Fault, FaultKind};
 pub(crate) use fault::{PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
-pub use process::{Cause, DOCUMENT, Hello, Maker, Recorder, stop_waiting};
+pub use process::{Cause, DOCUMENT, DeclaredParameter, Hello, Maker, Recorder, stop_waiting};
 pub use process::{Exercise, Finding, Process, Transcripts, exercise};
 pub use recorded::RecordedCommands;
 pub use reference::ReferenceDriver;
@@ -253,6 +255,11 @@ pub struct Briefing {
     pub speed_limit_mps: Option<f64>,
     /// The road.
     pub road: RoadGeometry,
+    /// Values that are set for parameters of a program, by name.
+    ///
+    /// A program receives the values of all parameters that it declares instead.
+    #[serde(skip)]
+    pub parameters: BTreeMap<String, f64>,
 }
 
 /// Lanes along a course, as in a map.

@@ -312,7 +312,9 @@ mod tests {
         for ((kind, names), row) in kinds.zip(rows) {
             assert_eq!(quoted(row[1]).collect::<Vec<_>>(), [*kind]);
             let said: BTreeSet<&str> = quoted(row[3])
-                .filter(|word| !["command", "lag_s", "fresh", "false"].contains(word))
+                .filter(|word| {
+                    !["command", "lag_s", "fresh", "false", "parameters", "{}"].contains(word)
+                })
                 .flat_map(
                     |word| match KINDS.iter().find(|(other, _)| *other == word) {
                         Some((_, names)) => names.to_vec(),

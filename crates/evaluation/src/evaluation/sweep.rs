@@ -1,12 +1,11 @@
 //! One parameter of the ego over a range: from where on it is safe.
 
+use super::harden::with_values;
 use super::reuse::ReusedOn;
 use crate::experiment::{EgoError, EgoUnderTest};
 use crate::run_dir::{SweepPoint, Swept};
-use crate::world::{Change, Scenario};
+use crate::world::Scenario;
 
-/// Default number of values in a sweep.
-const STEPS: usize = 7;
 /// Most values of a sweep.
 const MAX_STEPS: usize = 1000;
 /// Prefix of the parameters of the ego's controller.
@@ -57,6 +56,9 @@ impl SweepError {
 }
 
 impl Sweep {
+    /// Default number of values.
+    pub const STEPS: usize = 7;
+
     /// Parses `ego.NAME=LO..HI` or `ego.NAME=LO..HI:STEPS`.
     ///
     /// ```
@@ -74,7 +76,7 @@ impl Sweep {
             let name = name.trim().strip_prefix(PREFIX)?;
             let (range, steps) = match range.split_once(':') {
                 Some((range, steps)) => (range, steps.trim().parse().ok()?),
-                None => (range, STEPS),
+                None => (range, Sweep::STEPS),
             };
             let (lo, hi) = range.split_once("..")?;
             let number = |text: &str| text.trim().parse::<f64>().ok();
@@ -105,16 +107,24 @@ impl Sweep {
         })
     }
 
+    /// Returns the least and the greatest value.
+    pub fn ends(&self) -> [f64; 2] {
+        // Invariant: a sweep has two values at least.
+        let [first, .., last] = self.values.as_slice() else {
+            return [f64::NAN; 2];
+        };
+        [*first, *last]
+    }
+
     /// The egos, in the order of the values.
     ///
     /// # Errors
     /// The ego has no such parameter, or not such values.
     pub fn egos(&self, world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
+        let own = EgoUnderTest::nominal(world);
         let ego = |value: &f64| {
-            let mut change = Change::default();
-            change.ego.0.insert(self.parameter.clone(), *value);
             let name = format!("{} = {value}", self.parameter);
-            EgoUnderTest::changed(world, &name, &change, "choose values that the ego may have")
+            with_values(&own, &name, &[(self.parameter.as_str(), *value)])
         };
         self.values.iter().map(ego).collect()
     }

@@ -50,6 +50,13 @@ impl CrossEntropySearch {
         elite: 5,
         wide: 0.8,
     };
+    /// Search around a point that is nearly right, for costs that take many simulations.
+    pub const COARSE_NEAR: CrossEntropySearch = CrossEntropySearch {
+        generations: 3,
+        population: 16,
+        elite: 4,
+        wide: 0.4,
+    };
     /// Search around a point that is nearly right.
     pub const NEAR: CrossEntropySearch = CrossEntropySearch {
         generations: 10,
@@ -57,6 +64,11 @@ impl CrossEntropySearch {
         elite: 6,
         wide: 0.2,
     };
+
+    /// Returns the number of points that it measures.
+    pub fn points(&self) -> usize {
+        self.generations * self.population
+    }
 
     /// Searches around `mean`; `costs` measures many points at once.
     pub fn run(

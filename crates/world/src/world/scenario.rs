@@ -210,10 +210,7 @@ impl Scenario {
 
     /// Returns the program that this world starts as its ego, if any.
     pub fn program(&self) -> Option<&Process> {
-        match &self.ego()?.controller {
-            EgoController::Stock(spec) => spec.program(),
-            EgoController::Own { .. } | EgoController::Recorded(_) => None,
-        }
+        self.ego()?.controller.program()
     }
 
     /// Returns the name of the user's own controller, if it is the ego.

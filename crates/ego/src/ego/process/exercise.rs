@@ -1,5 +1,6 @@
 //! Test of a program against the ego protocol.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -124,6 +125,7 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     let mut talk = process.talk()?;
     let hello = talk.hello.clone();
     done.find("starts and says hello", true, hello.name.clone());
+    let declared = hello.parameters.clone();
     done.hello = Some(hello);
 
     let briefing = Briefing {
@@ -161,6 +163,28 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         play(&mut talk, seed, *samples, *around)?;
     }
     done.find("brakes hard, and goes on after a contact", true, "");
+    let usual = all.first().map(|first| first.commands());
+    let mut idle = Vec::new();
+    for one in &declared {
+        let mut is_idle = true;
+        for value in [one.lo, one.hi] {
+            let setting = Briefing {
+                parameters: BTreeMap::from([(one.name.clone(), value)]),
+                ..briefing.clone()
+            };
+            let played = episode(&mut talk, 7, &setting, SAMPLES, timeout, follow)?;
+            is_idle &= Some(played.transcript.commands()) == usual;
+            let number = all.len() as u64;
+            all.push(Arc::new(Transcript {
+                number,
+                ..played.transcript
+            }));
+        }
+        if is_idle {
+            idle.push(one.name.as_str());
+        }
+    }
+    takes_parameters(done, declared.len(), &idle);
     commands_are_plausible(done, &all);
 
     let pace = format!(
@@ -191,6 +215,22 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     };
     done.find("ends when it is told to", ended, note);
     Ok(())
+}
+
+/// Records that a program drives with both ends of each parameter.
+fn takes_parameters(done: &mut Exercise, count: usize, idle: &[&str]) {
+    let note = if idle.is_empty() {
+        format!("{count} parameters, each at both ends")
+    } else {
+        format!(
+            "no other command behind a braking car with: {}",
+            idle.join(", ")
+        )
+    };
+    // Most programs declare none, and their list stays as it is.
+    if count > 0 {
+        done.find("drives with the values of its parameters", true, note);
+    }
 }
 
 /// All other agents and lights at an instant.

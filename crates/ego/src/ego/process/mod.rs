@@ -12,6 +12,7 @@
 //! caller's consent. A [`Process`] read from a file has no consent until
 //! [`Process::allow`] gives it, and consent is never written to a file.
 
+mod declared;
 mod exercise;
 #[cfg(unix)]
 mod marks;
@@ -25,12 +26,14 @@ mod unrepeatable;
 #[cfg(not(unix))]
 mod unsupported_platform;
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use declared::DeclaredParameter;
 pub use exercise::{Exercise, Finding, exercise};
 pub use protocol::{DOCUMENT, Hello};
 
@@ -73,6 +76,8 @@ pub struct Process {
     pub timeout_s: f64,
     /// Start the program anew for every episode. No state then outlives one.
     pub fresh: bool,
+    /// Values of parameters that it declares in its hello. Others have their default.
+    pub parameters: BTreeMap<String, f64>,
     /// Consent to start the program, which no file can give.
     allowed: bool,
     /// Started programs that wait for an episode, shared by all clones.
@@ -90,6 +95,9 @@ struct ProcessFile {
     /// Starts the program anew for every episode.
     #[serde(default, skip_serializing_if = "is_false")]
     fresh: bool,
+    /// Values of parameters that the program declares. Others have their default.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    parameters: BTreeMap<String, f64>,
     /// Time constant of the actuator behind the command, s. 0 is none.
     #[serde(default)]
     lag_s: f64,
@@ -105,6 +113,7 @@ impl From<ProcessFile> for Actuated<Process> {
             controller: Process {
                 timeout_s: file.timeout_s,
                 fresh: file.fresh,
+                parameters: file.parameters,
                 ..Process::new(file.command)
             },
             lag_s: file.lag_s,
@@ -118,6 +127,7 @@ impl From<Actuated<Process>> for ProcessFile {
             command: controller.command,
             timeout_s: controller.timeout_s,
             fresh: controller.fresh,
+            parameters: controller.parameters,
             lag_s,
         }
     }
@@ -142,6 +152,7 @@ impl Process {
             command: command.into_iter().map(Into::into).collect(),
             timeout_s: default_timeout_s(),
             fresh: false,
+            parameters: BTreeMap::new(),
             // Construction gives no consent: only `allow` does.
             allowed: false,
             pool: Pool::default(),
@@ -199,10 +210,17 @@ impl Process {
                 "0.001 to 86400 s are possible; 10 s are usual",
             ));
         }
-        None
+        let odd = self.parameters.iter().find(|(_, value)| !value.is_finite());
+        odd.map(|(name, value)| {
+            (
+                "parameters",
+                format!("the parameter `{name}` is {value}"),
+                "give a value within the range that the program declares",
+            )
+        })
     }
 
-    /// Returns its numeric parameters. The program's own settings are unknown here.
+    /// Returns its numeric parameters. The program's own ones are known once it says hello.
     pub fn parameters(&self) -> Vec<Parameter> {
         vec![Parameter {
             name: "timeout_s",
@@ -241,6 +259,19 @@ impl Process {
         }
         let is_short = (1..=MOST_NAME_CHARS).contains(&name.chars().count());
         (is_short && !name.contains(char::is_control)).then_some(name)
+    }
+
+    /// Starts the program, and returns the parameters that its hello declares.
+    ///
+    /// # Errors
+    /// It is not allowed, or does not start.
+    pub fn declared(&self) -> Result<Vec<DeclaredParameter>, Fault> {
+        let talk = self.talk()?;
+        let parameters = talk.hello.parameters.clone();
+        if !self.fresh {
+            self.pool.give_back(talk);
+        }
+        Ok(parameters)
     }
 
     /// Returns the cost of the program so far, in all episodes of all its clones.

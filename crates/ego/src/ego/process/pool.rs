@@ -9,6 +9,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::super::{Briefing, Command, Fault, FaultKind, Percept};
+use super::declared::{self, DeclaredParameter};
 #[cfg(unix)]
 use super::program::{Program, shown};
 use super::protocol::{
@@ -49,6 +50,7 @@ impl Talk {
                 protocol: PROTOCOL,
                 name: String::new(),
                 capabilities: Vec::new(),
+                parameters: Vec::new(),
                 program: None,
             },
             id: 0,
@@ -104,6 +106,10 @@ impl Talk {
                 hello.protocol
             )));
         }
+        if let Some(flaw) = declared::flaw(&hello.parameters) {
+            talk.broken = true;
+            return Err(talk.protocol(format!("{flaw}: see {DOCUMENT}")));
+        }
         talk.hello = hello;
         Ok(talk)
     }
@@ -143,14 +149,12 @@ impl Talk {
         timeout: Duration,
     ) -> Result<(), Fault> {
         self.id += 1;
-        let question = Numbered {
-            id: self.id,
-            question: AskReset {
-                reset: Reset { seed, briefing },
-            },
-        };
+        // Out of the way of the borrow by the question.
+        let declared = std::mem::take(&mut self.hello.parameters);
+        let result = self.ask_reset(seed, briefing, &declared, timeout);
+        self.hello.parameters = declared;
+        let answer = result?;
         let occasion = || "asked to reset".to_owned();
-        let answer: ReadyAnswer = self.ask(&question, timeout, &occasion)?;
         self.same_number(answer.id, &occasion)?;
         match (answer.error, answer.ready) {
             (Some(error), _) => Err(self.reported(&error, &occasion)),
@@ -161,6 +165,27 @@ impl Talk {
                 occasion()
             ))),
         }
+    }
+
+    fn ask_reset(
+        &mut self,
+        seed: u64,
+        briefing: &Briefing,
+        parameters: &[DeclaredParameter],
+        timeout: Duration,
+    ) -> Result<ReadyAnswer, Fault> {
+        let name = self.program.name().to_owned();
+        let question = Numbered {
+            id: self.id,
+            question: AskReset {
+                reset: Reset {
+                    seed,
+                    briefing,
+                    parameters: declared::values(&name, parameters, &briefing.parameters)?,
+                },
+            },
+        };
+        self.ask(&question, timeout, &|| "asked to reset".to_owned())
     }
 
     fn try_step(&mut self, percept: &Percept, timeout: Duration) -> Result<Command, Fault> {

@@ -3,9 +3,12 @@
 //! Defined in `docs/reference/ego-protocol.md`. Both sides ignore unknown keys, so that
 //! later versions can add some.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use super::super::{Briefing, Percept};
+use super::declared::DeclaredParameter;
 
 /// Version of the protocol.
 pub(crate) const PROTOCOL: u32 = 1;
@@ -51,6 +54,9 @@ pub(super) struct Reset<'a> {
     pub seed: u64,
     #[serde(flatten)]
     pub briefing: &'a Briefing,
+    /// Values of all declared parameters.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<&'a str, f64>,
 }
 
 /// A sample of an episode.
@@ -70,6 +76,9 @@ pub struct Hello {
     /// Optional capabilities. `snapshot` is reserved.
     #[serde(default)]
     pub capabilities: Vec<String>,
+    /// Parameters that `reset` may set.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameters: Vec<DeclaredParameter>,
     /// Key that only brakecheck sends. An echo reveals a program that repeats.
     #[serde(default, skip_serializing)]
     pub(super) program: Option<serde_json::Value>,

@@ -1,5 +1,6 @@
 //! An assembled driving world: all data that is bound once and shared.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::frozen_policy::{Frozen, TrainedError};
@@ -235,6 +236,7 @@ impl DriveLayout {
     /// Returns the road data that the ego receives before its first episode.
     pub fn briefing(&self) -> Briefing {
         let road = &self.spec.road;
+        let program = self.spec.ego.controller.program();
         Briefing {
             sample_s: self.spec.clock.sample_s,
             lag_s: self.spec.ego.lag_s,
@@ -244,6 +246,7 @@ impl DriveLayout {
                 lane_width_m: road.lane_width_m(),
                 pieces: self.network.main().pieces(),
             },
+            parameters: program.map_or_else(BTreeMap::new, |it| it.parameters.clone()),
         }
     }
 }

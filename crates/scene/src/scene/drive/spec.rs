@@ -18,7 +18,7 @@ use super::weather::Weather;
 use indexmap::IndexMap;
 
 use crate::ego::{
-    Actuated, Command, Controller, ControllerSpec, Maker, RecordedCommands, Recorder,
+    Actuated, Command, Controller, ControllerSpec, Maker, Process, RecordedCommands, Recorder,
     StockController, Transcripts,
 };
 use crate::road::{
@@ -163,6 +163,14 @@ impl EgoController {
             EgoController::Recorded(commands) => {
                 Box::new(RecordedCommands::new(Arc::clone(commands)))
             }
+        }
+    }
+
+    /// Returns the program, if it is one.
+    pub fn program(&self) -> Option<&Process> {
+        match self {
+            EgoController::Stock(spec) => spec.program(),
+            EgoController::Own { .. } | EgoController::Recorded(_) => None,
         }
     }
 
