@@ -98,11 +98,8 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     let egos = egos(args, &world)?;
     // Egos may be programs, which start only with consent.
     consent_to(&egos)?;
-    let run = args
-        .run
-        .as_ref()
-        .map(|run| open_run(run, &args.common))
-        .transpose()?;
+    let opened = args.run.as_ref().map(|run| open_run(run, &args.common));
+    let run = opened.transpose()?;
     let known = known(args, &world, run.as_ref())?;
     let policy = policy(args, run.as_ref())?;
     let mut request = RiskRequest::new(&traffic, &egos);
@@ -127,10 +124,9 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     if let Some(file) = &args.junit {
         write_file(file, junit(&[report.suite()]).as_bytes())?;
     }
-    if let Some(dir) = &args.keep {
-        for line in request.keep(&report, dir)? {
-            terminal::note(&line);
-        }
+    let kept = args.keep.as_ref().map(|dir| request.keep(&report, dir));
+    for line in kept.transpose()?.into_iter().flatten() {
+        terminal::note(&line);
     }
     Ok(finished(exit_of(args, &report)))
 }
