@@ -47,7 +47,7 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
     assert re.findall("^  ([a-z]+) ", listed, re.MULTILINE) == [
         "new", "check", "worlds", "drive",
         "search", "eval", "train", "risk", "campaign",
-        "gate", "sweep",
+        "gate", "sweep", "harden",
         "replay", "coverage", "view", "export", "report",
         "stl", "log",
         "serve", "lsp", "completions", "man",

@@ -25,6 +25,9 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
         let (least, most) = (range.start(), range.end());
         let value = whole_number(text).ok_or_else(|| match *most {
             u64::MAX => "a whole number, such as 300, 1_000, 300k or 1.5M".to_owned(),
+            most if most >= 300_000 => {
+                format!("a whole number from {least} to {most}, such as 300, 1_000 or 300k")
+            }
             most => format!("a whole number from {least} to {most}"),
         })?;
         if range.contains(&value) {

@@ -118,12 +118,12 @@ fn train_one(args: &TrainArgs, world: &Scenario) -> Result<Exit, Failure> {
     let path = session.run().path().display().to_string();
     // An interrupted training has no final policy, so there is nothing to evaluate.
     if trained.interrupted {
-        let (done, asked) = (trained.done.decisions, trained.done.decisions_asked);
-        // A training that still learns goes on beyond the decisions that were asked for.
-        let of = if done > asked {
-            format!("decisions, {asked} of them asked for")
+        let (done, requested) = (trained.done.decisions, trained.done.decisions_asked);
+        // A training that still learns goes on beyond the requested decisions.
+        let of = if done > requested {
+            format!("decisions, of which {requested} were requested")
         } else {
-            format!("of {asked} decisions")
+            format!("of {requested} decisions")
         };
         terminal::note(&format!(
             "stopped after {done} {of}; go on with `brakecheck train {} -o {path} --resume`",

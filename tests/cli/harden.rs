@@ -181,10 +181,8 @@ fn a_program_is_hardened_by_the_parameters_that_it_declares() {
     let check = brakecheck(&[&["check"], &program[..]].concat());
     let said = String::from_utf8_lossy(&check.stdout);
     assert_eq!(code(&check), 0, "{said}");
-    assert!(
-        said.contains("no other command behind a braking car with: label"),
-        "{said}"
-    );
+    let remark = "no other command behind a braking car with:";
+    assert!(said.contains(remark) && said.contains(" label "), "{said}");
     let options = ["--over", "ego.gap_s=0.2..2.6:4", "--json"];
     let loose = [
         "--keep-below",

@@ -181,7 +181,7 @@ fn differences_from_esmini_are_listed() {
     // Nothing but the event that waits may stop the first, and then it has ended.
     let chain = second(&after("event", "first", 0.0), FASTER);
     assert!(
-        dropped(&imported(&[chain.clone()]))
+        dropped(&imported(std::slice::from_ref(&chain)))
             .iter()
             .all(|it| !it.starts_with("stops by"))
     );

@@ -4,6 +4,7 @@ mod ado_effect;
 mod baseline_table;
 mod blocking_rules;
 mod break_even;
+mod changed_ego;
 mod composed;
 mod ego_evaluation;
 mod error;

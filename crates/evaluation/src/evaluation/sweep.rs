@@ -1,6 +1,6 @@
 //! One parameter of the ego over a range: from where on it is safe.
 
-use super::harden::with_values;
+use super::changed_ego::with_values;
 use super::reuse::ReusedOn;
 use crate::experiment::{EgoError, EgoUnderTest};
 use crate::run_dir::{SweepPoint, Swept};

@@ -6,15 +6,15 @@ use super::gate_on::GateOn;
 use crate::stats::StartOutcome;
 
 /// What a word stands for, so that an unknown one is refused by name.
-pub(super) trait Kind: FromStr {
+pub(super) trait JsonWord: FromStr {
     const KIND: &str;
 }
 
-impl Kind for StartOutcome {
+impl JsonWord for StartOutcome {
     const KIND: &str = "outcome";
 }
 
-impl Kind for GateOn {
+impl JsonWord for GateOn {
     const KIND: &str = "reason";
 }
 
@@ -23,7 +23,7 @@ pub(super) mod word {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};
 
-    use super::Kind;
+    use super::JsonWord;
 
     pub(in super::super) fn serialize<T, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error>
     where
@@ -32,13 +32,13 @@ pub(super) mod word {
         to.serialize_str(value.into())
     }
 
-    pub(in super::super) fn deserialize<'de, T: Kind, D: Deserializer<'de>>(
+    pub(in super::super) fn deserialize<'de, T: JsonWord, D: Deserializer<'de>>(
         from: D,
     ) -> Result<T, D::Error> {
         of(&String::deserialize(from)?)
     }
 
-    pub(super) fn of<T: Kind, E: Error>(word: &str) -> Result<T, E> {
+    pub(super) fn of<T: JsonWord, E: Error>(word: &str) -> Result<T, E> {
         let unknown = |_| E::custom(format!("unknown {} `{word}`", T::KIND));
         word.parse().map_err(unknown)
     }
@@ -48,7 +48,7 @@ pub(super) mod word {
 pub(super) mod words {
     use serde::{Deserialize, Deserializer, Serializer};
 
-    use super::Kind;
+    use super::JsonWord;
 
     pub(in super::super) fn serialize<T, S: Serializer>(all: &[T], to: S) -> Result<S::Ok, S::Error>
     where
@@ -57,7 +57,7 @@ pub(super) mod words {
         to.collect_seq(all.iter().map(<&'static str>::from))
     }
 
-    pub(in super::super) fn deserialize<'de, T: Kind, D: Deserializer<'de>>(
+    pub(in super::super) fn deserialize<'de, T: JsonWord, D: Deserializer<'de>>(
         from: D,
     ) -> Result<Vec<T>, D::Error> {
         let words = Vec::<String>::deserialize(from)?;

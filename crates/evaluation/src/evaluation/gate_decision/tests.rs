@@ -5,11 +5,11 @@ use super::*;
 use crate::report::TestOutcome;
 
 /// Outcome, Δv of the contact if any, and label of a start.
-type Played = (StartOutcome, Option<f64>);
+type GateSide = (StartOutcome, Option<f64>);
 
-fn contacts(played: &[Played]) -> BTreeMap<usize, GateContact> {
+fn contacts(played: &[GateSide]) -> BTreeMap<usize, GateContact> {
     let starts = played.iter().enumerate();
-    let contact = |(start, (outcome, delta_v_mps)): (usize, &Played)| {
+    let contact = |(start, (outcome, delta_v_mps)): (usize, &GateSide)| {
         let failed = *outcome == StartOutcome::Solved;
         let delta_v_mps = delta_v_mps.filter(|_| failed)?;
         Some((
@@ -23,8 +23,8 @@ fn contacts(played: &[Played]) -> BTreeMap<usize, GateContact> {
     starts.filter_map(contact).collect()
 }
 
-fn gate(new: &[Played], old: &[Played]) -> Gate {
-    let outcomes = |of: &[Played]| of.iter().map(|one| one.0).collect::<Vec<_>>();
+fn gate(new: &[GateSide], old: &[GateSide]) -> Gate {
+    let outcomes = |of: &[GateSide]| of.iter().map(|one| one.0).collect::<Vec<_>>();
     let (new_outcomes, old_outcomes) = (outcomes(new), outcomes(old));
     let (new_contacts, old_contacts) = (contacts(new), contacts(old));
     Gate::of(
@@ -41,11 +41,11 @@ fn gate(new: &[Played], old: &[Played]) -> Gate {
     )
 }
 
-const FAILS: Played = (StartOutcome::Solved, None);
-const HELD: Played = (StartOutcome::Held, None);
-const FOUL: Played = (StartOutcome::RuleViolation, None);
+const FAILS: GateSide = (StartOutcome::Solved, None);
+const HELD: GateSide = (StartOutcome::Held, None);
+const FOUL: GateSide = (StartOutcome::RuleViolation, None);
 
-fn hits(delta_v_mps: f64) -> Played {
+fn hits(delta_v_mps: f64) -> GateSide {
     (StartOutcome::Solved, Some(delta_v_mps))
 }
 
@@ -251,7 +251,7 @@ fn a_gate_without_any_answer_says_so_and_is_not_open() {
     assert!(!gate(&[FAILS], &[FOUL]).is_unanswered());
 }
 
-fn played() -> impl Strategy<Value = Played> {
+fn played() -> impl Strategy<Value = GateSide> {
     use StartOutcome::{Held, Invalid, RuleViolation, Solved, Uncounted};
     let outcome = prop::sample::select(vec![Solved, Held, RuleViolation, Uncounted, Invalid]);
     (outcome, prop::option::of(0.0..20.0f64))
@@ -284,7 +284,7 @@ proptest! {
         which in any::<prop::sample::Index>(),
     ) {
         let (new, old, labels) = split(&starts);
-        let labelled = |new: &[Played]| {
+        let labelled = |new: &[GateSide]| {
             let mut gate = gate(new, &old);
             let starts: Vec<usize> = gate.newly_failing.iter().map(|it| it.start).collect();
             gate.label(starts.into_iter().map(|start| labels[start]));
@@ -304,8 +304,8 @@ proptest! {
 }
 
 fn split(
-    starts: &[(Played, Played, Avoidability)],
-) -> (Vec<Played>, Vec<Played>, Vec<Avoidability>) {
+    starts: &[(GateSide, GateSide, Avoidability)],
+) -> (Vec<GateSide>, Vec<GateSide>, Vec<Avoidability>) {
     let new = starts.iter().map(|it| it.0).collect();
     let old = starts.iter().map(|it| it.1).collect();
     (new, old, starts.iter().map(|it| it.2).collect())
@@ -337,7 +337,7 @@ fn a_gate_without_an_answer_is_not_open() {
 
 #[test]
 fn a_failure_is_not_called_old_if_the_baseline_did_not_run() {
-    let why = |old: Played| {
+    let why = |old: GateSide| {
         let mut compared = gate(&[FAILS, HELD], &[old, HELD]);
         compared.outcomes = vec![FAILS.0, HELD.0];
         let suite = compared.decided(&[]).suite("acc");

@@ -58,7 +58,7 @@ fn text(value: &impl Serialize) -> Result<String, HardenError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::with_values;
+    use super::super::super::changed_ego::with_values;
     use super::*;
     use crate::experiment::EgoUnderTest;
     use crate::world::Scenario;

@@ -23,7 +23,6 @@ mod optimizer;
 mod report;
 
 pub use ado_set::{AdoSet, HardeningAdo};
-pub(super) use ego_parameters::with_values;
 pub use ego_parameters::{EgoParameter, EgoParameters};
 pub use error::HardenError;
 pub use hardening::{HardenRequest, HardenSettings};
