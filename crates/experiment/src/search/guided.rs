@@ -168,11 +168,17 @@ impl Proposal<'_> {
             None => greedy(),
             Some(temperature) if values.is_empty() => {
                 let mut units = || self.rng.random::<f64>();
-                self.policy.sample(obs, temperature, &mut units)
+                let action = self.policy.sample(obs, temperature, &mut units);
+                // A policy without values draws among all actions.
+                match allowed {
+                    Some(allowed) if !allowed[action] => greedy(),
+                    _ => action,
+                }
             }
             Some(temperature) => {
                 let action = drawn(values, temperature, &mut self.rng);
-                action.unwrap_or_else(|| self.policy.act(obs))
+                // Without a finite value nothing can be drawn.
+                action.unwrap_or_else(greedy)
             }
         }
     }
