@@ -136,6 +136,27 @@ def stream(push: Push, time: int, values: list[float]) -> Callable[[], float]:
     return run
 
 
+def arrays(inner: str, window: int) -> dict[str, float]:
+    """Seconds per sample if a program gives all samples in one call."""
+    values = RNG.random(OFFLINE)
+    monitor = Formula(f"always {inner}[0, {window}] (x > 0.5)").monitor(["x"])
+    expected = online_values(ours_online(inner, window), values.tolist())
+    compare("arrays", expected, monitor.push_many({"x": values})[:, 1])
+
+    def ours() -> float:
+        monitor.reset()
+        monitor.push_many({"x": values})
+        return OFFLINE
+
+    works: dict[str, Callable[[], float]] = {"ours": ours}
+    letter = {"always": "G", "eventually": "F"}[inner]
+    if (batch := mstlo_batch(f"{letter}[0, {window}](x > 0.5)", values)) is not None:
+        least_value = min(value for _, value in batch())
+        compare(f"mstlo, arrays: {inner}, {window}", expected[-1:], [least_value])
+        works["mstlo"] = lambda: len(batch()) + window
+    return least(works)
+
+
 def offline(text: str, window: int, letters: str | None) -> dict[str, float]:
     """Seconds per sample for the robustness at every sample of a whole trace."""
     values = RNG.random(OFFLINE)
@@ -189,6 +210,7 @@ def costs() -> list[dict[str, Any]]:
     for inner in ("always", "eventually"):
         for window in WINDOWS:
             add("online", f"always {inner}[0, W] (x > 0.5)", window, online(inner, window))
+            add("arrays", f"always {inner}[0, W] (x > 0.5)", window, arrays(inner, window))
     for window in WINDOWS:
         bounded = f"always[0, {window}] (x > 0.5)"
         seconds = offline(bounded, window, f"G[0, {window}](x > 0.5)")

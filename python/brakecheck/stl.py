@@ -34,6 +34,10 @@ class Interval(NamedTuple):
         return self.low == self.high
 
 
+#: Makes an interval of two ends without a call of Python.
+_interval = tuple.__new__
+
+
 @dataclass(frozen=True)
 class Explanation:
     """Which part of a formula decides its robustness, when, with which value."""
@@ -181,12 +185,46 @@ class Monitor:
         Args:
             row: a value per signal, by name or in the order of `signals`.
         """
+        # Lists of numbers are the usual row, and checks of abstract types are slow.
+        if type(row) is not list:
+            row = self._row(row)
+        return _interval(Interval, self._raw.push(row))
+
+    def push_many(self, rows: Mapping[str, ArrayLike] | ArrayLike) -> NDArray[np.float64]:
+        """Takes several samples, and returns the interval after each of them.
+
+        Args:
+            rows: an array per signal, by name, or one array `[samples, signals]` in the
+                order of `signals`. A row with a NaN or an infinity is an error that names
+                the row, and none of the rows is taken.
+
+        Returns:
+            An array `[samples, 2]` of the lower and upper ends.
+        """
+        if isinstance(rows, Mapping):
+            self._must_have_all(rows)
+            columns = [_column(name, rows[name])[2] for name in self.signals]
+            if len({len(column) for column in columns}) > 1:
+                lengths = ", ".join(f"`{n}` {len(c)}" for n, c in zip(self.signals, columns))
+                raise InputError(f"the signals have different lengths: {lengths}")
+            rows = np.stack(columns, axis=1)
+        table = np.ascontiguousarray(rows, dtype=np.float64)
+        if table.ndim != 2 or table.shape[1] != len(self.signals):
+            raise InputError(
+                f"the rows have shape {table.shape}: give [samples, {len(self.signals)}]"
+            )
+        return self._raw.push_many(table)
+
+    def _row(self, row: Mapping[str, float] | Sequence[float]) -> list[float]:
         if isinstance(row, Mapping):
-            missing = [name for name in self.signals if name not in row]
-            if missing:
-                raise InputError(f"the row lacks: {', '.join(missing)}")
-            row = [float(row[name]) for name in self.signals]
-        return Interval(*self._raw.push([float(value) for value in row]))
+            self._must_have_all(row)
+            row = [row[name] for name in self.signals]
+        return [float(value) for value in row]
+
+    def _must_have_all(self, row: Mapping[str, Any]) -> None:
+        missing = [name for name in self.signals if name not in row]
+        if missing:
+            raise InputError(f"the row lacks: {', '.join(missing)}")
 
     def finish(self) -> float:
         """Ends the run here; its robustness, the same bits as `Formula.robustness`."""

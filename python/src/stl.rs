@@ -7,7 +7,10 @@ use brakecheck::stl::{
     TraceEnd, Until,
 };
 use brakecheck::trace::{Schema, Signal};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::convert::objects;
@@ -226,6 +229,32 @@ impl RawMonitor {
             wrong(error.to_string(), help)
         })?;
         Ok((lo, hi))
+    }
+
+    /// Takes several samples, one per row, and returns what is still possible after each.
+    ///
+    /// A wrong row refuses all of them.
+    fn push_many<'py>(
+        &self,
+        py: Python<'py>,
+        rows: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (count, signals) = (rows.shape()[0], rows.shape()[1]);
+        let values = rows.as_slice()?;
+        let mut monitor = self.lock();
+        let mut pushed = monitor.clone();
+        let mut ends = Vec::with_capacity(2 * count);
+        // By index, because a formula that reads nothing has rows without a value.
+        for at in 0..count {
+            let row = &values[at * signals..(at + 1) * signals];
+            let Interval { lo, hi } = pushed.push(row).map_err(|error| {
+                let help = "the monitor is as it was before: push whole rows of finite numbers";
+                wrong(error.to_string(), help)
+            })?;
+            ends.extend([lo, hi]);
+        }
+        *monitor = pushed;
+        ends.into_pyarray(py).reshape([count, 2])
     }
 
     /// Ends the run here; its robustness.

@@ -95,6 +95,34 @@ def test_a_monitor_closes_in_on_the_robustness():
         monitor.push({"gop": 1.0})
 
 
+def test_many_samples_in_a_call_are_those_of_many_calls():
+    formula = Formula("always eventually[0, 1] (gap > 1.5 and speed < 9)")
+    gaps, speeds = [3.0, 2.0, 1.0, 1.2, 4.0], [1.0, 2.0, 3.0, 4.0, 10.0]
+    names = ["gap", "speed"]
+    single, many, table = (formula.monitor(names) for _ in range(3))
+    expected = [tuple(single.push(list(row))) for row in zip(gaps, speeds)]
+    ends = many.push_many({"speed": np.array(speeds), "gap": gaps, "unread": ["x"]})
+    assert ends.shape == (5, 2) and [tuple(row) for row in ends] == expected
+    assert [tuple(row) for row in table.push_many(np.column_stack([gaps, speeds]))] == expected
+    assert many.finish() == single.finish() == table.finish()
+    assert formula.monitor(names).push_many(np.empty((0, 2))).shape == (0, 2)
+
+
+def test_a_wrong_row_among_many_takes_none_of_them():
+    monitor = Formula("always (gap > 1.5)").monitor(["gap"])
+    monitor.push([3.0])
+    with pytest.raises(InputError, match="NaN|nan"):
+        monitor.push_many(np.array([[1.0], [np.nan]]))
+    assert len(monitor) == 1 and monitor.push([2.0]).high == 0.5
+    with pytest.raises(InputError, match=r"shape \(3,\)"):
+        monitor.push_many(np.array([1.0, 2.0, 3.0]))
+    with pytest.raises(InputError, match="lacks: gap"):
+        monitor.push_many({"gop": [1.0]})
+    both = Formula("always (gap > speed)").monitor(["gap", "speed"])
+    with pytest.raises(InputError, match="`gap` 2, `speed` 1"):
+        both.push_many({"gap": [1.0, 2.0], "speed": [1.0]})
+
+
 def test_constants_formulas_and_settings_are_taken():
     safe = Formula("always safe", constants={"d": 1.5}, formulas={"safe": "gap > d"})
     assert safe.robustness({"gap": GAP}) == -0.5
