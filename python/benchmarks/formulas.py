@@ -101,7 +101,8 @@ def compare(name: str, ours: Any, theirs: Any) -> None:
     """Raises unless two series of values are equal within the tolerance."""
     ours, theirs = np.asarray(ours, float), np.asarray(theirs, float)
     # Infinities are equal, but their difference is no number.
-    apart = np.where(ours == theirs, 0.0, np.abs(ours - theirs))
+    with np.errstate(invalid="ignore"):
+        apart = np.where(ours == theirs, 0.0, np.abs(ours - theirs))
     if ours.shape != theirs.shape or not (apart <= TOLERANCE).all():
         raise Disagreement(f"{name}: {ours[:5]}… and {theirs[:5]}…")
 
