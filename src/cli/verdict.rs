@@ -76,7 +76,8 @@ fn sentence(row: &Row) -> String {
         (starts, 0) => {
             let bound = row.at_most.map(bound_in_words);
             format!(
-                "`{ego}` fails from none of {starts} starts against {against}{}",
+                "`{ego}` fails from none of {} against {against}{}",
+                counted_starts(starts),
                 bound.map_or(String::new(), |bound| format!(", so {bound}"))
             )
         }
@@ -86,10 +87,18 @@ fn sentence(row: &Row) -> String {
                 percents.map_or(String::new(), |[lo, hi]| format!(" [{lo:.1}, {hi:.1}]"));
             let severity = severity(row).map_or(String::new(), |it| format!("; contact: {it}"));
             format!(
-                "`{ego}` fails from {successes} of {starts} starts against {against}: {}{interval}{severity}",
+                "`{ego}` fails from {successes} of {} against {against}: {}{interval}{severity}",
+                counted_starts(starts),
                 percent(row.success_rate)
             )
         }
+    }
+}
+
+fn counted_starts(starts: usize) -> String {
+    match starts {
+        1 => "1 start".to_owned(),
+        many => format!("{many} starts"),
     }
 }
 
@@ -143,8 +152,11 @@ fn opening(rows: &[Row]) -> String {
     // Without any start the share is 0 instead of NaN.
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
-        "{} on the {} plant, {all} starts of seed {}",
-        row.world, row.plant, row.start_seed
+        "{} on the {} plant, {} of seed {}",
+        row.world,
+        row.plant,
+        counted_starts(all),
+        row.start_seed
     );
     let judged_itself = rows
         .iter()

@@ -33,7 +33,8 @@ pub struct TestStarts {
 
 /// Draws `count` test starts and plays each with coasting ados.
 ///
-/// A finite world of no more than `count` starts gives each of them once.
+/// A finite world of no more than `count` starts gives each of them once, and a world
+/// without ranges gives its only start.
 ///
 /// `scenario` must be the nominal world on the plant of its file, because trivial starts
 /// are determined once for all egos and plants. `None`: stopped.
@@ -61,8 +62,22 @@ fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, 
     let listed = scenario.starts().filter(|all| all.len() <= count);
     match listed {
         Some(all) => with_noise(scenario, seed, all),
-        None => drawn_starts(scenario, seed, 0..count),
+        None => {
+            let mut drawn = drawn_starts(scenario, seed, 0..count);
+            // A world without ranges has a single start. Its copies are no further
+            // evidence, so they may not narrow an interval.
+            if !has_noise(scenario) && drawn.windows(2).all(|pair| pair[0].0 == pair[1].0) {
+                drawn.truncate(1);
+            }
+            drawn
+        }
     }
+}
+
+/// Returns true if runs from equal starts differ by the noise of sensors.
+fn has_noise(scenario: &Scenario) -> bool {
+    let drive = scenario.drive();
+    drive.is_some_and(|driving| driving.spec().sensors.is_noisy())
 }
 
 /// Returns the `index`th test start of a seed, with the seed of its noise.
@@ -235,6 +250,30 @@ impl TestStarts {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_world_without_ranges_has_a_single_start() {
+        let text = |sensors: &str| {
+            format!(
+                r#"Scenario(
+    name: "one", question: "Does a single start count once?",
+    clock: (horizon_s: 2.0, decision_s: 0.5, sample_s: 0.05, substeps: 4),
+    road: Straight(lanes: 1, lane_width_m: 3.5, friction: 0.9),{sensors}
+    agents: [
+        Vehicle(name: "ego", body: "sedan", lane: 0, start: At(x_m: 0.0, speed_mps: (20.0, 20.0)), drive: Ego(RssDriver())),
+        Vehicle(name: "ado", body: "van", lane: 0, start: Ahead(of: "ego", headway_m: (40.0, 40.0), speed_mps: (20.0, 20.0)),
+            drive: Ado(actions: Accelerations([-6.0, 0.0]), neutral: 1, rulebook: [Rule(name: "moves", stl: "always (ado.speed >= 1)")]))],
+    ego_spec: "always (ego.ado.gap >= 0.2)")"#
+            )
+        };
+        let starts = |sensors: &str| {
+            let world = Scenario::parse("one.ron", &text(sensors)).expect("sound");
+            untried_starts(&world, 0, 300).starts.len()
+        };
+        assert_eq!(starts(""), 1);
+        // Noise of sensors makes runs from one start differ.
+        assert_eq!(starts("sensors: (position_sd_m: 0.5),"), 300);
+    }
 
     #[test]
     fn one_test_start_is_that_of_all_also_in_a_world_that_lists_them() {
