@@ -19,20 +19,16 @@ site=${1:-target/site}
 rm -rf "$site/src" "$site/book"
 mkdir -p "$site/src"
 git ls-files -z --cached --others --exclude-standard README.md ARCHITECTURE.md CHANGELOG.md \
-  CONTRIBUTING.md LICENSE docs lab worlds examples python tests/regressions crates/stl crates/repro .ci |
+  CONTRIBUTING.md LICENSE docs worlds examples python tests/regressions crates/stl crates/repro .ci |
   xargs -0 cp -r --parents --dereference --target-directory "$site/src"
 cp docs/book.toml "$site/book.toml"
 # The list of pages is in docs/, as its links are; mdBook reads it one directory up.
 sed -e 's#](#](docs/#' -e 's#](docs/\.\./#](#' docs/SUMMARY.md > "$site/src/SUMMARY.md"
 rm "$site/src/docs/SUMMARY.md"
-# The journal and the other README files are no chapters, but pages link to them.
-{
-  printf '\n# Outside the book\n\n- [journal of measurements](lab/README.md)\n'
-  git ls-files --cached --others --exclude-standard 'lab/*.md' | grep -v README |
-    sed -E 's#(lab/(.*)\.md)#  - [\2](\1)#'
-  printf -- '- [egos of other projects](examples/egos/README.md)\n- [the wheel](python/README.md)\n'
-} >> "$site/src/SUMMARY.md"
-# The crate of formulas has two of these pages as links; here they are the same pages.
+# The other README files are no chapters, but pages link to them.
+printf '\n# Outside the book\n\n- [egos of other projects](examples/egos/README.md)\n- [the wheel](python/README.md)\n' \
+  >> "$site/src/SUMMARY.md"
+# The crate of formulas has a link to its page; here it is the same page.
 sed -i 's#](docs/#](../../docs/reference/#' "$site/src/crates/stl/README.md"
 rm -r "$site/src/crates/stl/docs"
 

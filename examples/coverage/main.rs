@@ -1,8 +1,8 @@
 //! How often the intervals of `brakecheck::run_dir` hold the truth, as Markdown.
 //!
-//! `cargo run --release --example coverage` makes the tables of
-//! lab/coverage.md; a number behind it is experiments per cell (2000), and
-//! names after that are the only tables to make: `-- 400 rates-500 egos`.
+//! `cargo run --release --example coverage` makes the tables whose least and mean
+//! coverage docs/background/intervals.md states; a number behind it is experiments per
+//! cell (2000), and names after that are the only tables to make: `-- 400 rates-500 egos`.
 
 mod simulation;
 

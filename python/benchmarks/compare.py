@@ -1,4 +1,4 @@
-"""Measures brakecheck beside other programs and writes lab/benchmarks.md.
+"""Measures brakecheck beside other programs and writes a page of it.
 
     python3 python/benchmarks/compare.py [WHEEL] [--environment DIRECTORY]
 
@@ -25,7 +25,7 @@ import page
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 OUTPUT = ROOT / "target" / "benchmarks"
-PAGE = ROOT / "lab" / "benchmarks.md"
+PAGE = OUTPUT / "benchmarks.md"
 RIVALS = ["highway-env", "rtamt", "mstlo-python", "stable-baselines3"]
 CARGO = os.environ.get("CARGO", "cargo")
 

@@ -51,7 +51,7 @@ def theirs(plant: str, decisions: int) -> float:
 
 
 def trainings() -> list[dict[str, Any]]:
-    """Decisions per CPU-s by plant; `theirs` is None if Stable-Baselines3 is missing."""
+    """Decisions per CPU-s by plant, where `theirs` is None without Stable-Baselines3."""
     try:
         import stable_baselines3  # noqa: F401
         import torch

@@ -1,4 +1,4 @@
-"""The page lab/benchmarks.md from the measurements."""
+"""The page target/benchmarks/benchmarks.md from the measurements."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def table(headings: str, rows: list[list[str]]) -> str:
-    """Returns a Markdown table; the first column is text, the others are numbers."""
+    """Returns a Markdown table of a column of text and columns of numbers."""
     columns = headings.split(" | ")
     lines = [f"| {headings} |", "| --- |" + " --: |" * (len(columns) - 1)]
     lines += [f"| {' | '.join(row)} |" for row in rows]

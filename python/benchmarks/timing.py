@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 
 def cost(work: Callable[[], float]) -> float:
-    """Returns the seconds of processor time per unit; `work` returns its units."""
+    """Returns the seconds of processor time per unit, where `work` returns its units."""
     begun = time.process_time()
     units = work()
     return (time.process_time() - begun) / units
@@ -17,7 +17,7 @@ def cost(work: Callable[[], float]) -> float:
 def least(works: dict[str, Callable[[], float]], tries: int = 3) -> dict[str, float]:
     """Returns the least cost of each work, in seconds of processor time per unit.
 
-    They take turns, so that a slow moment of the machine meets all of them.
+    They take turns, so that a slow moment of the machine affects all of them.
     """
     costs: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(tries):

@@ -1,18 +1,20 @@
-"""Adversarial testing of driving controllers: can a car that keeps every rule still make yours crash?
+"""Adversarial testing of driving controllers.
+
+Can a car that keeps every rule still make yours crash?
 
 >>> import brakecheck
 >>> brakecheck.World("acc").name
 'acc'
 
-Train an ado, evaluate it on an ego of your own, and look at a crash::
+Train an ado, evaluate it on your own ego, and watch a crash::
 
     run = brakecheck.train("acc", "runs/acc")
     print(brakecheck.eval(run, ego=MyController, search=1))
     brakecheck.view(run)
 
-`Env`, `VectorEnv` and `ParallelEnv` are environments for Gymnasium and PettingZoo,
-`stl.Formula` measures arrays, and the package is the command line as well
-(`brakecheck --help`).
+`Env`, `VectorEnv` and `ParallelEnv` are environments for Gymnasium and PettingZoo.
+`stl.Formula` measures your arrays.
+The package also contains the command line (`brakecheck --help`).
 """
 
 from __future__ import annotations
@@ -103,7 +105,7 @@ __all__ = [
 
 register_all()
 
-#: What is built on Gymnasium and PettingZoo is imported when it is first asked for.
+#: Modules that require Gymnasium or PettingZoo, imported on first use.
 _LATER = {"Env": "envs", "VectorEnv": "vector", "ParallelEnv": "parallel"}
 
 

@@ -1,4 +1,4 @@
-"""What the package is built on; use `brakecheck` instead."""
+"""Extension of the package. Use `brakecheck` instead."""
 
 import os
 from collections.abc import Callable
@@ -214,7 +214,7 @@ class Seen:
         """Name in the world file."""
     @property
     def headway_m(self) -> float:
-        """Distance along the road, front bumper to front bumper; positive is ahead, m."""
+        """Distance along the road from front bumper to front bumper, positive ahead, m."""
     @property
     def lateral_m(self) -> float:
         """Lateral offset relative to the ego, positive to the left, m."""
@@ -226,7 +226,7 @@ class Seen:
         """Its speed across the road, positive to the left, m/s."""
     @property
     def lane(self) -> int:
-        """Lane of its front bumper; 0 is the rightmost."""
+        """Lane of its front bumper. 0 is the rightmost lane."""
     @property
     def x_m(self) -> float:
         """Position of the middle of its front, ahead in the ego's frame, m."""
@@ -264,21 +264,21 @@ class SeenLight:
         """Name in the world file."""
     @property
     def line_m(self) -> float:
-        """Distance from the front bumper to its stop line; positive before it, m."""
+        """Distance from the front bumper to its stop line, positive before it, m."""
     @property
     def phase(self) -> str:
-        """What it shows: "green", "yellow" or "red"."""
+        """Its phase: "green", "yellow" or "red"."""
     @property
     def phase_s(self) -> float:
-        """For how long it has shown it, s."""
+        """Time in this phase, s."""
 
 @final
 class Percept:
-    """What the ego perceives at one sample."""
+    """Perception of the ego at a sample."""
 
     @staticmethod
     def from_json(step: str) -> Percept:
-        """The percept of a `step` message of the ego protocol."""
+        """Returns the percept of a `step` message of the ego protocol."""
     @property
     def time_s(self) -> float:
         """Time since the start of the episode, s."""
@@ -290,20 +290,20 @@ class Percept:
         """The ego itself."""
     @property
     def others(self) -> list[Seen]:
-        """Everybody else, in the order of the world file."""
+        """All other road users, in the order of the world file."""
     @property
     def lights(self) -> list[SeenLight]:
         """All traffic lights, in the order of the world file."""
     def leader(self) -> Seen | None:
-        """The nearest road user ahead whose body overlaps the ego's path."""
+        """Returns the nearest road user ahead whose body overlaps the ego's path."""
     def follower(self) -> Seen | None:
-        """The nearest road user behind whose body overlaps the ego's path."""
+        """Returns the nearest road user behind whose body overlaps the ego's path."""
     def light(self, past_m: float = 0.0) -> SeenLight | None:
-        """The nearest light whose stop line is less than `past_m` behind."""
+        """Returns the nearest light whose stop line is less than `past_m` behind."""
 
 @final
 class Command:
-    """What the ego asks its vehicle to do until the next sample."""
+    """Request of the ego to its vehicle until the next sample."""
 
     def __new__(cls, accel_mps2: float, lateral_mps: float = 0.0) -> Command: ...
     @property
@@ -311,4 +311,4 @@ class Command:
         """Net acceleration along the heading, m/s²."""
     @property
     def lateral_mps(self) -> float:
-        """Speed across the road, positive to the left, m/s; 0 keeps the lane."""
+        """Speed across the road, positive to the left, m/s. 0 keeps the lane."""

@@ -1,4 +1,4 @@
-"""The console script `brakecheck`: the whole command line, in the extension."""
+"""Console script `brakecheck`, with the whole command line of the extension."""
 
 import signal
 import sys

@@ -1,8 +1,8 @@
 """Daemon threads in which egos and ados written in Python run.
 
-The extension waits for them, with a deadline and an ear for Ctrl-C. A thread
-that does not answer is abandoned: `SystemExit` ends its Python code, and what
-blocks in C stays behind without keeping the process from exiting.
+The extension waits for them until a deadline or Ctrl-C, and then abandons a thread
+that does not answer. `SystemExit` ends its Python code. A call that blocks in C stays
+behind, and does not keep your process from exiting.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ atexit.register(exit_threads)
 
 
 def start(mailbox: Mailbox) -> threading.Thread:
-    """Starts a thread that makes the calls of a mailbox until there are no more."""
+    """Starts a thread that makes the calls of a mailbox until its end."""
     thread = threading.Thread(target=_serve, args=(mailbox,), name="brakecheck", daemon=True)
     thread.start()
     return thread
 
 
 def abandon(thread: threading.Thread) -> str:
-    """Raises `SystemExit` in a thread; the stack of the call that it was in."""
+    """Raises `SystemExit` in a thread, and returns the stack of its current call."""
     frame = sys._current_frames().get(thread.ident or 0)
     # Below the call are the frames of the thread itself and of `_serve`.
     stack = [one for one in traceback.extract_stack(frame) if one.filename not in _OURS]

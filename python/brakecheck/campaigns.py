@@ -1,9 +1,8 @@
-"""Train, evaluate, search, replay: what the command line does, as functions.
+"""Training, evaluation, search and replay, as functions.
 
-All of them run in Rust on every core, without the interpreter's lock; Ctrl-C
-stops them. Whatever is an ego may be Python: a function of a percept, or a class
-or an object with `reset(seed)`, `control(percept)` and, so that searches share
-prefixes, `fork()`.
+All of them run in Rust on every core, without the interpreter's lock. You stop them
+with Ctrl-C. Every ego may be Python: a function of a percept, or a class or an object
+with `reset(seed)` and `control(percept)`. With `fork()` searches share prefixes.
 """
 
 from __future__ import annotations
@@ -51,32 +50,31 @@ def train(
 
     Args:
         world: a world, a `.ron` file, or the name of a shipped world.
-        output: the run directory to make; `runs/WORLD-SEED` without it.
-        ego: whom to train against: a name under the world's `reuse`, a RON file
+        output: the run directory to make, by default `runs/WORLD-SEED`.
+        ego: the ego to train against: a name under the world's `reuse`, a RON file
             with a `Change`, or Python.
-        seed: of the training, and of its test starts; 0 without it, or as begun.
-        decisions: how long to train, instead of the world's number.
+        seed: of the training and of its test starts, by default 0, or as begun.
+        decisions: length of the training, instead of the world's number.
         learner: one of the world's `learners`.
         per_ado: `"independent"` or `"alternating"`: a policy for each ado.
         goals: `"severe"` and `"distinct"` failures to look for, instead of the world's.
         against: `"nominal"`, or `"wide"`: the world's family.
-        leave_out: a structure of the family that a wide ado never meets.
+        leave_out: a structure of the family that a wide ado never plays against.
         plant: the physics to train in.
         from_run: a run whose policy is fine-tuned.
         bank: runs and kept failures, of any ego, to learn from.
-        resume: go on with an interrupted training in `output`.
+        resume: continue an interrupted training in `output`.
         starts: test starts of the closing evaluation.
-        jobs: threads; one per core without it, 1 where Python plays.
-        progress: called now and then with (phase, done, total, remarks); True
-            writes a line on stderr, False nothing, None a line on terminals and
-            in notebooks.
+        jobs: threads, by default one per core, and 1 if Python plays.
+        progress: your function of (phase, done, total, remarks). True writes a line
+            on stderr, False nothing, None a line on terminals and in notebooks.
         allow_programs: start the programs that files name as egos.
         allow_invalid: share of invalid episodes to tolerate in each row.
 
     Raises:
-        InputError: what is asked for does not fit.
-        FaultError: the ego does not run; the message ends with its traceback.
-        KeyboardInterrupt: Ctrl-C; what was trained is kept, see `resume`.
+        InputError: the request does not fit.
+        FaultError: the ego does not run. The message ends with its traceback.
+        KeyboardInterrupt: Ctrl-C. The training is kept, and you continue it with `resume`.
     """
     of = World.of(world, allow_programs=allow_programs)
     ego = of.ego if ego is None else ego
@@ -126,25 +124,25 @@ def eval(
 
     Args:
         what: a run (its trained ado plays), or a world.
-        ado: of a run: one word or several of trained, hold, random, constant,
-            ..., all. Of a world: a callable from observations (float32) to joint
+        ado: for a run: one or several words of trained, hold, random, constant,
+            ..., all. For a world: your callable from observations (float32) to joint
             actions, a policy of Stable-Baselines3, or None for the baselines.
-        ego: who is tested: a name under the world's `reuse`, "all", a RON file
+        ego: the ego to test: a name under the world's `reuse`, "all", a RON file
             with a `Change`, the words of a program as a list, or Python.
         starts: test starts to draw.
         seed: of the test starts.
         plant: the physics to test in.
         search: also search with this many switches of action, which gives `recall`.
-        tries: also search each start with at most so many runs, which the trained
+        tries: also search each start with at most this many runs, which the trained
             ado proposes.
         temperature: also draw the trained ado's actions, the better the likelier.
         draws: draws per start.
-        runs: runs of the ego that the ado may learn it from: at least 10, 100 for
+        runs: runs from which the ado may learn the ego: at least 10, 100 for
             most egos.
         keep: a directory for counterexamples.
-        keep_most: how many of each ego; None keeps all.
-        as_found: keep them as they were found, not as small as they get.
-        name: what rows call an ado that is Python.
+        keep_most: most counterexamples of each ego. None keeps all.
+        as_found: keep them as found, without minimizing them.
+        name: name of an ado in Python, in the rows.
         jobs, progress, allow_programs, allow_invalid: as for `train`.
     """
     keeping = None
@@ -208,16 +206,18 @@ def search(
     allow_programs: bool = False,
     allow_invalid: float = 0.0,
 ) -> Rows:
-    """Searches action sequences per start: what an adversary can do at all.
+    """Searches action sequences from each start.
+
+    You need no training, and get the starts from which the ego can fail.
 
     Args:
         world: a world, a `.ron` file, or the name of a shipped world.
-        method: how sequences are chosen: switches, uniform, hold, cem, or guided.
-            The default is guided with a run in `guided`, and switches otherwise.
-        switches: of the method switches: how often the action changes, 2 by default
+        method: choice of sequences: switches, uniform, hold, cem, or guided.
+            The default is guided if you give a run in `guided`, and switches otherwise.
+        switches: most changes of the action, for the method switches: 2 by default,
             and 1 for programs and egos in Python.
-        budget: of the others: simulations per start, 20 if guided and otherwise 100.
-        guided: of the method guided: the run whose trained policy proposes sequences.
+        budget: simulations per start for all other methods, 20 if guided, else 100.
+        guided: the run whose trained policy proposes sequences, for the method guided.
         ego, starts, seed, plant, keep, keep_most, as_found: as for `eval`.
         jobs, progress, allow_programs, allow_invalid: as for `train`.
     """
@@ -250,7 +250,7 @@ def replay(
 ) -> Replays:
     """Plays kept counterexamples again: as recorded, or against another ego.
 
-    A regression test is four lines:
+    Your regression test has four lines:
 
         def test_my_controller_survives_what_broke_it():
             replayed = brakecheck.replay("regressions", ego=MyController)
@@ -259,8 +259,8 @@ def replay(
 
     Args:
         path: a kept file, a directory of them, or a run.
-        ego: whom to put in the ego's place; without one the recorded one.
-        episode: one of them: its number, from 0, or the name of its file.
+        ego: the ego to put in the place of the recorded ego.
+        episode: a single counterexample: its number, from 0, or the name of its file.
         allow_programs, allow_invalid: as for `train`.
     """
     asked = {
@@ -281,15 +281,15 @@ def view(
     ego: Any = None,
     beside: str | None = None,
 ) -> str:
-    """Writes a kept counterexample as a recording or as a picture; the file.
+    """Writes a kept counterexample as a recording or as a picture, and returns the file.
 
     Args:
         what: a replayed counterexample, a kept file, a directory of them, or a run.
         output: a `.rrd` for the rerun viewer, a `.svg` for any browser, a `.gif`
-            for a loop, or a `.png` for a still; a recording named after the
-            counterexample without it.
-        episode: which one of several.
-        ego: whom to put in the ego's place.
+            for a loop, or a `.png` for a still. The default is a recording named
+            after the counterexample.
+        episode: its number or name, if there are several.
+        ego: the ego to put in the place of the recorded ego.
         beside: in a picture, the reference driver to draw beside the ego, such
             as "FSM".
     """
@@ -311,7 +311,7 @@ def report(
     jobs: int | None = None,
     progress: Progress | bool | None = None,
 ) -> str:
-    """Writes one HTML page about a run, and JUnit XML beside it; the page's file."""
+    """Writes an HTML page about a run and JUnit XML beside it, and returns the page's file."""
     out = None if output is None else os.fspath(output)
     running = _running(jobs, progress, 0.0, None)
     page, _ = raw.report_run(os.fspath(run), out, (starts, seed), running)
@@ -319,12 +319,12 @@ def report(
 
 
 def export(path: Run | Path, directory: Path) -> list[str]:
-    """Writes kept counterexamples as OpenSCENARIO and OpenDRIVE; the files."""
+    """Writes kept counterexamples as OpenSCENARIO and OpenDRIVE, and returns the files."""
     return [os.fspath(file) for file in raw.export_kept(os.fspath(path), os.fspath(directory))]
 
 
 def _acting(ado: Any) -> Callable[..., Any] | None:
-    """From observations to actions, whatever made the policy."""
+    """Returns a function from observations to actions, for any kind of policy."""
     if ado is None:
         return None
     if isinstance(ado, Ado) or not hasattr(ado, "predict"):
@@ -353,7 +353,7 @@ def _running(
 
 
 class _Line:
-    """Progress as one line on stderr that writes over itself."""
+    """Progress on a single line of stderr, which overwrites itself."""
 
     def __init__(self) -> None:
         self._last = ""

@@ -1,4 +1,4 @@
-"""Environments for Gymnasium: the ados learn, the ego is tested."""
+"""Environments for Gymnasium, in which you train the ados against the ego."""
 
 from __future__ import annotations
 
@@ -19,37 +19,38 @@ __all__ = ["Env"]
 Observation = NDArray[np.float32]
 Frame = NDArray[np.uint8]
 
-#: What `Env.reset` takes as options.
+#: Options of `Env.reset`.
 OPTIONS = {"purpose", "index", "start", "noise", "aftermath"}
 
 
 class Env(gymnasium.Env[Observation, np.int64]):
-    """One world under its rulebook, decision by decision.
+    """A world under its rulebook, decision by decision.
 
-    An action is the joint action of all ados (`world.actions` has the words),
-    an observation holds the signals of `world.observation`, each scaled so that
-    its declared range is −1 .. 1. The reward is paid with the verdict: Definition
-    4, above 0 only where the ego failed with every rule kept.
+    Your action is the joint action of all ados (`world.actions` has the words).
+    An observation holds the signals of `world.observation`, each scaled so that its
+    declared range is −1 .. 1. The reward arrives with the verdict (Definition 4), and is
+    above 0 only if the ego failed with every rule kept.
 
-    `terminated` is the end of an episode, the horizon included, which is part of
-    the problem; `truncated` says that the ego or the physics failed, so that the
-    episode counts for nobody. The last `info` holds
+    `terminated` is the end of an episode. It includes the horizon, which is part of
+    the problem. `truncated` means that the ego or the physics failed, so that you
+    cannot use the episode. The last `info` holds
 
-    - `verdict`: counterexample, uncounted, held, foul or invalid;
+    - `verdict`: counterexample, uncounted, held, foul or invalid.
     - `is_success`, `robustness` (ρ of the ego's specification), `rules` (ρ of
-      each rule), `broken_rule`;
-    - `contact`: who, when, how fast, or None; `fault`: why it is invalid, or None;
+      each rule), `broken_rule`.
+    - `contact`: bodies, time and speed, or None.
+    - `fault`: reason of an invalid episode, or None.
     - `decisions` and `time_s`.
 
     Args:
         world: a world, the path of a `.ron` file, or the name of a shipped one.
         plant: `"kinematic"` or `"rigid"`, instead of the file's.
-        ego: who is tested, as `World` takes it.
-        seed: of the stream of starts, where `reset` is given none.
+        ego: the ego to test, as for `World`.
+        seed: seed of the stream of starts, for a `reset` without a seed.
         allow_programs: start the programs that the file names as egos.
         render_mode: `"rgb_array"` lets `render` draw the current sample, and
             `"rgb_array_list"` every sample since its last call. A frame per decision,
-            or all of a list, play in real time at `metadata["render_fps"]`.
+            or all frames of a list, play in real time at `metadata["render_fps"]`.
     """
 
     metadata: dict[str, Any] = {
@@ -83,13 +84,13 @@ class Env(gymnasium.Env[Observation, np.int64]):
         """Begins an episode.
 
         Args:
-            seed: begins the stream of starts of this seed; without one the
-                stream goes on.
-            options: `purpose` ("train", "calibration" or "test": the starts on
+            seed: begins the stream of starts of this seed. Without a seed the
+                stream continues.
+            options: `purpose` ("train", "calibration", or "test" for the starts on
                 which `eval` reports), `index` (position in the stream), `start`
                 (a value per axis of `world.about["axes"]`, by name or in their
-                order) with `noise` (its seed), `aftermath` (play on after a success, to contact or the
-                horizon).
+                order) with `noise` (its seed), `aftermath` (continues after a success,
+                to contact or the horizon).
         """
         super().reset(seed=seed)
         options = options or {}
@@ -121,7 +122,7 @@ class Env(gymnasium.Env[Observation, np.int64]):
     def step(
         self, action: SupportsIndex
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Takes one joint action and plays to the next decision or the verdict.
+        """Takes a joint action and plays to the next decision or the verdict.
 
         Raises:
             InputError: the action is no integer of `action_space`, or no episode began.
@@ -131,17 +132,18 @@ class Env(gymnasium.Env[Observation, np.int64]):
         return obs, reward, terminated, truncated, info
 
     def render(self) -> Frame | list[Frame] | None:  # type: ignore[override]
-        """The current sample from above, `[288, 896, 3]`; None without a `render_mode`.
+        """Draws the current sample from above, `[288, 896, 3]`.
 
-        With `"rgb_array_list"`, every sample since the last call or the last `reset`.
-        The ego drives to the right, at one place of the picture and one scale.
+        With `"rgb_array_list"` you get every sample since the last call or `reset`, and
+        without a `render_mode` None. The ego drives to the right, at a fixed place of
+        the picture and a fixed scale.
         """
         if self.render_mode == "rgb_array_list":
             return self._bench.render_samples()
         return None if self.render_mode is None else self._bench.render()
 
     def trace(self) -> dict[str, NDArray[np.float64]]:
-        """The samples of the episode so far: `time` in seconds, and every signal."""
+        """Returns the samples of the episode so far: `time` in seconds, and every signal."""
         return self._bench.trace()
 
     def __repr__(self) -> str:
@@ -149,7 +151,7 @@ class Env(gymnasium.Env[Observation, np.int64]):
 
 
 def checked_render_mode(mode: str | None, metadata: dict[str, Any]) -> str | None:
-    """A render mode that there is."""
+    """Returns a render mode after a check."""
     known = metadata["render_modes"]
     if mode is not None and mode not in known:
         raise ValueError(f"`render_mode={mode!r}` is not known; known: {', '.join(known)}")
@@ -159,16 +161,16 @@ def checked_render_mode(mode: str | None, metadata: dict[str, Any]) -> str | Non
 def rendered_in_real_time(
     metadata: dict[str, Any], world: World, mode: str | None
 ) -> dict[str, Any]:
-    """The metadata with the rate at which frames of a mode play in real time."""
+    """Returns the metadata with the rate at which frames of a mode play in real time."""
     between = "sample_s" if mode == "rgb_array_list" else "decision_s"
     return {**metadata, "render_fps": 1.0 / float(world.about[between])}
 
 
 def spaces_of(world: World) -> tuple[spaces.Box, spaces.Discrete]:
-    """Of the joint observation, `[observed signals]`, and the joint action.
+    """Returns the spaces of the joint observation, `[observed signals]`, and the joint action.
 
-    Observations are scaled, not clipped: what leaves its declared range leaves
-    −1 .. 1 as well.
+    Observations are scaled, not clipped. A signal outside its declared range is
+    outside −1 .. 1 as well.
     """
     shape = (len(world.observation),)
     box = spaces.Box(-np.inf, np.inf, shape, np.float32)

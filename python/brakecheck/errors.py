@@ -1,28 +1,28 @@
-"""What can go wrong; the message is what a terminal would show, cure included."""
+"""Exceptions. You get the message of a terminal, with the fix."""
 from typing import Any
 
 
 class BrakecheckError(Exception):
-    """Anything that brakecheck refuses or fails to do."""
+    """Base class of all refusals and failures."""
 
-    #: What a verb answered nevertheless (`brakecheck.verb`), None elsewhere.
+    #: Result of a verb that failed nevertheless (`brakecheck.verb`), else None.
     outcome: Any = None
 
 
 class InputError(BrakecheckError, ValueError):
-    """What was asked for is wrong: the message says what, where, and the cure."""
+    """A wrong request. The message has the mistake, its place and the fix."""
 
 
 class FormulaError(InputError):
-    """A formula is wrong: the message draws a caret under the place."""
+    """A wrong formula. The message draws a caret under the place."""
 
 
 class FaultError(BrakecheckError, RuntimeError):
-    """The ego, the physics or the disk failed: nothing is a verdict on the ego.
+    """A failure of the ego, the physics or the disk, without a verdict on the ego.
 
-    Of an ego written in Python the message holds the end of its traceback.
+    For your ego in Python, the message contains the end of its traceback.
     """
 
 
 class NotIdenticalError(BrakecheckError, RuntimeError):
-    """A replay is not what was recorded."""
+    """A replay that differs from its record."""

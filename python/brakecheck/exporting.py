@@ -1,4 +1,4 @@
-"""A policy as files that other programs read: weights, observation, ONNX."""
+"""Files of a policy for other programs: weights, observation, ONNX."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: The layers whose greatest output is the action, by the learners that have them.
+#: Names of the networks whose greatest output is the action.
 NETWORKS = ("q", "actor")
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -36,7 +36,7 @@ def export_policy(policy: str, described: dict[str, Any], directory: str) -> lis
 
 
 def _tensors(path: str) -> dict[str, NDArray[Any]]:
-    """The tensors of a safetensors file: a header in JSON, then their bytes."""
+    """Returns the tensors of a safetensors file: a header in JSON, then their bytes."""
     with open(path, "rb") as file:
         content = file.read()
     (length,) = struct.unpack("<Q", content[:8])
@@ -52,7 +52,7 @@ def _tensors(path: str) -> dict[str, NDArray[Any]]:
 
 
 def _layers(tensors: dict[str, NDArray[Any]]) -> list[Layer]:
-    """Weights `[in, out]` and biases `[out]`, first layer first; none of a table."""
+    """Returns weights `[in, out]` and biases `[out]` of each layer, or none for a table."""
     for network in NETWORKS:
         layers: list[Layer] = []
         while f"{network}/{len(layers)}/weight" in tensors:
@@ -105,7 +105,7 @@ def _value(name: str, element: int, *sizes: int) -> bytes:
 
 
 def _model(layers: list[Layer]) -> bytes:
-    """`observation` [batch, in] to `values` [batch, actions] and `action` [batch]."""
+    """Returns a model of `observation` [batch, in] to `values` and `action` [batch]."""
     graph, last = b"", "observation"
     for i, (weight, bias) in enumerate(layers):
         is_last = i + 1 == len(layers)

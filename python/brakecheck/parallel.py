@@ -24,11 +24,10 @@ __all__ = ["ParallelEnv"]
 
 
 class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type: ignore[misc]
-    """A world whose ados act at the same time, each with actions of its own.
+    """A world whose ados act at the same time, each with its own actions.
 
-    All ados observe what `Env` observes and are paid what it pays: the rulebook
-    judges what they do together. The joint action counts the first ado fastest,
-    as `Env` does.
+    All ados get the observation and the reward of `Env`, because the rulebook judges
+    their joint behaviour. The joint action counts the first ado fastest, as in `Env`.
 
     Args:
         world, plant, ego, seed, allow_programs, render_mode: as for `brakecheck.Env`.
@@ -52,15 +51,15 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         self.action_spaces = {ado["name"]: spaces.Discrete(len(ado["actions"])) for ado in ados}
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an ado; the same for all."""
+        """Returns the observation space of an ado, which all ados share."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Of an ado."""
+        """Returns the action space of an ado."""
         return self.action_spaces[agent]
 
     def joint(self, actions: dict[str, int]) -> int:
-        """The joint action of `Env` that is made of these.
+        """Returns the joint action of `Env` for your actions of all ados.
 
         Raises:
             InputError: an action is missing, or no integer of its `action_space`.
@@ -86,9 +85,9 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, dict[str, Any]]]:
-        """Begins an episode; seed and options as for `Env.reset`.
+        """Begins an episode, with seed and options as for `Env.reset`.
 
-        Other options are left out with a warning: PettingZoo's own check passes one.
+        Other options are left out with a warning, because PettingZoo's check passes some.
         """
         unknown = set(options or {}) - OPTIONS
         if options and unknown:
@@ -105,7 +104,7 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """Takes one action of every ado."""
+        """Takes an action of every ado."""
         obs, reward, terminated, truncated, info = self._env.step(self.joint(actions))
         agents = self.agents
         if terminated or truncated:
@@ -119,15 +118,15 @@ class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type
         )
 
     def trace(self) -> dict[str, NDArray[np.float64]]:
-        """The samples of the episode so far."""
+        """Returns the samples of the episode so far."""
         return self._env.trace()
 
     def render(self) -> Frame | list[Frame] | None:
-        """The current sample, or a list, as `Env.render` draws it."""
+        """Draws the current sample or a list of samples, as `Env.render` does."""
         return self._env.render()
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """Does nothing, because no resource is open."""
 
     def __repr__(self) -> str:
         return f"<brakecheck.ParallelEnv {self.world.name!r}: {', '.join(self.possible_agents)}>"

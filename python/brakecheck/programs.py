@@ -1,4 +1,4 @@
-"""An ego in Python as a program of its own, for every verb and every machine."""
+"""An ego in Python as a separate program, for every verb and every machine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["serve_ego"]
 
 #: The version of the ego protocol (docs/reference/ego-protocol.md).
 _PROTOCOL = 1
-#: Characters of a traceback that are told, from its end.
+#: Characters of a traceback in an answer, from its end.
 _TRACEBACK = 4000
 
 
@@ -26,22 +26,23 @@ def serve_ego(
     name: str | None = None,
     parameters: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> None:
-    """Plays an ego as a program: reads the ego protocol on stdin, answers on stdout.
+    """Plays an ego as a program that reads the ego protocol on stdin.
 
-    The last line of a file makes it a program for all verbs::
+    The answers go to stdout. With this last line, your file is a program for all verbs::
 
         if __name__ == "__main__":
             brakecheck.serve_ego(Mine)
 
-    and `brakecheck gate RUN --baseline-ego old -- python3 mine.py` tests it. What the ego
-    prints goes to stderr, because stdout belongs to the protocol.
+    Test it with `brakecheck gate RUN --baseline-ego old -- python3 mine.py`. Prints of
+    the ego go to stderr, because stdout belongs to the protocol.
 
     Args:
         ego: a function of a percept, or a class or an object with `control(percept)`
-            and, if it likes, `brief(briefing)` and `reset(seed)`.
-        name: what brakecheck calls it; its own name without one.
+            and optionally `brief(briefing)` and `reset(seed)`.
+        name: its name in brakecheck, by default that of the function or class.
         parameters: least value, greatest value and default of each parameter that
-            `brakecheck harden` may change; the values are `briefing["parameters"]`.
+            `brakecheck harden` may change. You get the values in
+            `briefing["parameters"]`.
     """
     own = ego() if inspect.isclass(ego) else ego
     if not callable(getattr(own, "control", own)):
@@ -68,7 +69,7 @@ def serve_ego(
 
 
 def _answer(ego: Any, message: dict[str, Any]) -> dict[str, Any]:
-    """The answer to one message; an exception is the ego's error, and no end."""
+    """Returns the answer to a message. An exception is an error of the ego, not the end."""
     try:
         if "step" in message:
             percept = Percept.from_json(json.dumps(message["step"]))

@@ -1,4 +1,4 @@
-"""Recorded traffic from arrays: what `brakecheck log` offers for files.
+"""Recorded traffic from arrays, as `brakecheck log` takes it from files.
 
 >>> import numpy as np
 >>> from brakecheck import Recording
@@ -56,16 +56,16 @@ class Recording:
         ids: identity of the road user, numbers or texts.
         times_s: seconds since any instant.
         x_m, y_m: box centre in metres, the second axis to the left of the first.
-        heading_rad: counter-clockwise from the first axis; by default that of the motion.
-        speed_mps: along the heading; by default derived from the positions.
-        length_m, width_m: box; by default that of the class. Both or none.
+        heading_rad: counter-clockwise from the first axis, by default that of the motion.
+        speed_mps: along the heading, by default derived from the positions.
+        length_m, width_m: box, by default that of the class. Give both or none.
         classes: `"pedestrian"`, `"bicycle"`, `"motorcycle"`, `"car"`, `"van"`, `"truck"`,
-            `"trailer"` or `"other"`; by default cars.
-        name: what errors and worlds call it.
+            `"trailer"` or `"other"`, by default cars.
+        name: its name in errors and worlds.
 
     Raises:
         InputError: two arrays have different lengths, a value is not finite, a size is
-            not positive, a class is unknown, or a road user has two rows at one instant.
+            not positive, a class is unknown, or a road user has two rows at an instant.
     """
 
     def __init__(
@@ -98,14 +98,14 @@ class Recording:
         self._raw = RawRecording(name, _texts("ids", ids), _numbers("times_s", times_s), places, more)
 
     def summary(self) -> dict[str, Any]:
-        """Road users, lanes, followings, cut-ins and crossings, as `log --json` prints them."""
+        """Returns road users, lanes, followings, cut-ins and crossings, as `log --json`."""
         return self._raw.summary()
 
     def rules(self, rules: str | os.PathLike[str] = "motorway") -> list[dict[str, Any]]:
-        """Episodes, rates and worst instant of each rule, as `stl --log --json` prints them.
+        """Returns episodes, rates and worst instant of each rule, as `stl --log --json`.
 
         Args:
-            rules: a rule file (`.ron`), `"motorway"` for the shipped one, or a formula.
+            rules: your rule file (`.ron`), `"motorway"` for the shipped file, or a formula.
 
         Raises:
             InputError: the file cannot be read, or a rule does not fit recordings.
@@ -133,14 +133,14 @@ class Recording:
         """Writes recorded situations as worlds, as `new --from-log` does.
 
         Args:
-            directory: where the files go.
-            name: name of the first world; further ones are `name_2` and so on.
+            directory: directory of the files.
+            name: name of the first world. Further worlds are `name_2` and so on.
             kind: `"following"`, `"cut-in"` or `"crossing"`.
             count: number of situations, the hardest first.
             others: nearest other road users as scripted traffic.
 
         Raises:
-            InputError: there is no such situation, or a file is there already.
+            InputError: the recording has no such situation, or a file exists already.
         """
         worlds = self._raw.worlds((name, kind), count, others)
         if not worlds:
@@ -159,14 +159,14 @@ class Recording:
         return [World(file) for file in files]
 
     def picture(self) -> str:
-        """The recording from above, as SVG."""
+        """Returns the recording from above, as SVG."""
         return self._raw.picture()
 
 
 def fit_traffic(recordings: Sequence[Recording], file: str | os.PathLike[str]) -> dict[str, Any]:
     """Fits a model of natural driving and writes it for `natural` and `traffic`.
 
-    Returns the model with its calibration.
+    You get the model with its calibration.
 
     Raises:
         InputError: the recordings have too little driving.

@@ -1,7 +1,7 @@
-"""`gymnasium.make("brakecheck/acc-v0")`: every shipped world has an id.
+"""Registration of the shipped worlds in Gymnasium.
 
-`import brakecheck` registers them; versions of Gymnasium that look for entry
-points find them without that import.
+After `import brakecheck` you can call `gymnasium.make("brakecheck/acc-v0")`. Versions
+of Gymnasium that search for entry points find the worlds without this import.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from brakecheck._brakecheck import RawWorld
 
 
 def register_in_namespace(prefix: str = "") -> None:
-    """Registers every shipped world, in the namespace that is being filled."""
+    """Registers every shipped world, in the namespace of the caller."""
     from gymnasium.envs.registration import register, registry
 
     for world in RawWorld.shipped():

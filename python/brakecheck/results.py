@@ -20,7 +20,7 @@ __all__ = ["Ado", "Replayed", "Replays", "Row", "Rows", "Run"]
 
 
 def _html_table(head: Iterable[str], body: Iterable[Iterable[str]]) -> str:
-    """A table for notebooks, whose texts are escaped."""
+    """Returns a table for notebooks, with escaped texts."""
 
     def line(tag: str, cells: Iterable[str]) -> str:
         return "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
@@ -30,9 +30,9 @@ def _html_table(head: Iterable[str], body: Iterable[Iterable[str]]) -> str:
 
 
 class Row(dict[str, Any]):
-    """What an ego and an ado came to; the keys are those of `brakecheck eval --json`."""
+    """Result of an ego and an ado, with the keys of `brakecheck eval --json`."""
 
-    #: What a table shows.
+    #: Columns of a table.
     COLUMNS = ("ego", "ado", "method", "starts", "success", "95 %", "recall", "foul")
 
     def _cells(self) -> list[str]:
@@ -61,7 +61,7 @@ class Row(dict[str, Any]):
 
 
 class Rows(list[Row]):
-    """What an evaluation or a search came to: a row per ego and ado.
+    """Result of an evaluation or a search: a row per ego and ado.
 
     The keys are those of `brakecheck eval --json`: `success_rate` with `ci95`,
     `starts`, `recall`, `foul_rate`, `contact_rate`, `solved` per start, and so on.
@@ -69,11 +69,11 @@ class Rows(list[Row]):
 
     def __init__(self, rows: Iterable[dict[str, Any]] = (), run: Run | None = None) -> None:
         super().__init__(Row(row) if isinstance(row, dict) else row for row in rows)
-        #: The run whose ado it is, if it is one's.
+        #: The run of the ado, if it has one.
         self.run = run
 
     def row(self, ado: str = "trained", ego: str | None = None) -> Row:
-        """The first row of an ado, and of an ego if one is named."""
+        """Returns the first row of an ado, and of an ego if you name it."""
         for row in self:
             if row["ado"] == ado and ego in (None, row["ego"]):
                 return row
@@ -81,13 +81,13 @@ class Rows(list[Row]):
         raise InputError(f"there is no row of the ado `{ado}`; there are: {known}")
 
     def to_pandas(self) -> Any:
-        """As a pandas data frame, a line per row."""
+        """Returns a pandas data frame, a line per row."""
         import pandas
 
         return pandas.DataFrame(list(self))
 
     def to_polars(self) -> Any:
-        """As a polars data frame, a line per row; what nests is left out."""
+        """Returns a polars data frame, a line per row, without nested values."""
         import polars
 
         flat = [
@@ -122,7 +122,7 @@ class Run:
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """What it was: world, seed, learner, decisions, hashes."""
+        """The manifest: world, seed, learner, decisions, hashes."""
         return self._raw.manifest()
 
     @property
@@ -132,11 +132,11 @@ class Run:
 
     @property
     def progress(self) -> list[dict[str, Any]]:
-        """How training went, line by line."""
+        """Reports of the learner, line by line."""
         return self._raw.progress()
 
     def world(self) -> World:
-        """The world it was trained in, on the plant it was trained on."""
+        """Returns the world of the training, on its plant."""
         plant = str(self.manifest["plant"]).lower()
         file = os.path.join(self.path, "world.ron")
         return World(file, plant=None if plant == "cells" else plant)
@@ -150,11 +150,10 @@ class Run:
 
 
 class Ado:
-    """A trained ado, wherever it is to drive.
+    """A trained ado for any simulator.
 
-    It is called with an observation as an environment gives it. `decide` takes
-    the signals instead, by name and in their units, so that it can be put into
-    other simulators; `label` says what an action is in words.
+    Call it with an observation of an environment. In your own simulator, call `decide`
+    with signals by name and in their units. `label` returns an action in words.
 
     Args:
         run: the run, or its path.
@@ -164,7 +163,7 @@ class Ado:
         self.run = run if isinstance(run, Run) else Run(run)
         self._raw = self.run._raw.policy()
         self.world = self.run.world()
-        #: What it observes: name, unit, and the range that is scaled to −1 .. 1.
+        #: Its observation: name, unit, and the range that is scaled to −1 .. 1.
         self.observation = self.world.observation
         #: Its actions in words.
         self.actions = self.world.actions
@@ -173,22 +172,21 @@ class Ado:
         return self._raw.act(np.ascontiguousarray(obs, np.float32))
 
     def sample(self, obs: ArrayLike, temperature: float, unit: float) -> int:
-        """An action drawn with `unit` in [0, 1): the better it is, the likelier.
+        """Draws an action with `unit` in [0, 1): the better it is, the likelier.
 
         Args:
             obs: the observation.
-            temperature: divides the values before the softmax; a small one is greedy.
-            unit: the random number; where each of several ados has a policy, they
-                share it.
+            temperature: divides the values before the softmax. A small value is greedy.
+            unit: the random number. Ados with separate policies share it.
         """
         return self._raw.sample(np.ascontiguousarray(obs, np.float32), temperature, unit)
 
     def value(self, obs: ArrayLike) -> float:
-        """The return it expects from here."""
+        """Returns the return that it expects from here."""
         return self._raw.value(np.ascontiguousarray(obs, np.float32))
 
     def observe(self, signals: Mapping[str, float]) -> NDArray[np.float32]:
-        """The observation of signals given by name, in their units."""
+        """Returns the observation of signals that you give by name, in their units."""
         missing = [one["name"] for one in self.observation if one["name"] not in signals]
         if missing:
             raise InputError(f"the ado also observes: {', '.join(missing)}")
@@ -200,30 +198,30 @@ class Ado:
         return np.array(scaled, np.float32)
 
     def decide(self, signals: Mapping[str, float]) -> int:
-        """The action it takes where these are the signals."""
+        """Returns its action at these signals."""
         return self(self.observe(signals))
 
     def label(self, action: int) -> str:
-        """An action in words."""
+        """Returns an action in words."""
         return self.actions[action]
 
     def command(self, signals: Mapping[str, float]) -> dict[str, dict[str, Any]]:
-        """What each ado does where these are the signals, in numbers.
+        """Returns the command of each ado at these signals, in numbers.
 
-        Of a vehicle `accel_mps2` and `lateral_mps`, of somebody on foot
-        `along_mps` and `left_mps`, of a light `advance`, of an ado with a plan
-        what is added to it: as `brakecheck serve` answers.
+        A vehicle has `accel_mps2` and `lateral_mps`, a pedestrian `along_mps` and
+        `left_mps`, a light `advance`. For an ado with a plan they are added to the
+        plan, as in the answers of `brakecheck serve`.
         """
         commands: list[dict[str, dict[str, Any]]] = self.world.about["commands"]
         return commands[self.decide(signals)]
 
     def export(self, directory: str | os.PathLike[str]) -> list[str]:
-        """Writes what another program needs to play it; the files.
+        """Writes files with which another program can play it, and returns them.
 
-        `policy.safetensors` holds the weights, `observation.json` what is
-        observed in which order and range, and the actions in words. A policy that
-        is a network is written as `policy.onnx`, too: `observation` [batch,
-        observed] to `values` [batch, actions] and the greedy `action` [batch].
+        `policy.safetensors` holds the weights, and `observation.json` the order and
+        ranges of the observation and the actions in words. For a network you also get
+        `policy.onnx`: `observation` [batch, observed] to `values` [batch, actions]
+        and the greedy `action` [batch].
         """
         manifest = self.run.manifest
         described = {
@@ -247,42 +245,44 @@ class Replayed:
 
     def __init__(self, raw: RawReplayed) -> None:
         self._raw = raw
-        #: Everything there is to say: verdict, robustness, contact, start, actions.
+        #: The replay: verdict, robustness, contact, start, actions.
         self.about: dict[str, Any] = raw.about()
 
     @property
     def path(self) -> str:
-        """Where it is kept."""
+        """Path of its file."""
         return str(self.about["path"])
 
     @property
     def still_fails(self) -> bool:
-        """Whether the ego still fails."""
+        """True if the ego still fails."""
         return bool(self.about["still_fails"])
 
     @property
     def no_answer(self) -> str | None:
-        """The rule that an ado broke first, so that nothing is known of the ego."""
+        """Rule that an ado broke before the ego failed, else None."""
         why = self.about["no_answer"]
         return None if why is None else str(why)
 
     @property
     def identical(self) -> bool:
-        """Whether every sample is as recorded, to the bit."""
+        """True if every sample is as recorded, to the bit."""
         return bool(self.about["identical"])
 
     def trace(self) -> dict[str, NDArray[np.float64]]:
-        """Its samples: `time` in seconds, and every signal."""
+        """Returns its samples: `time` in seconds, and every signal."""
         return self._raw.trace()
 
     def view(
         self, output: str | os.PathLike[str] | None = None, *, beside: str | None = None
     ) -> str:
-        """Writes it as a recording (`.rrd`) or a picture (`.svg`, `.gif`, `.png`); the file.
+        """Writes a recording (`.rrd`) or a picture (`.svg`, `.gif`, `.png`).
+
+        Returns the file.
 
         Args:
-            output: the file to write; a recording named after it without one.
-            beside: the reference driver to draw in the ego's place, beside it.
+            output: the file to write, by default a recording named after it.
+            beside: the reference driver to draw beside the ego.
         """
         if output is None:
             stem = os.path.splitext(os.path.basename(self.path))[0]
@@ -301,7 +301,7 @@ class Replayed:
         return f"<figure>{picture}<figcaption>{said}</figcaption></figure>"
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]] | None:
-        """Its end, for documents that show no HTML."""
+        """Returns a still of its end, for documents without HTML."""
         if self.about["fault"] is not None:
             return None
         return self._raw.picture("png"), {"width": 900}
@@ -323,7 +323,7 @@ class Replays(list[Replayed]):
         return _html_table(["", "file", "outcome", "replay"], body)
 
     def to_pandas(self) -> Any:
-        """As a pandas data frame, a line per counterexample; nested keys are joined by dots."""
+        """Returns a pandas data frame, a line per counterexample. Dots join nested keys."""
         import pandas
 
         return pandas.json_normalize([one.about for one in self])

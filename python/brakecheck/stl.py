@@ -1,4 +1,4 @@
-"""Signal Temporal Logic over arrays, without copying them.
+"""Signal Temporal Logic over your arrays, without a copy of them.
 
 >>> import numpy as np
 >>> from brakecheck.stl import Formula
@@ -23,14 +23,14 @@ __all__ = ["Explanation", "Formula", "FormulaError", "Interval", "Monitor"]
 
 
 class Interval(NamedTuple):
-    """What the robustness can still come to, `low` to `high`."""
+    """Possible values of the robustness, `low` to `high`."""
 
     low: float
     high: float
 
     @property
     def is_final(self) -> bool:
-        """Whether nothing that follows can change it."""
+        """True if no further sample can change it."""
         return self.low == self.high
 
 
@@ -40,17 +40,17 @@ _interval = tuple.__new__
 
 @dataclass(frozen=True)
 class Explanation:
-    """Which part of a formula decides its robustness, when, with which value."""
+    """Part of a formula that decides its robustness, with time and value."""
 
-    #: The robustness that is explained.
+    #: The explained robustness.
     robustness: float
-    #: Why the explanation ends where it does.
+    #: Reason for the end of the explanation.
     reason: str
     #: From the formula to the deciding leaf: formula, sample, time_s, value.
     path: list[dict[str, Any]]
     #: The signals of that leaf at that sample.
     signals: dict[str, float]
-    #: The same as a terminal shows it.
+    #: The same as text for a terminal.
     text: str
 
     def __str__(self) -> str:
@@ -61,17 +61,17 @@ class Formula:
     """A formula of Signal Temporal Logic.
 
     Args:
-        text: such as `"always[0, 5] (gap > 2)"`; times in seconds.
+        text: your formula, such as `"always[0, 5] (gap > 2)"`, with times in seconds.
         constants: numbers that the text names.
         formulas: other formulas that the text names.
-        until: `"half-open"` or `"closed"`: whether `a until b` asks for `a`
-            where `b` holds.
-        end: what lies behind the last sample: nothing (`"truncate"`), that
-            sample for ever (`"hold"`), or nobody knows (`"strict"`).
+        until: `"closed"` requires `a` of `a until b` also at the sample of `b`, and
+            `"half-open"` does not.
+        end: assumption about the time after the last sample: nothing (`"truncate"`),
+            that sample for ever (`"hold"`), or any value (`"strict"`).
         rho_max: clamps every robustness to ±`rho_max`.
 
     Raises:
-        FormulaError: the text is no formula; a caret shows where.
+        FormulaError: the text is no formula. A caret shows the place.
     """
 
     def __init__(
@@ -91,31 +91,32 @@ class Formula:
         self._raw = RawFormula(text, *named, until, end, rho_max)
 
     def robustness(self, signals: Any, *, dt: float = 1.0) -> float:
-        """The robustness at the first sample: above 0 it holds, below it does not.
+        """Returns the robustness at the first sample.
+
+        Above 0 the formula holds, and below 0 it does not.
 
         Args:
             signals: a mapping from names to arrays, a data frame, or an array
-                with named fields. Contiguous arrays of float64 are read where
-                they lie; others are converted. Arrays of bool are Boolean.
+                with named fields. Contiguous arrays of float64 are read in place,
+                and all other arrays are converted. Arrays of bool are Boolean.
             dt: seconds between two samples.
 
         Raises:
-            FormulaError: the formula names what is not among the signals.
-            InputError: a signal that it reads holds a NaN, or is of another
-                length.
+            FormulaError: the formula names an unknown signal.
+            InputError: a signal of the formula holds a NaN, or has another length.
         """
         return self._raw.robustness(_columns(signals), dt)
 
     def robustness_all(self, signals: Any, *, dt: float = 1.0) -> NDArray[np.float64]:
-        """The robustness at every sample, `[samples]`; see `robustness`."""
+        """Returns the robustness at every sample, `[samples]`, as for `robustness`."""
         return self._raw.robustness_all(_columns(signals), dt)
 
     def satisfied(self, signals: Any, *, dt: float = 1.0) -> bool:
-        """Whether it holds at the first sample; at robustness 0 the comparison decides."""
+        """True if it holds at the first sample. At robustness 0 the comparison decides."""
         return self._raw.satisfied(_columns(signals), dt)
 
     def explain(self, signals: Any, *, dt: float = 1.0) -> Explanation:
-        """Leaf, time and value that decide the robustness."""
+        """Returns the leaf, the time and the value that decide the robustness."""
         found, robustness, text = self._raw.explain(_columns(signals), dt)
         pairs = found["signals"]
         pairs = pairs.items() if isinstance(pairs, dict) else pairs
@@ -134,14 +135,13 @@ class Formula:
         dt: float = 1.0,
         samples: int | None = None,
     ) -> Monitor:
-        """A monitor that is fed sample by sample.
+        """Returns a monitor that takes your samples in turn.
 
         Args:
-            signals: names in the order of the rows; as a mapping, `bool` marks
-                those that are Boolean.
+            signals: names in the order of the rows. In a mapping, `bool` marks a
+                Boolean signal.
             dt: seconds between two samples.
-            samples: how many will come, where that is known: bounds close
-                earlier then.
+            samples: number of samples, if you know it. Bounds then close earlier.
         """
         kinds = signals if isinstance(signals, Mapping) else dict.fromkeys(signals, float)
         named = [(name, kind is bool) for name, kind in kinds.items()]
@@ -172,7 +172,7 @@ def _formula(text: str, constants: Any, formulas: Any, until: str, end: str, rho
 
 
 class Monitor:
-    """A formula that is fed sample by sample; made by `Formula.monitor`."""
+    """A monitor of a formula, which takes your samples in turn (`Formula.monitor`)."""
 
     def __init__(self, raw: RawMonitor, signals: list[str]) -> None:
         self._raw = raw
@@ -180,7 +180,7 @@ class Monitor:
         self.signals = signals
 
     def push(self, row: Mapping[str, float] | Sequence[float]) -> Interval:
-        """Takes the next sample: what is still possible.
+        """Takes the next sample and returns the interval of possible values.
 
         Args:
             row: a value per signal, by name or in the order of `signals`.
@@ -227,7 +227,7 @@ class Monitor:
             raise InputError(f"the row lacks: {', '.join(missing)}")
 
     def finish(self) -> float:
-        """Ends the run here; its robustness, the same bits as `Formula.robustness`."""
+        """Ends the run and returns its robustness, with the bits of `Formula.robustness`."""
         return self._raw.finish()
 
     def reset(self) -> None:

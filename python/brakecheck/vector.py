@@ -20,7 +20,7 @@ __all__ = ["VectorEnv"]
 
 
 class _Episode(Mapping[str, Any]):
-    """What `Env` says of an episode, which is played again when it is first read."""
+    """Info of an episode as in `Env`. Its first reading plays the episode again."""
 
     def __init__(self, raw: RawEpisode) -> None:
         self._raw = raw
@@ -45,25 +45,23 @@ class _Episode(Mapping[str, Any]):
 
 
 class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any]):
-    """`num_envs` times `brakecheck.Env`, each with a stream of starts of its own.
+    """Many environments of `brakecheck.Env`, each with its own stream of starts.
 
-    An environment whose episode is over begins its next one at the next step,
-    whatever the action is, and is paid nothing for it (Gymnasium's next-step
-    autoreset). Where episodes ended, `info` has `verdict`, `is_success`,
-    `robustness`, `decisions` and `episode` (what `Env` says), each beside a mask
-    (`_verdict`, ...).
+    After the end of an episode, the next step begins another episode for any action
+    and returns no reward (Gymnasium's next-step autoreset). If episodes ended, `info`
+    has `verdict`, `is_success`, `robustness`, `decisions` and `episode` (the info of
+    `Env`), each beside a mask (`_verdict`, ...).
 
-    Worlds of vehicles on the kinematic plant keep no traces: about 1 kB per
-    environment. Their `episode` is a read-only mapping, and `trace` is that of the
-    episode played again.
+    Worlds of vehicles on the kinematic plant keep no traces, and need about 1 kB per
+    environment. Their `episode` is a read-only mapping. `trace` plays the episode again.
 
     Args:
         world, plant, ego, allow_programs: as for `brakecheck.Env`.
-        num_envs: how many.
-        seed: `reset` without a seed begins as with this one.
-        jobs: threads; 1 steps them in the thread that calls, 0 takes one per core.
-        copy: whether `step` gives arrays of its own; without, it gives the same
-            buffers every time, written anew.
+        num_envs: number of environments.
+        seed: seed of a `reset` without a seed.
+        jobs: threads. 1 steps in your thread, and 0 takes a thread per core.
+        copy: True returns new arrays from `step`. False returns the same buffers
+            every time.
         render_mode: `"rgb_array"`, as for `brakecheck.Env`.
     """
 
@@ -112,7 +110,7 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
 
         Args:
             seed: the i-th environment takes the stream of `seed + i`, or of the
-                i-th seed of a list; without one every stream goes on.
+                i-th seed of a list. Without a seed every stream continues.
             options: `purpose` of the streams, as for `Env.reset`.
         """
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -134,10 +132,11 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         NDArray[np.bool_],
         dict[str, Any],
     ]:
-        """Takes one joint action in each environment, `[num_envs]`.
+        """Takes a joint action in each environment, `[num_envs]`.
 
         Raises:
-            InputError: they are no integers of `single_action_space`, or too many or few.
+            InputError: the actions are no integers of `single_action_space`, or their
+                number is wrong.
         """
         given = np.asarray(actions)
         # A cast would cut off what floats have behind the point.
@@ -180,13 +179,13 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         return info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """The current sample of every environment, as `Env.render` draws it."""
+        """Draws the current sample of every environment, as `Env.render` does."""
         if self.render_mode is None:
             return None
         return tuple(self._raw.render(at) for at in range(self.num_envs))
 
     def trace(self, at: int) -> dict[str, NDArray[np.float64]]:
-        """The samples of the episode in the `at`-th environment."""
+        """Returns the samples of the episode in the `at`-th environment."""
         return self._raw.trace(at)
 
     def __repr__(self) -> str:

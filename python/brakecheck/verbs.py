@@ -1,8 +1,7 @@
-"""The verbs that only the command line has: gate, sweep, harden, risk, campaigns.
+"""Verbs of the command line: gate, sweep, harden, risk, campaigns.
 
-Each of them runs the program of this package in a process of its own and reads its
-`--json`. Their options are therefore those of `brakecheck VERB --help`, with `_` for
-`-`, and a new option of the program needs no line here.
+Each function runs the program of this package in a separate process and reads its
+`--json`. You give it the options of `brakecheck VERB --help`, with `_` for `-`.
 """
 
 from __future__ import annotations
@@ -37,17 +36,17 @@ Path = str | os.PathLike[str]
 #: A name under the world's `reuse`, a RON file, or the words of a program.
 Ego = str | os.PathLike[str] | Sequence[str]
 
-#: Exit codes that stand for an answer: done, and a closed gate or a counterexample.
+#: Exit codes with a result: done, and a closed gate or a counterexample.
 _ANSWERS = (0, 1)
-#: Wait for a program that was interrupted, which still writes what it has, s.
+#: Seconds that an interrupted program has to write its results.
 _PATIENCE_S = 10.0
 
 
 class Outcome(Rows):
-    """What a verb answered.
+    """Result of a verb.
 
-    As a list it has the verb's rows, with the keys of `--json`; `about` is the whole
-    answer, `passed` whether the exit code was 0, `notes` what the program remarked.
+    As a list it has the verb's rows, with the keys of `--json`. `about` is the whole
+    result, `passed` is True for the exit code 0, and `notes` has the remarks.
     """
 
     def __init__(self, about: Mapping[str, Any], rows: str, passed: bool, notes: str) -> None:
@@ -57,7 +56,7 @@ class Outcome(Rows):
         super().__init__(found if isinstance(found, list) else [])
         #: All keys of `--json`.
         self.about = dict(about)
-        #: False: the gate is closed, or a counterexample was found and is a failure.
+        #: False if the gate is closed, or if a counterexample counts as a failure.
         self.passed = passed
         #: Remarks of the program, line by line.
         self.notes = notes
@@ -73,28 +72,29 @@ class Outcome(Rows):
             return f"<pre>{html.escape(repr(self))}</pre>"
 
     def to_pandas(self) -> Any:
-        """As a pandas data frame, a line per row; nested keys are joined by dots."""
+        """Returns a pandas data frame, a line per row. Dots join nested keys."""
         import pandas
 
         return pandas.json_normalize(list(self))
 
 
 def verb(name: str, *arguments: Any, rows: str = "rows", **options: Any) -> Outcome:
-    """Runs a verb of the command line and reads its answer.
+    """Runs a verb of the command line and returns its result.
 
     Args:
-        name: one or two words, such as "risk" or "campaign plan".
+        name: a verb, such as "risk" or "campaign plan".
         arguments: its arguments without a name: files, worlds, runs, names.
-        rows: the key of `--json` whose list the outcome is, with a dot between levels.
+        rows: the key of `--json` with the rows, with a dot between levels.
         options: its options, with `_` for `-`. True gives a switch, False and None
-            leave an option out, a list repeats it. `ego` may be the words of a program.
+            leave an option out, and a list repeats it. You may give `ego` as the words
+            of a program.
 
     Raises:
-        InputError: the program refused what was asked (exit code 2).
+        InputError: the program refused the request (exit code 2).
         FaultError: the ego, the disk or the program failed, or the result was refused
-            (exit code 3). Its `outcome` has what was answered, if anything was.
+            (exit code 3). Its `outcome` has the result, if there is any.
         NotIdenticalError: a replay differs (exit code 4), with an `outcome` too.
-        KeyboardInterrupt: Ctrl-C; the program has kept what is done.
+        KeyboardInterrupt: Ctrl-C. The program has kept its work.
     """
     program = options.pop("ego", None)
     if program is not None and (isinstance(program, str) or hasattr(program, "__fspath__")):
@@ -121,11 +121,11 @@ def gate(run: Run | Path, baseline: str, *, ego: Ego | None = None, **options: A
     Args:
         run: the run whose ado plays.
         baseline: the earlier ego: a name under the world's `reuse`, or a RON file.
-        ego: the new one; the world's own without it.
+        ego: the new ego, by default the world's own.
         options: of `brakecheck gate`, such as `on="preventable"`, `starts=100`.
 
     Returns:
-        The gates, one per new ego; `passed` is False if one is closed.
+        The gates, one per new ego. `passed` is False if any is closed.
     """
     return verb("gate", run, rows="gates", ego=ego, baseline_ego=baseline, **options)
 
@@ -139,7 +139,7 @@ def sweep(run: Run | Path, over: str, **options: Any) -> Outcome:
         options: of `brakecheck sweep`.
 
     Returns:
-        The rows per value; `about["swept"]` has the summary.
+        The rows per value. `about["swept"]` has the summary.
     """
     return verb("sweep", run, over=over, **options)
 
@@ -149,26 +149,26 @@ def harden(where: World | Run | Path, *, ego: Ego | None = None, **options: Any)
 
     Args:
         where: a world, or the run of an ado or a population that the ego must withstand.
-        ego: the ego to change; the world's own without it.
+        ego: the ego to change, by default the world's own.
         options: of `brakecheck harden`, such as `over="ego.time_gap_s=0.3..1.5"`,
             `keep_below=["braking=105%"]`, `output="hardened"`.
 
     Returns:
-        The changes, the smallest first; `passed` is False if none is confirmed.
+        The changes, the smallest first. `passed` is False if none is confirmed.
     """
     return verb("harden", where, rows="candidates", ego=ego, **options)
 
 
 def risk(world: World | Path, *, ego: Ego | None = None, **options: Any) -> Outcome:
-    """Estimates how often an ego fails in declared traffic.
+    """Estimates the probability of a failure in declared traffic.
 
     Args:
         world: a world, a `.ron` file, or the name of a shipped world.
-        ego: who is tested; the world's own without it.
+        ego: the ego to test, by default the world's own.
         options: of `brakecheck risk`, such as `traffic="motorway"`, `budget=20_000`.
 
     Returns:
-        The egos; `about` has the traffic, the ratio and the cost.
+        The egos. `about` has the traffic, the ratio and the cost.
     """
     return verb("risk", world, rows="egos", ego=ego, **options)
 
@@ -192,16 +192,16 @@ def plan(campaign: Path, output: Path, **options: Any) -> Outcome:
 
 
 def run_piece(planned: Path, piece: str | int | None = None, **options: Any) -> Outcome:
-    """Makes one piece of a planned campaign, or all that are missing.
+    """Makes a piece of a planned campaign, or all missing pieces.
 
-    It may be called from many processes and machines at once, for instance as a task
-    of Dask or Ray, as long as they share the directory.
+    You may call it from many processes and machines at once, for instance as a task
+    of Dask or Ray, if they share the directory.
     """
     return verb("campaign run", planned, piece=piece, **options)
 
 
 def merge(planned: Path, **options: Any) -> Outcome:
-    """Checks all pieces and writes them as one file; the rows of the summary."""
+    """Checks all pieces, writes them as one file, and returns the rows of the summary."""
     return verb("campaign merge", planned, rows="summary.rows", **options)
 
 
@@ -245,7 +245,7 @@ def _program(ego: Any) -> list[str]:
 
 
 def _run(words: Sequence[str]) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of the program."""
+    """Returns exit code, standard output and standard error of the program."""
     command = [sys.executable, "-m", "brakecheck", *words]
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,

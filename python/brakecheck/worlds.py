@@ -1,4 +1,4 @@
-"""Worlds: a road, an ego, its ados, what the ego must never do, and the rules."""
+"""Worlds: a road, an ego with its specification, ados and their rules."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ class World:
         file: the path of a `.ron` file, or the name of a shipped world
             (`World.shipped()`).
         plant: `"kinematic"` or `"rigid"`, instead of the file's.
-        ego: who is tested: a name under the file's `reuse`, a RON file with a
-            `Change`, the words of a program as a list, or Python: a function of
-            a percept, or a class or an object with `reset(seed)` and
+        ego: the ego to test: a name under the file's `reuse`, a RON file with a
+            `Change`, the words of a program as a list, or your Python code: a
+            function of a percept, or a class or an object with `reset(seed)` and
             `control(percept)`.
         allow_programs: start the programs that the file names as egos.
-        natural: leave ados only braking, accelerations and cut-ins that real
-            drivers show at least so often per 1,000 km.
+        natural: limits ados to braking, accelerations and cut-ins that real
+            drivers show at least this often per 1,000 km.
         traffic: the model of real drivers: `"motorway"`, or a file of
             `brakecheck log --fit`.
 
     Raises:
-        InputError: the file is no world; the message says where and why.
+        InputError: the file is no world. The message has the place and the reason.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class World:
 
     @staticmethod
     def shipped() -> list[str]:
-        """Names of the worlds that come with brakecheck."""
+        """Returns the names of the worlds in the package."""
         return RawWorld.shipped()
 
     @classmethod
     def of(cls, world: World | str | os.PathLike[str], **changes: Any) -> World:
-        """A world as it is, or the one of a file or name."""
+        """Returns a world as it is, or the world of a file or name."""
         if isinstance(world, World):
             asked = {name: value for name, value in changes.items() if value not in (None, False)}
             return cls(world.file, **{**world._given, **asked}) if asked else world
@@ -94,7 +94,7 @@ class World:
 
     @property
     def name(self) -> str:
-        """Its name; part of every start's key."""
+        """Its name, which is part of every start's key."""
         return str(self._about["name"])
 
     @property
@@ -124,7 +124,7 @@ class World:
 
     @property
     def observation(self) -> list[dict[str, Any]]:
-        """What ados observe: name, unit, and the range that is scaled to −1 .. 1."""
+        """Observation of the ados: name, unit, and the range that is scaled to −1 .. 1."""
         return list(self._about["observation"])
 
     def __repr__(self) -> str:

@@ -1,8 +1,8 @@
-"""Plays the ado of `acc`, and what it is compared with, in somebody's simulator.
+"""Plays the ado of `acc` and its baselines in your simulator.
 
-The simulator is a function `begin(start, step_s)`, which puts ego and ado on its
-road and gives `move(ado_speed_mps, step_s)`: one step; the headway from front to
-front in m, the ego's speed in m/s and acceleration in m/s² after it.
+Your simulator is a function `begin(start, step_s)`, which puts ego and ado on its
+road and returns `move(ado_speed_mps, step_s)`. This function makes a step, and returns
+the headway from front to front in m, the ego's speed in m/s and acceleration in m/s².
 """
 import random
 
@@ -12,7 +12,7 @@ STARTS = 100
 
 
 def starts(world):
-    """Test starts of the world, by signal."""
+    """Yields the test starts of the world, by signal."""
     env = Env(world)
     for index in range(STARTS):
         env.reset(seed=0, options={"purpose": "test", "index": index})
@@ -20,7 +20,7 @@ def starts(world):
 
 
 def episode(world, begin, start, choose):
-    """`"contact"`, `"too near"` (the ego's specification), `"foul"` or `"held"`."""
+    """Returns `"contact"`, `"too near"` (the ego's specification), `"foul"` or `"held"`."""
     about, seen, near = world.about, dict(start), False
     step_s, move = about["sample_s"], begin(start, about["sample_s"])
     for sample in range(round(about["horizon_s"] / step_s)):
@@ -38,7 +38,7 @@ def episode(world, begin, start, choose):
 
 
 def play(ado, begin):
-    """How often the trained ado, the hardest braking, and actions held at random end how."""
+    """Returns the outcomes of the trained ado, of constant and of held random actions."""
     drawn = random.Random(0)
     accels = [command["ado"]["accel_mps2"] for command in ado.world.about["commands"]]
 

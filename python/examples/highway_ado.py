@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A trained ado in highway-env, ahead of its IDM: pip install highway-env
+"""A trained ado in highway-env, ahead of its IDM. Run pip install highway-env first.
 
     python3 highway_ado.py runs/acc
 """
@@ -16,7 +16,7 @@ LONGER_M = Vehicle.LENGTH - 4.54
 
 
 def begin(start, _step_s):
-    """Begins in highway-env: what moves both by a step."""
+    """Begins in highway-env, and returns the function that moves both by a step."""
     network = RoadNetwork()
     network.add_lane("a", "b", StraightLane([0, 0], [9000, 0], speed_limit=33))
     road = Road(network)

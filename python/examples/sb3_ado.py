@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""An ado by Stable-Baselines3, measured as brakecheck's own: pip install stable-baselines3
+"""An ado of Stable-Baselines3, measured like an ado of brakecheck.
 
-    python3 sb3_ado.py ppo 0        # or dqn, and a seed; a minute or some of one core
+Run pip install stable-baselines3 first. You need a few minutes of a core.
+
+    python3 sb3_ado.py ppo 0        # or dqn, and a seed
 """
 import sys
 import time
@@ -16,7 +18,7 @@ torch.set_num_threads(1)
 
 
 def falling(first, last):
-    """A rate that falls linearly; `left` is 1 at the start and 0 at the end."""
+    """Returns a rate that falls linearly, with `left` from 1 at the start to 0 at the end."""
     return lambda left: last + left * (first - last)
 
 

@@ -1,7 +1,7 @@
-"""What a step costs, in processor time of this machine: python3 speed.py
+"""Cost of a step, in processor time of your machine: python3 speed.py
 
-Environments with actions at random, formulas over a million samples, an ego in
-Python. `cargo bench --bench stl` and `--bench plants` have the same in Rust.
+It measures environments with random actions, formulas over a million samples, and an
+ego in Python. `cargo bench --bench stl` and `--bench plants` measure the same in Rust.
 """
 
 import time
@@ -14,7 +14,7 @@ RNG = np.random.default_rng(0)
 
 
 def seconds(work, tries=3):
-    """The least of some tries."""
+    """Returns the least of some tries, in seconds of processor time."""
     taken = []
     for _ in range(tries):
         begun = time.process_time()

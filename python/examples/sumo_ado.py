@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A trained ado in SUMO, ahead of one of SUMO's own drivers: pip install libsumo
+"""A trained ado in SUMO, ahead of a driver of SUMO. Run pip install libsumo first.
 
     python3 sumo_ado.py runs/acc Krauss tau=0.5 decel=3 emergencyDecel=3
 """
@@ -25,7 +25,7 @@ types.write_text(TYPES % (model, " ".join('%s="%s"' % tuple(word.split("=")) for
 
 
 def begin(start, step_s):
-    """Begins in SUMO: what moves both by a step."""
+    """Begins in SUMO, and returns the function that moves both by a step."""
     libsumo.close()
     libsumo.start(["sumo", "-n", str(net), "-r", str(types), "--step-length", str(step_s),
                    "--collision.action", "none", "--no-warnings", "--no-step-log"])

@@ -1,4 +1,4 @@
-//! Anything callable as an ado, and trained policies as something callable.
+//! Callables as ados, and trained policies as callables.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,12 +14,12 @@ pub(crate) struct PythonPolicy {
     act: Arc<Py<PyAny>>,
     actions: usize,
     neutral: usize,
-    /// The first exception; whoever evaluates raises it.
+    /// The first exception, which the evaluation raises.
     failed: Mutex<Option<PyErr>>,
 }
 
 impl PythonPolicy {
-    /// `act` takes an observation as float32 and answers below `actions`.
+    /// `act` takes an observation as float32 and returns an action below `actions`.
     pub(crate) fn new(act: &Bound<'_, PyAny>, actions: usize, neutral: usize) -> PythonPolicy {
         PythonPolicy {
             act: Arc::new(act.clone().unbind()),
@@ -29,7 +29,7 @@ impl PythonPolicy {
         }
     }
 
-    /// Raises what it raised.
+    /// Raises its exception.
     pub(crate) fn check(&self) -> PyResult<()> {
         let mut slot = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
         slot.take().map_or(Ok(()), Err)
@@ -73,7 +73,7 @@ impl Policy for PythonPolicy {
         }
     }
 
-    /// Nobody knows.
+    /// Unknown.
     fn value(&self, _obs: &[f32]) -> f32 {
         0.0
     }
@@ -88,14 +88,14 @@ pub(crate) struct RawPolicy {
 
 #[pymethods]
 impl RawPolicy {
-    /// The greedy action; ties go to the lowest index.
+    /// Returns the greedy action. Ties go to the lowest index.
     fn act(&self, obs: PyReadonlyArray1<'_, f32>) -> PyResult<usize> {
         Ok(self.policy.act(self.checked(&obs)?))
     }
 
-    /// An action drawn at a temperature, the same for the same `unit` in [0, 1).
+    /// Draws an action at a temperature, equal for equal `unit` in [0, 1).
     ///
-    /// Where several ados have policies of their own, all use the one number.
+    /// Ados with separate policies share the number.
     fn sample(
         &self,
         obs: PyReadonlyArray1<'_, f32>,
@@ -113,7 +113,7 @@ impl RawPolicy {
             .sample(self.checked(&obs)?, temperature, &mut || unit))
     }
 
-    /// The expected return from here.
+    /// Returns the expected return from here.
     fn value(&self, obs: PyReadonlyArray1<'_, f32>) -> PyResult<f32> {
         Ok(self.policy.value(self.checked(&obs)?))
     }

@@ -1,4 +1,4 @@
-//! One test bench, played decision by decision from Python.
+//! A test bench, played decision by decision from Python.
 
 use std::fmt::Display;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -22,7 +22,7 @@ use crate::interrupt::check_interrupted;
 use crate::watch::interruptible;
 use crate::world::RawWorld;
 
-/// What a stream of starts is for.
+/// Purpose of a stream of starts.
 pub(crate) fn purpose_of(word: &str) -> PyResult<Purpose> {
     match word {
         "train" => Ok(Purpose::Train),
@@ -45,10 +45,10 @@ pub(crate) struct Playing {
     film: Option<SampleFilm>,
 }
 
-/// Pictures of every sample that nobody has rendered yet.
+/// Pictures of every sample that are not rendered yet.
 struct SampleFilm {
     world: Scenario,
-    /// As SVG, which is a hundredth of its pixels.
+    /// Texts as SVG, with a hundredth of the size of pixels.
     pictures: Vec<String>,
 }
 
@@ -103,8 +103,8 @@ impl Playing {
         }
     }
 
-    /// Takes a decision: the reward it is paid, and whether the episode ended
-    /// as an episode does, and whether it ended in a fault.
+    /// Takes a decision, and returns the reward and two flags: the end of the
+    /// episode, and its end by a fault.
     pub(crate) fn decide(&mut self, action: usize) -> (f64, bool, bool) {
         let before = self.bench.verdict();
         self.actions.push(action);
@@ -124,7 +124,7 @@ impl Playing {
         (reward.unwrap_or(0.0), done && !invalid, done && invalid)
     }
 
-    /// Verdict, success, robustness and number of decisions of the ended episode.
+    /// Returns verdict, success, robustness and number of decisions of the ended episode.
     pub(crate) fn ended(&mut self) -> (&'static str, bool, f64, usize) {
         let bench = &self.bench;
         let rho = bench
@@ -137,13 +137,13 @@ impl Playing {
         (word, success, rho, bench.decisions())
     }
 
-    /// The current sample from above, as pixels; `None` before the first episode.
+    /// Draws the current sample from above, as pixels, or `None` before the first episode.
     pub(crate) fn pixels(&self, world: &Scenario) -> Option<Result<PixelImage, RasterError>> {
         let svg = self.picture(world)?;
         Some(PixelImage::of(&svg, 1.0))
     }
 
-    /// The current sample from above, as SVG; `None` before the first episode.
+    /// Draws the current sample from above, as SVG, or `None` before the first episode.
     fn picture(&self, world: &Scenario) -> Option<String> {
         if self.bench.trace().is_empty() {
             return None;
@@ -153,7 +153,7 @@ impl Playing {
         Some(running_picture(world, &self.bench, &episode))
     }
 
-    /// What there is to say of the episode so far.
+    /// Returns the info of the episode so far.
     pub(crate) fn info<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let info = PyDict::new(py);
         let bench = &self.bench;
@@ -213,12 +213,12 @@ pub(crate) fn columns<'py>(py: Python<'py>, trace: &Trace) -> PyResult<Bound<'py
     Ok(columns)
 }
 
-/// A test bench; `brakecheck.Env` is built on it.
+/// Test bench of `brakecheck.Env`.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawBench {
     playing: Arc<Mutex<Playing>>,
     world: Scenario,
-    /// The ego is a program, which nothing but its deadline interrupts.
+    /// The ego is a program, which only its deadline interrupts.
     awaits_program: bool,
     observation: usize,
     actions: usize,
@@ -243,7 +243,7 @@ impl RawBench {
         })
     }
 
-    /// Begins the `index`-th episode of a stream; its first observation.
+    /// Begins the `index`-th episode of a stream and returns its first observation.
     fn reset<'py>(
         &self,
         py: Python<'py>,
@@ -261,7 +261,7 @@ impl RawBench {
         self.observed(py)
     }
 
-    /// Begins an episode from a start of one's own: a value per axis.
+    /// Begins an episode from your own start: a value per axis.
     fn reset_at<'py>(
         &self,
         py: Python<'py>,
@@ -293,7 +293,7 @@ impl RawBench {
         self.observed(py)
     }
 
-    /// Takes one joint action: observation, reward, terminated, truncated.
+    /// Takes a joint action, and returns observation, reward, terminated and truncated.
     fn step<'py>(
         &self,
         py: Python<'py>,
@@ -317,19 +317,19 @@ impl RawBench {
         Ok((self.observed(py)?, reward, terminated, truncated))
     }
 
-    /// What there is to say of the episode so far.
+    /// Returns the info of the episode so far.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.lock()?.info(py)
     }
 
-    /// The current sample from above, `[height, width, 3]`.
+    /// Draws the current sample from above, `[height, width, 3]`.
     fn render<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let world = self.world.clone();
         let drawn = self.play(py, move |playing| playing.pixels(&world))?;
         rgb(py, drawn)
     }
 
-    /// All samples since the last call or the start, `[height, width, 3]` each.
+    /// Draws all samples since the last call or the start, `[height, width, 3]` each.
     fn render_samples<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray3<u8>>>> {
         let mut playing = self.lock()?;
         if playing.bench.trace().is_empty() {
@@ -345,12 +345,12 @@ impl RawBench {
         images.collect()
     }
 
-    /// The samples so far, by signal.
+    /// Returns the samples so far, by signal.
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         columns(py, self.lock()?.bench.trace())
     }
 
-    /// Start, noise and joint actions: what it takes to play it again.
+    /// Returns start, noise and joint actions, which are enough to play it again.
     fn played(&self) -> PyResult<(Vec<f64>, u64, Vec<usize>)> {
         let playing = self.lock()?;
         Ok((
@@ -369,7 +369,7 @@ fn after(aftermath: bool) -> Aftermath {
     }
 }
 
-/// The error of an action that a world with so many actions has not.
+/// Error of an action that does not exist in a world with this number of actions.
 pub(crate) fn no_action(action: impl Display, actions: usize) -> PyErr {
     wrong(
         format!("{action} is no action of {actions}"),
@@ -377,8 +377,8 @@ pub(crate) fn no_action(action: impl Display, actions: usize) -> PyErr {
     )
 }
 
-/// Somebody else has the lock, which is never waited for: whoever holds it may
-/// be waiting for the interpreter, or for a program that was left behind.
+/// Another thread has the lock. This thread never waits for it, because that thread
+/// may wait for the interpreter or for an abandoned program.
 pub(crate) fn in_use(what: &str) -> PyErr {
     wrong(
         format!("another thread plays in {what}, or an interrupted one still does"),

@@ -1,4 +1,4 @@
-//! Campaigns: what Python asks for, and the rows it gets.
+//! Campaigns: requests of Python, and their rows.
 
 use std::num::NonZeroU64;
 use std::path::PathBuf;
@@ -29,12 +29,12 @@ use crate::error::{failed, wrong};
 use crate::watch::{Running, something};
 use crate::world::{RawWorld, plant_of};
 
-/// Which counterexamples are written where.
+/// Selection and directory of the counterexamples to write.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Keeping {
     directory: PathBuf,
-    /// At most so many per ego; None: all.
+    /// Greatest number per ego, or None for all.
     most: Option<usize>,
     as_found: bool,
 }
@@ -53,7 +53,7 @@ impl Keeping {
     }
 }
 
-/// What `train` takes.
+/// Request of `train`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct TrainOptions {
@@ -62,7 +62,7 @@ pub(crate) struct TrainOptions {
     seed: Option<u64>,
     decisions: Option<u64>,
     learner: Option<String>,
-    /// `None`: as the world says.
+    /// `None` takes the world's own.
     goals: Option<Vec<String>>,
     against: String,
     leave_out: Option<String>,
@@ -74,7 +74,7 @@ pub(crate) struct TrainOptions {
     starts: usize,
 }
 
-/// Trains an ado and evaluates it; what came of it.
+/// Trains an ado, evaluates it, and returns the results.
 #[pyfunction]
 pub(crate) fn train_ado<'py>(
     py: Python<'py>,
@@ -162,7 +162,7 @@ pub(crate) fn train_ado<'py>(
     objects(py, &something(found)?)
 }
 
-/// What `eval` of a run takes.
+/// Request of `eval` with a run.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct EvalOptions {
@@ -181,7 +181,7 @@ pub(crate) struct EvalOptions {
     allow_programs: bool,
 }
 
-/// A trained ado and its rivals on egos: rows.
+/// Returns the rows of a trained ado and its rivals on egos.
 #[pyfunction]
 pub(crate) fn eval_run<'py>(
     py: Python<'py>,
@@ -243,11 +243,11 @@ pub(crate) fn eval_run<'py>(
     objects(py, &something(rows)?)
 }
 
-/// What an evaluation without a run takes.
+/// Request of an evaluation without a run.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct BaselineOptions {
-    /// From observations to joint actions; None: baselines and search only.
+    /// Function from observations to joint actions. None plays baselines and search only.
     ado: Option<Py<PyAny>>,
     name: String,
     ego: Option<Py<PyAny>>,
@@ -257,7 +257,7 @@ pub(crate) struct BaselineOptions {
     keep: Option<Keeping>,
 }
 
-/// Any ado, or none, on egos of a world, beside the baselines: rows.
+/// Returns the rows of any ado, or of none, on egos of a world, beside the baselines.
 #[pyfunction]
 pub(crate) fn eval_world<'py>(
     py: Python<'py>,
@@ -322,7 +322,7 @@ pub(crate) fn eval_world<'py>(
     objects(py, &something(rows?)?)
 }
 
-/// What `search` takes.
+/// Request of `search`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct SearchOptions {
@@ -336,7 +336,7 @@ pub(crate) struct SearchOptions {
     keep: Option<Keeping>,
 }
 
-/// Searches action sequences, start by start: rows.
+/// Searches action sequences, start by start, and returns rows.
 #[pyfunction]
 pub(crate) fn search_world<'py>(
     py: Python<'py>,
@@ -385,7 +385,7 @@ pub(crate) fn search_world<'py>(
     objects(py, &something(rows)?)
 }
 
-/// Writes one page about a run, and JUnit XML beside it; the two files.
+/// Writes a page about a run and JUnit XML beside it, and returns the two files.
 #[pyfunction]
 pub(crate) fn report_run(
     py: Python<'_>,
@@ -420,7 +420,7 @@ pub(crate) fn report_run(
     Ok(files)
 }
 
-/// The world on the plant asked for.
+/// Returns the world on the requested plant.
 fn placed(world: &Scenario, plant: Option<&str>) -> PyResult<Scenario> {
     match plant {
         Some(plant) => on_plant(world, plant_of(plant)?).map_err(failed),

@@ -1,4 +1,4 @@
-//! Controllers written in Python, which answer in time or are a fault.
+//! Controllers written in Python, with deadlines.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -17,19 +17,19 @@ use crate::python_thread::{Unanswered, call};
 /// Characters of a traceback that a fault keeps, from its end.
 const TRACEBACK: usize = 4000;
 
-/// What Python gave: how fresh controllers are made of it.
+/// Source of new controllers in Python.
 #[derive(Clone, Copy)]
 pub(crate) enum Source {
-    /// An instance each.
+    /// A class, of which each controller is an instance.
     Class,
-    /// A deep copy each, so that episodes that are played at the same time do
-    /// not meet in it.
+    /// An object, of which each controller is a deep copy, so that parallel episodes
+    /// share no state.
     Object,
-    /// The function itself: it answers from the percept alone.
+    /// A function, which uses the percept alone.
     Function,
 }
 
-/// Python objects of which controllers are made, and how long they may take.
+/// Python objects of which controllers are made, with their deadline.
 #[derive(Clone)]
 pub(crate) struct Maker {
     pub(crate) given: Arc<Py<PyAny>>,
@@ -76,10 +76,10 @@ impl Instance {
 /// A controller in Python.
 pub(crate) struct PythonController {
     maker: Maker,
-    /// `None`: none was made, or it did not answer; the next episode gets one.
+    /// `None` if none was made or it did not answer. The next episode makes another.
     instance: RefCell<Option<Arc<Instance>>>,
     briefing: Option<Briefing>,
-    /// A fault where nobody could be told; the next answer says it.
+    /// A fault outside of an answer, which the next answer reports.
     failed: RefCell<Option<Fault>>,
 }
 
@@ -120,7 +120,7 @@ impl PythonController {
         }
     }
 
-    /// An ego that cannot be briefed is none: the next episode makes another.
+    /// Drops an ego that fails at its briefing. The next episode makes another.
     fn brief_instance(&self) {
         let Some(briefing) = self.briefing.clone() else {
             return;
@@ -135,7 +135,7 @@ impl PythonController {
         }
     }
 
-    /// Calls a method that an ego need not have; whether that went well.
+    /// Calls an optional method of an ego, and returns true without a fault.
     fn tell(
         &self,
         occasion: &str,
@@ -167,8 +167,8 @@ impl PythonController {
         self.failed.replace(Some(fault));
     }
 
-    /// Reason why there is no answer as a fault. An instance that is still busy
-    /// is left alone from now on.
+    /// Returns the reason of a missing answer as a fault. An instance that is still busy
+    /// is abandoned.
     fn fault(&self, kind: FaultKind, why: Unanswered, occasion: &str) -> Fault {
         match why {
             Unanswered::Raised(error) => raised(kind, &error),
@@ -247,8 +247,8 @@ impl Controller for PythonController {
 }
 
 impl PythonController {
-    /// A copy that `fork` of an instance makes. The outer `None`: it makes none;
-    /// the inner one: it did not answer, which is a fault of both.
+    /// Returns a copy by `fork` of an instance. The outer `None` means that it makes none.
+    /// The inner `None` means that it did not answer, which is a fault of both.
     fn forked(&self, instance: Arc<Instance>) -> Option<Option<Instance>> {
         instance.fork.as_ref()?;
         let ask = move |py: Python<'_>| {

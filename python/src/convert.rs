@@ -1,4 +1,4 @@
-//! What serde writes as Python objects: the keys of `--json`, without the text.
+//! Serde values as Python objects, with the keys of `--json`.
 
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::error::raised;
 
-/// Dictionaries, lists and numbers, as `--json` would print them.
+/// Returns dictionaries, lists and numbers, as `--json` would print them.
 pub(crate) fn objects<'py>(py: Python<'py>, what: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let value =
         serde_json::to_value(what).map_err(|error| raised("FaultError", error.to_string()))?;

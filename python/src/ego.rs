@@ -1,4 +1,4 @@
-//! Anything callable as a system under test.
+//! Callables as systems under test.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,8 +14,8 @@ use crate::controller::{Maker, PythonController, Source};
 use crate::error::{failed, wrong};
 use crate::percept::number;
 
-/// The egos that `given` means: a name, a file, the words of a program, or
-/// Python objects.
+/// Returns the egos of `given`: a name, a file, the words of a program, or Python
+/// objects.
 pub(crate) fn egos(
     world: &Scenario,
     given: Option<&Bound<'_, PyAny>>,
@@ -42,14 +42,14 @@ pub(crate) fn egos(
     Ok(vec![own])
 }
 
-/// Whether Python code plays the ego.
+/// Returns true if Python code plays the ego.
 pub(crate) fn is_python(given: Option<&Bound<'_, PyAny>>) -> bool {
     given.is_some_and(|given| {
         !(given.is_none() || given.cast::<PyString>().is_ok() || given.cast::<PyList>().is_ok())
     })
 }
 
-/// What makes controllers of a class, of an object or of a function, and its name.
+/// Returns a maker of controllers from a class, an object or a function, and its name.
 pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerFactory)> {
     let is_class = given.cast::<PyType>().is_ok();
     let has_control = given.hasattr("control")?;
@@ -89,8 +89,8 @@ pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerF
     Ok((name, Arc::new(make)))
 }
 
-/// Longest wait for an answer: `timeout_s` of the ego, as a world file gives a
-/// program one.
+/// Longest wait for an answer: `timeout_s` of the ego, as in `Process(…)` of a world
+/// file.
 fn deadline(given: &Bound<'_, PyAny>) -> PyResult<Duration> {
     let mut program = Process::new(["python"]);
     if let Some(timeout_s) = given.getattr_opt("timeout_s")? {

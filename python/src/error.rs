@@ -7,7 +7,7 @@ use pyo3::types::PyType;
 /// Columns of the text of an exception.
 const WIDTH: usize = 100;
 
-/// One of the classes in `brakecheck/errors.py`, with a message.
+/// Exception of a class in `brakecheck/errors.py`, with a message.
 pub(crate) fn raised(class: &str, message: String) -> PyErr {
     Python::attach(|py| {
         let class = py
@@ -21,12 +21,12 @@ pub(crate) fn raised(class: &str, message: String) -> PyErr {
     })
 }
 
-/// The user's input is wrong: what, and the cure.
+/// Error of a wrong input, with the mistake and the fix.
 pub(crate) fn wrong(what: impl Into<String>, help: impl Into<String>) -> PyErr {
     failed(Failure::input(what, help))
 }
 
-/// A failure as the exception of its exit code.
+/// Returns a failure as the exception of its exit code.
 pub(crate) fn failed(failure: impl Into<Failure>) -> PyErr {
     let failure = failure.into();
     let class = match failure.exit {

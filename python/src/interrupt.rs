@@ -4,22 +4,22 @@ use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
 
-/// Ctrl-C or an exit inside an ego; it is no fault of the ego.
+/// Ctrl-C or an exit inside an ego, which is no fault of the ego.
 static INTERRUPTED: Mutex<Option<PyErr>> = Mutex::new(None);
 
-/// Keeps what was raised to end the program, not the episode.
+/// Keeps an exception that ends the program, not only the episode.
 pub(crate) fn note_interrupt(raised: PyErr) {
     let mut slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
     *slot = Some(raised);
 }
 
-/// Whether something was raised to end the program.
+/// Returns true if an exception ends the program.
 pub(crate) fn is_interrupt_noted() -> bool {
     let slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
     slot.is_some()
 }
 
-/// Raises what was raised to end the program, not the episode.
+/// Raises the exception that ends the program, not only the episode.
 pub(crate) fn check_interrupted() -> PyResult<()> {
     let mut slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
     slot.take().map_or(Ok(()), Err)

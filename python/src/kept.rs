@@ -1,4 +1,4 @@
-//! Kept counterexamples: played again, looked at, written for other tools.
+//! Kept counterexamples: replays, pictures, files for other tools.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::ego::{factory, is_python};
 use crate::error::{failed, raised, wrong};
 use crate::watch::{Running, interruptible};
 
-/// Which kept files are replayed, and against whom.
+/// Kept files to replay, and the ego.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct ReplayOptions {
@@ -79,7 +79,7 @@ pub(crate) fn replay_kept(
     Ok(replayed.map(raw).collect())
 }
 
-/// What came of replaying one; `brakecheck.Replayed` is built on it.
+/// Replay of a counterexample, for `brakecheck.Replayed`.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawReplayed {
     replayed: Arc<Replayed>,
@@ -89,7 +89,7 @@ pub(crate) struct RawReplayed {
 
 #[pymethods]
 impl RawReplayed {
-    /// What there is to say of it.
+    /// Returns its info.
     fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let Replayed {
             path,
@@ -119,7 +119,7 @@ impl RawReplayed {
         )
     }
 
-    /// Its samples, by signal.
+    /// Returns its samples, by signal.
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         columns(py, &self.replayed.episode.trace)
     }
@@ -154,7 +154,7 @@ impl RawReplayed {
         interruptible(py, write, |_| Ok(()))?.map_err(failed)
     }
 
-    /// The bytes of a picture of it: "svg" plays, "png" is a still.
+    /// Returns the bytes of its picture: "svg" plays, "png" is a still.
     fn picture<'py>(&self, py: Python<'py>, format: &str) -> PyResult<Bound<'py, PyBytes>> {
         let format = match format {
             "png" => PictureFormat::Png,
@@ -199,7 +199,7 @@ fn driver_of(name: &str) -> PyResult<ReferenceDriver> {
     })
 }
 
-/// Writes kept counterexamples as OpenSCENARIO and OpenDRIVE; the files.
+/// Writes kept counterexamples as OpenSCENARIO and OpenDRIVE, and returns the files.
 #[pyfunction]
 pub(crate) fn export_kept(
     py: Python<'_>,

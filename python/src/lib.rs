@@ -1,7 +1,7 @@
 //! brakecheck from Python: the extension module `brakecheck._brakecheck`.
 //!
-//! Thin on purpose: it converts arguments and results, and calls the library.
-//! What users see, with its documentation, is in `brakecheck/*.py`.
+//! It only converts arguments and results, and calls the library. The public
+//! functions, with their documentation, are in `brakecheck/*.py`.
 
 mod ado;
 mod bench;
@@ -23,7 +23,7 @@ mod vector_group;
 mod watch;
 mod world;
 
-/// What the Python package is built on.
+/// Extension of the Python package.
 #[pyo3::pymodule]
 mod _brakecheck {
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! What an ego written in Python perceives, and what it answers.
+//! Percepts and commands of an ego written in Python.
 
 use brakecheck::ego;
 use pyo3::prelude::*;
@@ -39,14 +39,14 @@ impl Own {
 
 /// Another road user, as the ego's sensors see it.
 ///
-/// Once along the road (`headway_m`, `lateral_m`, `speed_mps`) and once in the
-/// ego's frame (`x_m`, `y_m`, `vx_mps`, ...): origin in the middle of its front
-/// bumper, x along its heading, y to the left.
+/// You get its state along the road (`headway_m`, `lateral_m`, `speed_mps`) and in the
+/// ego's frame (`x_m`, `y_m`, `vx_mps`, ...): origin in the middle of the ego's front
+/// bumper, x along the ego's heading, y to the left.
 #[pyclass(frozen, get_all, module = "brakecheck")]
 pub(crate) struct Seen {
     /// Name in the world file.
     name: String,
-    /// Distance along the road, front bumper to front bumper; positive is ahead, m.
+    /// Distance along the road from front bumper to front bumper, positive ahead, m.
     headway_m: f64,
     /// Lateral offset relative to the ego, positive to the left, m.
     lateral_m: f64,
@@ -54,7 +54,7 @@ pub(crate) struct Seen {
     speed_mps: f64,
     /// Its speed across the road, positive to the left, m/s.
     lateral_mps: f64,
-    /// Lane of its front bumper; 0 is the rightmost.
+    /// Lane of its front bumper. 0 is the rightmost lane.
     lane: usize,
     /// Position of the middle of its front, ahead in the ego's frame, m.
     x_m: f64,
@@ -113,11 +113,11 @@ impl From<&ego::Seen> for Seen {
 pub(crate) struct SeenLight {
     /// Name in the world file.
     name: String,
-    /// Distance from the front bumper to its stop line; positive before it, m.
+    /// Distance from the front bumper to its stop line, positive before it, m.
     line_m: f64,
-    /// What it shows: "green", "yellow" or "red".
+    /// Its phase: "green", "yellow" or "red".
     phase: &'static str,
-    /// For how long it has shown it, s.
+    /// Time in this phase, s.
     phase_s: f64,
 }
 
@@ -146,7 +146,7 @@ impl From<&ego::SeenLight> for SeenLight {
     }
 }
 
-/// What the ego perceives at one sample.
+/// Perception of the ego at a sample.
 #[pyclass(frozen, module = "brakecheck")]
 pub(crate) struct Percept(ego::Percept);
 
@@ -158,7 +158,7 @@ impl From<&ego::Percept> for Percept {
 
 #[pymethods]
 impl Percept {
-    /// The percept of a `step` message of the ego protocol.
+    /// Returns the percept of a `step` message of the ego protocol.
     #[staticmethod]
     fn from_json(step: &str) -> PyResult<Percept> {
         serde_json::from_str(step).map(Percept).map_err(|why| {
@@ -197,7 +197,7 @@ impl Percept {
         }
     }
 
-    /// Everybody else, in the order of the world file.
+    /// All other road users, in the order of the world file.
     #[getter]
     fn others(&self) -> Vec<Seen> {
         self.0.others.iter().map(Seen::from).collect()
@@ -209,17 +209,17 @@ impl Percept {
         self.0.lights.iter().map(SeenLight::from).collect()
     }
 
-    /// The nearest road user ahead whose body overlaps the ego's path, or None.
+    /// Returns the nearest road user ahead whose body overlaps the ego's path, or None.
     fn leader(&self) -> Option<Seen> {
         self.0.leader().map(Seen::from)
     }
 
-    /// The nearest road user behind whose body overlaps the ego's path, or None.
+    /// Returns the nearest road user behind whose body overlaps the ego's path, or None.
     fn follower(&self) -> Option<Seen> {
         self.0.follower().map(Seen::from)
     }
 
-    /// The nearest light whose stop line is less than `past_m` behind, or None.
+    /// Returns the nearest light whose stop line is less than `past_m` behind, or None.
     #[pyo3(signature = (past_m=0.0))]
     fn light(&self, past_m: f64) -> Option<SeenLight> {
         self.0.light(past_m).map(SeenLight::from)
@@ -235,12 +235,12 @@ impl Percept {
     }
 }
 
-/// What the ego asks its vehicle to do until the next sample.
+/// Request of the ego to its vehicle until the next sample.
 #[pyclass(frozen, get_all, module = "brakecheck")]
 pub(crate) struct Command {
     /// Net acceleration along the heading, m/s².
     pub accel_mps2: f64,
-    /// Speed across the road, positive to the left, m/s; 0 keeps the lane.
+    /// Speed across the road, positive to the left, m/s. 0 keeps the lane.
     pub lateral_mps: f64,
 }
 
@@ -266,7 +266,7 @@ impl Command {
     }
 }
 
-/// The command that an answer of `control` stands for.
+/// Returns the command of an answer of `control`.
 #[pyfunction]
 pub(crate) fn command_of(answer: &Bound<'_, PyAny>) -> PyResult<Command> {
     let command = commanded(answer)?;
@@ -276,7 +276,7 @@ pub(crate) fn command_of(answer: &Bound<'_, PyAny>) -> PyResult<Command> {
     })
 }
 
-/// What an answer of Python commands.
+/// Returns the command of a Python object.
 pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
     if let Ok(accel_mps2) = number(answer) {
         return Ok(ego::Command::accelerate(accel_mps2));
@@ -303,9 +303,9 @@ pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
     ))
 }
 
-/// A number, of Python or as a scalar of numpy and its like.
+/// Returns a number of Python, or a scalar of numpy and similar packages.
 ///
-/// `float` takes more: truths, texts in numpy's scalars, arrays of one number.
+/// `float` accepts more: bools, texts in numpy's scalars, arrays of a single number.
 pub(crate) fn number(given: &Bound<'_, PyAny>) -> PyResult<f64> {
     if given.is_exact_instance_of::<PyFloat>() || given.is_exact_instance_of::<PyInt>() {
         return given.extract();

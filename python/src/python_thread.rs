@@ -1,14 +1,13 @@
 //! Threads in which egos and ados written in Python run.
 //!
-//! A thread of this extension never runs their code itself. It asks a Python
-//! thread of its own and waits without the interpreter's lock, so it can stop
-//! waiting: at the deadline of an ego, or after Ctrl-C. A thread that still
-//! does not answer is abandoned. An exception then ends its Python code, and a
-//! call that blocks outside of Python stays behind in a daemon thread.
+//! A thread of this extension never runs their code itself. It asks its own Python
+//! thread and waits without the interpreter's lock, until the deadline of an ego or
+//! Ctrl-C. Then it abandons a Python thread that does not answer. An exception ends
+//! the Python code in it. A call that blocks outside of Python stays behind in a
+//! daemon thread.
 //!
-//! Below the user's code such a thread has frames of Python only: the
-//! interpreter ends threads by unwinding them when the process exits, and
-//! unwinding frames of Rust would abort it.
+//! Below the user's code such a thread has frames of Python only. The interpreter
+//! unwinds threads when the process exits, and unwinding frames of Rust would abort it.
 
 use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,16 +21,16 @@ use pyo3::types::PyTuple;
 
 use crate::interrupt::{is_interrupt_noted, note_interrupt};
 
-/// How often a thread that waits checks for Ctrl-C.
+/// Interval at which a waiting thread checks for Ctrl-C.
 pub(crate) const LOOK: Duration = Duration::from_millis(100);
 
-/// The process is about to exit: no Python thread may wake up any more.
+/// Set before the process exits. No Python thread may wake up after that.
 static EXITING: AtomicBool = AtomicBool::new(false);
 
 thread_local! {
     /// The Python thread of this thread, while it is not asked.
     static THREAD: Cell<Option<PythonThread>> = const { Cell::new(None) };
-    /// Set where another thread listens for Ctrl-C on behalf of this one.
+    /// Set if another thread listens for Ctrl-C for this thread.
     static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
 }
 
@@ -50,13 +49,13 @@ type Hear = Box<dyn FnOnce(PyResult<Bound<'_, PyAny>>) + Send>;
 pub(crate) enum Unanswered {
     /// It raised an exception.
     Raised(PyErr),
-    /// It took too long; the stack says where it was.
+    /// It took too long. The stack has its place.
     Late { stack: String },
     /// Ctrl-C was pressed meanwhile.
     Stopped,
 }
 
-/// Runs `work`; calls of Python in it end once `stop` is set.
+/// Runs `work`. Calls of Python in it end after `stop` is set.
 pub(crate) fn stopped_by<T>(stop: &Arc<AtomicBool>, work: impl FnOnce() -> T) -> T {
     let before = STOP.replace(Some(stop.clone()));
     let done = work();
@@ -114,7 +113,7 @@ pub(crate) fn call<T: Send + 'static>(
     }
 }
 
-/// Whether Ctrl-C was pressed before, so that nothing more is asked.
+/// Returns true after Ctrl-C, so that no further call is made.
 fn is_stopped() -> bool {
     STOP.with_borrow(|stop| match stop {
         Some(stop) => stop.load(Ordering::Relaxed),
@@ -122,8 +121,8 @@ fn is_stopped() -> bool {
     })
 }
 
-/// Whether Ctrl-C was pressed. Python notices in its main thread only; for any
-/// other thread this says no.
+/// Returns true if Ctrl-C was pressed. Python notices it in its main thread only, and
+/// any other thread gets false.
 fn is_interrupted() -> bool {
     if is_stopped() || STOP.with_borrow(Option::is_some) {
         return is_stopped();
@@ -137,7 +136,7 @@ fn is_interrupted() -> bool {
     })
 }
 
-/// A Python thread that waits for questions; see `brakecheck/_threads.py`.
+/// Python thread that waits for calls (`brakecheck/_threads.py`).
 struct PythonThread {
     questions: Sender<Question>,
     /// Its `threading.Thread`.
@@ -158,7 +157,7 @@ impl PythonThread {
         })
     }
 
-    /// Ends its Python code as soon as the interpreter gets to it; where it is.
+    /// Ends its Python code as soon as the interpreter can, and returns its stack.
     fn abandon(&self) -> String {
         Python::attach(|py| {
             let threads = py.import("brakecheck._threads")?;
@@ -177,7 +176,7 @@ impl Drop for PythonThread {
     }
 }
 
-/// Keeps Python threads that wait asleep, because the process is about to exit.
+/// Keeps waiting Python threads asleep before the process exits.
 #[pyfunction]
 pub(crate) fn exit_threads() {
     EXITING.store(true, Ordering::Relaxed);
@@ -192,8 +191,9 @@ pub(crate) struct Mailbox {
 
 #[pymethods]
 impl Mailbox {
-    /// Hands in what the last call returned or raised and waits for the next
-    /// one: a callable and its arguments, or None if there is none any more.
+    /// Takes the result or exception of the last call, and waits for the next call.
+    ///
+    /// Returns a callable and its arguments, or None after the last call.
     fn exchange(
         &self,
         py: Python<'_>,

@@ -15,10 +15,10 @@ use crate::error::{raised, wrong};
 
 /// Numbers of a column.
 type Numbers<'py> = PyReadonlyArray1<'py, f64>;
-/// Texts of a column: the different ones, and the position of each row's among them.
+/// Texts of a column: the distinct texts, and for each row the position of its text.
 type Texts<'py> = (Vec<String>, PyReadonlyArray1<'py, i64>);
 
-/// A recording; `brakecheck.recordings.Recording` is built on it.
+/// Recording of `brakecheck.recordings.Recording`.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawRecording(Analysis);
 
@@ -106,12 +106,12 @@ impl RawRecording {
         Ok(RawRecording(analysis.map_err(|error| refused(&error))?))
     }
 
-    /// What `log --json` prints of a recording.
+    /// Returns the output of `log --json` for a recording.
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         objects(py, &self.0.summary())
     }
 
-    /// What `stl --log --json` prints of rules, for the text of a rule file or a formula.
+    /// Returns the output of `stl --log --json`, for the text of a rule file or a formula.
     fn rules<'py>(
         &self,
         py: Python<'py>,
@@ -147,7 +147,7 @@ impl RawRecording {
         objects(py, &results)
     }
 
-    /// Worlds as `new --from-log` writes them: names, texts and situations.
+    /// Returns worlds as `new --from-log` writes them: names, texts and situations.
     fn worlds<'py>(
         &self,
         py: Python<'py>,
@@ -178,7 +178,7 @@ impl RawRecording {
         objects(py, &worlds.collect::<PyResult<Vec<_>>>()?)
     }
 
-    /// The recording from above as SVG.
+    /// Returns the recording from above as SVG.
     fn picture(&self, py: Python<'_>) -> String {
         py.detach(|| svg_overview(&self.0))
     }
@@ -197,7 +197,7 @@ fn situation(plan: &SituationPlan) -> Value {
     })
 }
 
-/// Fits a model of natural driving; its file's text, and the model.
+/// Fits a model of natural driving, and returns its file's text and the model.
 #[pyfunction]
 pub(crate) fn fit_traffic<'py>(
     py: Python<'py>,

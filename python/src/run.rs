@@ -1,4 +1,4 @@
-//! Run directories, as Python reads them.
+//! Run directories for Python.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use crate::convert::objects;
 use crate::error::failed;
 use crate::world::RawWorld;
 
-/// A run directory; `brakecheck.Run` is built on it.
+/// Run directory of `brakecheck.Run`.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawRun(PathBuf);
 
@@ -24,28 +24,28 @@ impl RawRun {
         Ok(run)
     }
 
-    /// What it was: the fields of its manifest.
+    /// Returns the fields of its manifest.
     fn manifest<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         objects(py, self.open()?.manifest())
     }
 
-    /// The rows of its closing evaluation.
+    /// Returns the rows of its closing evaluation.
     fn rows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         objects(py, &self.open()?.report().map_err(failed)?)
     }
 
-    /// How training went, line by line.
+    /// Returns the reports of its learner, line by line.
     fn progress<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         objects(py, &self.open()?.progress().map_err(failed)?)
     }
 
-    /// The world it was trained in, on the plant it was trained on.
+    /// Returns the world of the training, on its plant.
     fn world(&self, allow_programs: bool) -> PyResult<RawWorld> {
         let world = self.scenario()?.allow_programs(allow_programs);
         Ok(RawWorld(world))
     }
 
-    /// The trained ado.
+    /// Returns the trained ado.
     fn policy(&self) -> PyResult<RawPolicy> {
         let policy = self.open()?.policy().map_err(failed)?;
         let observation = self.scenario()?.spaces().observation;

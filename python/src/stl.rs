@@ -16,10 +16,10 @@ use pyo3::prelude::*;
 use crate::convert::objects;
 use crate::error::{raised, wrong};
 
-/// A column: its name, whether it is Boolean, and its samples.
+/// Column with its name, its kind (true if Boolean) and its samples.
 type Column<'py> = (String, bool, PyReadonlyArray1<'py, f64>);
 
-/// A formula; `brakecheck.stl.Formula` is built on it.
+/// Formula of `brakecheck.stl.Formula`.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawFormula {
     text: String,
@@ -28,7 +28,7 @@ pub(crate) struct RawFormula {
     settings: Settings,
 }
 
-/// Draws a mistake as terminals show it.
+/// Draws a mistake as in a terminal.
 fn refused(text: &str, error: &StlError) -> PyErr {
     let place = error.formula().map_or(text, |_| "");
     let drawn = if place.is_empty() && !text.is_empty() {
@@ -92,21 +92,21 @@ impl RawFormula {
         self.formula.to_string()
     }
 
-    /// The robustness at the first sample.
+    /// Returns the robustness at the first sample.
     fn robustness(&self, py: Python<'_>, columns: Vec<Column<'_>>, dt_s: f64) -> PyResult<f64> {
         self.over(&columns, dt_s, |monitor, samples| {
             py.detach(|| monitor.robustness_of(samples, &mut Scratch::new()))
         })
     }
 
-    /// Whether the formula holds at the first sample, ties included.
+    /// Returns true if the formula holds at the first sample, ties included.
     fn satisfied(&self, py: Python<'_>, columns: Vec<Column<'_>>, dt_s: f64) -> PyResult<bool> {
         self.over(&columns, dt_s, |monitor, samples| {
             py.detach(|| monitor.satisfied_of(samples, &mut Scratch::new()))
         })
     }
 
-    /// The robustness at every sample.
+    /// Returns the robustness at every sample.
     fn robustness_all<'py>(
         &self,
         py: Python<'py>,
@@ -123,7 +123,7 @@ impl RawFormula {
         Ok(all.into_pyarray(py))
     }
 
-    /// Which leaf decides: the fields of an explanation, and its text.
+    /// Returns the deciding leaf: the fields of an explanation, and its text.
     fn explain<'py>(
         &self,
         py: Python<'py>,
@@ -136,7 +136,7 @@ impl RawFormula {
         Ok((objects(py, &found)?, found.robustness, found.to_string()))
     }
 
-    /// A monitor that is fed row by row.
+    /// Returns a monitor that takes rows in turn.
     fn monitor(
         &self,
         signals: Vec<(String, bool)>,
@@ -159,7 +159,7 @@ impl RawFormula {
         bound.map_err(|error| refused(&self.text, &error))
     }
 
-    /// Looks at the columns that the formula reads, where they lie.
+    /// Borrows the columns of the formula in place.
     fn over<T>(
         &self,
         columns: &[Column<'_>],
@@ -215,13 +215,13 @@ fn schema(signals: impl Iterator<Item = (String, bool)>, dt_s: f64) -> PyResult<
     })
 }
 
-/// A monitor that is fed row by row; `brakecheck.stl.Monitor` is built on it.
+/// Monitor of `brakecheck.stl.Monitor`, which takes rows in turn.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawMonitor(Mutex<OnlineMonitor>);
 
 #[pymethods]
 impl RawMonitor {
-    /// Takes the next sample; what is still possible.
+    /// Takes the next sample, and returns the interval of possible values.
     fn push(&self, row: Vec<f64>) -> PyResult<(f64, f64)> {
         let pushed = self.lock().push(&row);
         let Interval { lo, hi } = pushed.map_err(|error| {
@@ -257,7 +257,7 @@ impl RawMonitor {
         ends.into_pyarray(py).reshape([count, 2])
     }
 
-    /// Ends the run here; its robustness.
+    /// Ends the run, and returns its robustness.
     fn finish(&self) -> f64 {
         self.lock().finish()
     }

@@ -19,7 +19,7 @@ use crate::vector_group::{Group, RawEpisode};
 use crate::watch::interruptible;
 use crate::world::RawWorld;
 
-/// Environments that one thread takes at a time, at least: fewer are not worth
+/// Least number of environments that a thread takes at a time. Fewer are not worth
 /// the way to another thread.
 const SHARE: usize = 64;
 
@@ -30,7 +30,7 @@ struct Groups {
 }
 
 impl Groups {
-    /// Does `work` in each, in the threads there are.
+    /// Does `work` in each, in the existing threads.
     fn each(&mut self, stop: &Arc<AtomicBool>, work: &(impl Fn(usize, &mut Group) + Sync)) {
         let all = &mut self.all;
         match &self.pool {
@@ -51,19 +51,19 @@ impl Groups {
     }
 }
 
-/// Environments that are stepped together; `brakecheck.VectorEnv` is built on it.
+/// Environments of `brakecheck.VectorEnv`, which step together.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawVector {
     groups: Arc<Mutex<Groups>>,
     world: Arc<Scenario>,
     count: usize,
-    /// This thread does not hear of Ctrl-C by itself: other threads play, or a program.
+    /// Set if other threads or a program play, so that this thread does not notice Ctrl-C.
     waits: bool,
     actions: usize,
     observation: usize,
 }
 
-/// A buffer per quantity, one entry or row per environment.
+/// A buffer per quantity, with an entry or row per environment.
 type Buffers<'py> = (
     PyReadwriteArray2<'py, f32>,
     PyReadwriteArray1<'py, f64>,
@@ -73,7 +73,7 @@ type Buffers<'py> = (
 
 #[pymethods]
 impl RawVector {
-    /// `jobs` threads; 1: the one that calls.
+    /// Makes `jobs` threads. With 1 the calling thread steps.
     #[new]
     fn new(py: Python<'_>, world: &RawWorld, count: usize, jobs: usize) -> PyResult<RawVector> {
         let world = Arc::new(world.0.clone());
@@ -100,8 +100,8 @@ impl RawVector {
         })
     }
 
-    /// Begins an episode in each: of its own stream from the start, where seeds
-    /// are given, else the next one of its stream.
+    /// Begins an episode in each. With seeds every stream begins anew, and without
+    /// seeds it continues.
     fn reset(
         &self,
         py: Python<'_>,
@@ -128,8 +128,10 @@ impl RawVector {
         Ok(())
     }
 
-    /// Takes one joint action in each; those whose episode is over begin the
-    /// next one instead, and are paid nothing. Which ones ended.
+    /// Takes a joint action in each, and returns the environments whose episodes ended.
+    ///
+    /// An environment whose episode is over begins another episode instead, without a
+    /// reward.
     fn step(
         &self,
         py: Python<'_>,
@@ -172,7 +174,7 @@ impl RawVector {
         Ok(over)
     }
 
-    /// Verdict, success, robustness and number of decisions of ended episodes.
+    /// Returns verdict, success, robustness and number of decisions of ended episodes.
     fn ended(&self, over: Vec<usize>) -> PyResult<Vec<(&'static str, bool, f64, usize)>> {
         let mut groups = self.lock()?;
         let ended = over.into_iter().map(|at| {
@@ -182,8 +184,8 @@ impl RawVector {
         ended.collect()
     }
 
-    /// The episodes in some of them, to be read when somebody wants to: what to play
-    /// again, or what there is to say of it.
+    /// Returns the episodes in some of them: an episode to play again on demand, or its
+    /// info.
     fn episodes(&self, py: Python<'_>, over: Vec<usize>) -> PyResult<Vec<Py<PyAny>>> {
         let mut groups = self.lock()?;
         let episodes = over.into_iter().map(|at| {
@@ -199,7 +201,7 @@ impl RawVector {
         episodes.collect()
     }
 
-    /// What there is to say of the episode in one of them.
+    /// Returns the info of the episode in an environment.
     fn info<'py>(&self, py: Python<'py>, at: usize) -> PyResult<Bound<'py, PyDict>> {
         let mut groups = self.lock()?;
         let (group, at) = groups.at(at)?;
@@ -209,7 +211,7 @@ impl RawVector {
         }
     }
 
-    /// The samples of the episode in one of them, by signal.
+    /// Returns the samples of the episode in an environment, by signal.
     fn trace<'py>(&self, py: Python<'py>, at: usize) -> PyResult<Bound<'py, PyDict>> {
         let mut groups = self.lock()?;
         let (group, at) = groups.at(at)?;
@@ -222,7 +224,7 @@ impl RawVector {
         }
     }
 
-    /// The current sample of one of them from above, `[height, width, 3]`.
+    /// Draws the current sample of an environment from above, `[height, width, 3]`.
     fn render<'py>(&self, py: Python<'py>, at: usize) -> PyResult<Bound<'py, PyArray3<u8>>> {
         let mut groups = self.lock()?;
         let (group, at) = groups.at(at)?;

@@ -1,4 +1,4 @@
-//! Environments of a vector that one thread steps at a time.
+//! Environments of a vector that a thread steps at a time.
 
 use std::sync::Arc;
 
@@ -12,13 +12,13 @@ use pyo3::types::PyDict;
 
 use crate::bench::Playing;
 
-/// Some environments: in a structure of arrays, or on a test bench each.
+/// Environments in a structure of arrays, or on a test bench each.
 pub(crate) enum Group {
     Lanes(Box<Lanes>),
     Benches(Slots),
 }
 
-/// Reward of a step, whether it ended an episode, and whether by a fault.
+/// Reward of a step, and two flags: the end of an episode, and its end by a fault.
 type StepResult = (f64, bool, bool);
 
 /// Stream of starts of an environment.
@@ -83,7 +83,7 @@ impl Group {
         }
     }
 
-    /// Takes a joint action in each, or begins the next episode where one is over.
+    /// Takes a joint action in each, or begins the next episode after an end.
     pub(crate) fn step(&mut self, actions: &[i64], purpose: Purpose) {
         match self {
             Group::Lanes(lanes) => lanes.step(actions, purpose),
@@ -91,7 +91,7 @@ impl Group {
         }
     }
 
-    /// The latest observations, row by row.
+    /// Returns the latest observations, row by row.
     pub(crate) fn observations(&self) -> &[f32] {
         match self {
             Group::Lanes(lanes) => &lanes.observations,
@@ -106,7 +106,7 @@ impl Group {
         }
     }
 
-    /// Verdict, success, robustness and number of decisions of an ended episode.
+    /// Returns verdict, success, robustness and number of decisions of an ended episode.
     pub(crate) fn ended(&mut self, at: usize) -> (&'static str, bool, f64, usize) {
         match self {
             Group::Lanes(lanes) => lanes.ended(at),
@@ -243,7 +243,7 @@ impl Slots {
     }
 }
 
-/// An episode of a structure of arrays, which is played again to say more of it.
+/// Episode of a structure of arrays. Playing it again gives its info.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawEpisode {
     world: Arc<Scenario>,
@@ -265,7 +265,7 @@ impl RawEpisode {
 }
 
 impl RawEpisode {
-    /// Plays it again, as far as it went.
+    /// Plays it again, up to its end.
     pub(crate) fn played(&self) -> Playing {
         let mut playing = Playing::new(&self.world);
         if let Some(key) = self.key {
@@ -280,7 +280,7 @@ impl RawEpisode {
 
 #[pymethods]
 impl RawEpisode {
-    /// What there is to say of it.
+    /// Returns its info.
     pub(crate) fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.played().info(py)
     }

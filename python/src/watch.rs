@@ -1,4 +1,4 @@
-//! Campaigns that Python waits for: progress, Ctrl-C, faults.
+//! Campaigns with progress, Ctrl-C and faults, for Python.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -16,22 +16,22 @@ use crate::error::{failed, raised};
 use crate::interrupt::check_interrupted;
 use crate::python_thread::{LOOK, stopped_by};
 
-/// How long work that was told to stop may take to end, before it is left behind.
+/// Time in which stopped work must end, before it is left behind.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// How to run a campaign.
+/// Settings of a campaign.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Running {
-    /// Threads; 0: one per core.
+    /// Number of threads, where 0 is a thread per core.
     jobs: usize,
-    /// Called with (what is done now, done, total, new remarks), or None.
+    /// Function of (phase, done, total, new remarks), or None.
     progress: Option<Py<PyAny>>,
     /// Share of invalid episodes to tolerate in each row.
     pub(crate) allow_invalid: f64,
 }
 
-/// What the thread that works tells the one that waits.
+/// State that the working thread shares with the waiting thread.
 #[derive(Default)]
 struct Reported {
     done: AtomicU64,
@@ -49,7 +49,7 @@ impl Reported {
         }
     }
 
-    /// Shows `progress` what is new.
+    /// Passes news to `progress`.
     fn show(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()> {
         let Some(progress) = progress else {
             return Ok(());
@@ -66,9 +66,9 @@ impl Reported {
 
 impl Running {
     /// Does `work` in other threads, without the lock of the interpreter, while
-    /// this one listens for Ctrl-C and shows progress.
+    /// this thread listens for Ctrl-C and shows progress.
     ///
-    /// `None` of `work` means that it was stopped before there was anything.
+    /// `None` of `work` means that it was stopped before its first result.
     pub(crate) fn watched<T: Send + 'static>(
         &self,
         py: Python<'_>,
@@ -107,10 +107,10 @@ impl Running {
     }
 }
 
-/// Does `work` in a thread of its own while this one listens for Ctrl-C and
-/// calls `show` now and then.
+/// Does `work` in a separate thread while this thread listens for Ctrl-C and
+/// calls `show` at intervals.
 ///
-/// After Ctrl-C work is told to stop, and left behind if it does not.
+/// After Ctrl-C it stops the work, and abandons it if it does not end.
 pub(crate) fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Arc<AtomicBool>) -> T + Send + 'static,
@@ -149,7 +149,7 @@ pub(crate) fn interruptible<T: Send + 'static>(
     }
 }
 
-/// Nothing was computed, though nobody pressed Ctrl-C.
+/// Returns the result, or `KeyboardInterrupt` if the work stopped before its first result.
 pub(crate) fn something<T>(found: Option<T>) -> PyResult<T> {
     found.ok_or_else(|| PyKeyboardInterrupt::new_err("stopped before anything was finished"))
 }

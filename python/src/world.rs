@@ -1,4 +1,4 @@
-//! Worlds: what is in them, and the egos they may have.
+//! Worlds: their content and their egos.
 
 use std::path::PathBuf;
 
@@ -15,12 +15,12 @@ use crate::convert::objects;
 use crate::ego::egos;
 use crate::error::{failed, raised, wrong};
 
-/// A checked world; `brakecheck.World` is built on it.
+/// Checked world of `brakecheck.World`.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 #[derive(Clone)]
 pub(crate) struct RawWorld(pub(crate) Scenario);
 
-/// Whether bodies are 3D and rigid or 2D in closed form.
+/// Returns the plant of a name: 3D and rigid, or 2D in closed form.
 pub(crate) fn plant_of(word: &str) -> PyResult<PlantKind> {
     word.parse().map_err(|_| {
         wrong(
@@ -45,7 +45,7 @@ impl RawWorld {
         Ok(RawWorld(Scenario::parse(name, text).map_err(failed)?))
     }
 
-    /// The text of a world that is given as JSON in the form of the schema.
+    /// Returns the text of a world from JSON in the form of the schema.
     #[staticmethod]
     fn text_of(value: &str) -> PyResult<String> {
         let world: WorldFile = serde_json::from_str(value).map_err(|error| {
@@ -58,19 +58,19 @@ impl RawWorld {
         text.map_err(|error| raised("FaultError", error.to_string()))
     }
 
-    /// The world as JSON in the form of the schema, in the order of the file.
+    /// Returns the world as JSON in the form of the schema, in the order of the file.
     fn value(&self) -> PyResult<String> {
         let world = world_file::parse(self.0.name(), self.0.text()).map_err(failed)?;
         serde_json::to_string(&world).map_err(|error| raised("FaultError", error.to_string()))
     }
 
-    /// Names of the shipped worlds.
+    /// Returns the names of the shipped worlds.
     #[staticmethod]
     fn shipped() -> Vec<&'static str> {
         Scenario::shipped_names().collect()
     }
 
-    /// The same world on another plant, or with one other ego.
+    /// Returns the same world on another plant, or with another ego.
     fn with_parts(
         &self,
         plant: Option<&str>,
@@ -86,7 +86,7 @@ impl RawWorld {
         }
     }
 
-    /// The same world in a traffic model, with a limit on how rare its ados drive.
+    /// Returns the same world in a traffic model, with a limit on the rarity of its ados.
     fn in_traffic(&self, traffic: Option<&str>, natural: Option<f64>) -> PyResult<RawWorld> {
         if natural.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
             return Err(wrong(
@@ -101,13 +101,13 @@ impl RawWorld {
         }))
     }
 
-    /// The text of the file.
+    /// Returns the text of the file.
     #[getter]
     fn text(&self) -> &str {
         self.0.text()
     }
 
-    /// Everything that can be said of it, as `check --json` would.
+    /// Returns its description, as `check --json` would.
     fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let world = &self.0;
         let clock = world.world().clock();
@@ -160,8 +160,8 @@ impl RawWorld {
     }
 }
 
-/// Every ado with its own actions, in the order in which a joint action counts
-/// them: the first ado's counts fastest.
+/// Returns every ado with its own actions, in the order of a joint action. The first
+/// ado counts fastest.
 fn ados(world: &Scenario) -> Vec<serde_json::Value> {
     match world.world() {
         World::Drive(drive) => {

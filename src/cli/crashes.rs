@@ -4,7 +4,7 @@
 //!
 //! The files must equal those of an undisturbed run. The test makes a few steps of each
 //! verb fail, chosen by a seeded draw. `BRAKECHECK_CRASHES=all cargo test --release
-//! crashes` makes every step fail (docs/background/testing.md).
+//! crashes` makes every step fail (CONTRIBUTING.md).
 
 use std::collections::BTreeMap;
 use std::fs;

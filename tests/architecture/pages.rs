@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 
 use super::files::{below, read, root};
 
-/// Returns true in a published package, which lacks `lab`, `python` and `crates`.
+/// Returns true in a published package, which lacks `python` and `crates`.
 pub fn is_published() -> bool {
     root().join("Cargo.toml.orig").exists()
 }
 
 pub fn pages() -> Vec<PathBuf> {
     let mut pages = below(&root().join("docs"), "md");
-    pages.extend(below(&root().join("lab"), "md"));
     pages.extend(below(&root().join("crates/stl/docs"), "md"));
     let beside = [
         "README.md",
@@ -84,7 +83,7 @@ fn every_link_leads_somewhere() {
     assert!(seen > 100, "{seen} links");
 }
 
-/// Pages under `docs/` or `lab/` that a text names without a link.
+/// Pages under a directory that a text names without a link.
 fn named<'a>(text: &'a str, directory: &'a str) -> impl Iterator<Item = String> + 'a {
     fn is_name(c: char) -> bool {
         c.is_ascii_alphanumeric() || "/._-".contains(c)
@@ -116,7 +115,7 @@ fn every_page_that_is_named_exists() {
     let mut wrong = Vec::new();
     for file in files {
         let text = read(&file);
-        for page in named(&text, "docs/").chain(named(&text, "lab/")) {
+        for page in named(&text, "docs/") {
             seen += 1;
             // A package of its own names its own pages.
             let own = file.parent().is_some_and(|own| own.join(&page).exists());
@@ -131,11 +130,11 @@ fn every_page_that_is_named_exists() {
 
 #[test]
 fn a_page_that_is_named_without_a_link_is_seen() {
-    let text = "as in docs/guide/worlds.md. (lab/bend.md); ../docs/glossary.md, `docs/`, docs/*.md";
+    let text = "as in docs/guide/worlds.md. (worlds/bend.md); ../docs/glossary.md, `docs/`, docs/*.md";
     let docs: Vec<String> = named(text, "docs/").collect();
     assert_eq!(docs, ["docs/guide/worlds.md"]);
-    let lab: Vec<String> = named(text, "lab/").collect();
-    assert_eq!(lab, ["lab/bend.md"]);
+    let worlds: Vec<String> = named(text, "worlds/").collect();
+    assert_eq!(worlds, ["worlds/bend.md"]);
 }
 
 /// Pages of a directory that a list in it does not link to.
@@ -156,11 +155,7 @@ fn the_indexes_and_the_site_have_every_page() {
     if is_published() {
         return;
     }
-    for (directory, list) in [
-        ("docs", "README.md"),
-        ("docs", "SUMMARY.md"),
-        ("lab", "README.md"),
-    ] {
+    for (directory, list) in [("docs", "README.md"), ("docs", "SUMMARY.md")] {
         let missing = unlisted(&root().join(directory), list);
         assert!(missing.is_empty(), "{directory}/{list} lacks {missing:?}");
     }

@@ -18,13 +18,12 @@ const MAPS: [&str; 2] = ["docs/background/paper.md", "ARCHITECTURE.md"];
 const FOREIGN: [&str; 3] = ["PR_SET_PDEATHSIG", "dist", "python"];
 
 /// Directories of the repository whose files pages name.
-const DIRECTORIES: [&str; 10] = [
+const DIRECTORIES: [&str; 9] = [
     "assets/",
     "benches/",
     "crates/",
     "docs/",
     "examples/",
-    "lab/",
     "python/",
     "src/",
     "tests/",
@@ -469,7 +468,6 @@ fn a_file_a_verb_and_a_flag_of_nothing_are_seen() {
         ("`worlds/acc.ron`", "`worlds/acc_paved.ron`"),
         ("`docs/guide`", "`docs/guides`"),
         ("`src/{lib,main}.rs`", "`src/{lib,mean}.rs`"),
-        ("`lab/training.md`", "`lab/trainings`"),
         ("`tests/grid/theorems.rs`", "`tests/grid/lemmas.rs`"),
         (
             "`brakecheck check worlds/acc.ron`",

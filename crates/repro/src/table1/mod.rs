@@ -98,7 +98,7 @@ pub enum Table1Error {
 pub struct GridStudy {
     /// Name of the world.
     pub world: String,
-    /// Reading A or B of docs/background/grid.md.
+    /// Reading A or B of docs/background/paper.md.
     pub reading: char,
     /// Names of the learners, in the order of all lists here.
     pub learners: Vec<String>,

@@ -45,7 +45,7 @@ fn table_1_in_small_has_every_row_and_the_exact_numbers() {
     assert_eq!((study.reading, &study.seeds[..]), ('B', &[1, 2][..]));
     assert_eq!(study.decisions, [2_000, 4_000, 2_000]);
 
-    // Exact shares of docs/background/grid.md: random actions and the chaser.
+    // Exact shares of docs/background/paper.md: random actions and the chaser.
     let known = [
         ("RQ1", "n = 4, k = 2", 240, 77.4, 20.0),
         ("RQ2", "n = 2, k = 2", 12, 4.9, 12.0),

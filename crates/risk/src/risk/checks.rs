@@ -21,16 +21,21 @@ const LEAST_HITS: usize = 25;
 /// Shape of the tail from which its variance is not known to exist.
 const MOST_K: f64 = 0.7;
 /// Share of the risk that may be in weights above all seen, where the tail is heavy.
+// A shape above 0.7 alone refused 4 of 12 sound estimates in a world of 243 sequences,
+// whose largest weights had 0.4 to 2.8 % of the risk.
 const UNSEEN: f64 = 0.1;
 /// Most counterexamples of a kind that may be uncovered.
 const UNCOVERED: f64 = 0.05;
 /// Probability of a false refusal because of natural failures.
 const FALSE_ALARM: f64 = 0.01;
 /// Share of the risk that may be beyond the weights of earlier rounds.
+// A comparison with the largest earlier weight, without this share, refused sound estimates.
 const BEYOND: f64 = 0.05;
 /// Fewest counterexamples of a kind that are judged.
 const LEAST_PROBES: usize = 5;
 /// Share of the risk below which a kind needs no proposal that plays it often.
+// Chosen on seeds 600 to 602. On seeds 700 to 739 it refused all 10 intervals of blind
+// proposals that were too low. Covered if played ten times as often as naturally: 6 of 10.
 const IMMATERIAL: f64 = 0.01;
 
 /// Counterexample by which proposals are checked.

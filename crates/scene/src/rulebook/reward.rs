@@ -49,6 +49,8 @@ fn default_jump() -> f64 {
 ///
 /// With a span of 1, ados that must cut in along a rule's bound learned to keep
 /// away from it.
+// Recall on `merge`, three seeds: 0.94 to 0.97 with a span of 1, 0.99 to 1.00 with 0.1.
+// On `pedestrian` 0.71 (a seed) with 1, 1.00 and 0.88 with 0.1. Other jumps did not help.
 fn default_foul_span() -> f64 {
     0.1
 }

@@ -181,7 +181,7 @@ fn every_row_of_the_documentation() {
     let signals = ["d", "v"].map(|name| Signal::real(name, "", "a number"));
     let mut trace = Trace::new(Schema::new(1.0, signals).unwrap().into());
     trace.push(&[0.0, 0.0]).unwrap();
-    let rows: Vec<&str> = include_str!("../../docs/stl-monitor.md")
+    let rows: Vec<&str> = include_str!("../../docs/stl.md")
         .lines()
         .skip_while(|row| !row.starts_with("| at d = v = 0"))
         .skip(2)

@@ -17,6 +17,8 @@ use crate::stats::{CrossEntropySearch, SMALL_WEIGHTS, add_equation, logistic};
 /// Smallest explained share of the braked samples.
 ///
 /// Wrongly braked samples are subtracted.
+// Brakes of `CcDriver`, `FsmDriver` and `RssDriver` are late or limited in jerk, and explain
+// less than four fifths. With brakes, 20 of 20 starts of a safety filter are solved, before 9.
 const LEAST_SHARE: f64 = 0.8;
 /// Share that each distance in the sum must explain.
 const PER_TERM: f64 = 0.01;

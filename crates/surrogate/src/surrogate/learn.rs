@@ -35,6 +35,8 @@ pub const LEAST_RUNS: u64 = 10;
 /// Number of runs from which three rounds are recorded instead of two.
 const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round except the last round.
+// 16,000 updates per round and 60,000 at the end solved 34 of 80 starts of a safety filter,
+// 60,000 and 200,000 solved 39.
 const UPDATES: u64 = 40_000;
 /// Updates after the last round.
 const LAST_UPDATES: u64 = 120_000;

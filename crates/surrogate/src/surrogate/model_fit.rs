@@ -17,6 +17,7 @@ use crate::stats::{CrossEntropySearch, descend};
 /// Number of samples for the search and for the final fit.
 const SAMPLES: [usize; 2] = [600, 3000];
 /// Number of kinds that are fitted again after later rounds.
+// Fits begin anew: 13 egos had a mean recall of 0.89, and 0.80 if fits began at earlier ones.
 const REFITTED: usize = 6;
 /// Searches per kind.
 const RESTARTS: u64 = 2;

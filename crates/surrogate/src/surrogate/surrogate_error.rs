@@ -13,6 +13,7 @@ use crate::world::DriveScenario;
 /// Error below which a surrogate predicts well, m.
 ///
 /// It applies even if an ego that keeps its acceleration is predicted as well.
+// Plans that must hit gaps of some centimetres miss them where a surrogate is off by 0.1 m.
 const CLOSE_M: f64 = 0.1;
 /// Prediction horizon of the error, s.
 const AHEAD_S: f64 = 2.0;

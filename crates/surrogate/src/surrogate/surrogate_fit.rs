@@ -12,6 +12,8 @@ use crate::rl::adam::Adam;
 use crate::rl::nn::{Mlp, Tape};
 
 /// Number of networks in the ensemble.
+// Behind the gate of the output, two networks solved 36 of 60 starts of a safety filter, and
+// four solved 26. Without the gate, two solved 34 of 80 and five 43.
 pub(super) const MEMBERS: usize = 2;
 const HIDDEN: usize = 32;
 const BATCH: usize = 32;

@@ -73,8 +73,10 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
 /// Returns the goals of a world that states none, with so many `others` with a body.
 ///
 /// A failure is a contact where the specification reads a gap or a contact. A severe one
-/// is then worth more, which costs the default learner no recall (lab/training.md).
-/// Worlds that name another learner train as before, to the bit.
+/// is then worth more. Worlds that name another learner train as before, to the bit.
+// With `Dqfd` recall stayed at 0.97 to 1.00 on four worlds, and contacts were 1.6 to 1.8
+// times as fast on `cut_in` and `acc_iso`. With `Dqn` 9 of 523 successes of `merge_fair`
+// were lost, and one of three trainings on `cut_in` collapsed.
 pub(super) fn default_goals(
     others: usize,
     learner: &LearnerConfig,

@@ -11,6 +11,8 @@ use crate::ron_file::Ordered;
 use crate::sim::PlantKind;
 
 /// Default probability with which a quantity of a member is nominal.
+// Mean recall of a wide ado on 14 egos of `acc`: 0.78, 0.83, 0.87 and 0.86 with 0.2, 0.4, 0.6
+// and 0.75.
 const NOMINAL: f64 = 0.6;
 
 /// Family of egos of a world file.
@@ -87,6 +89,9 @@ fn nominal() -> f64 {
 ///
 /// It trains longer than the default of a single ego, explores for a smaller
 /// share of the training, and takes smaller steps.
+// Random actions succeed in one of a hundred episodes of `merge`. With exploration in a quarter
+// of a training, 0.00, 0.20 and 0.41 of the last episodes succeeded, with 0.05 mostly 0.42 to
+// 0.47. Steps of 1e-3 made one of three long trainings collapse.
 fn patient() -> LearnerSettings {
     LearnerSettings::Dqn(DqnSettings {
         decisions: 3_000_000,

@@ -102,6 +102,10 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 
 impl Default for DqnSettings {
     fn default() -> Self {
+        // Measured on driving worlds: a learning start of 64 gains a percent of recall at 50k
+        // decisions and loses half a percent at 300k. Without `hold`, success on merging is
+        // 2.5 % lower. Without `restart`, seeds differ more on merging. A hard target, and a
+        // `polyak` of 0.01 or 0.02, make no difference.
         DqnSettings {
             decisions: 300_000,
             hidden: vec![64, 64],

@@ -8,6 +8,9 @@ use crate::rl::nn::{UsedUnits, argmax};
 const AGAIN: f64 = 0.3;
 
 /// Steps of Adam between two searches for units that are never on.
+// Where nearly every episode returns -1, 83 to 96 of 96 units of the last layer were off for
+// good, and the ado of a world with three ados solved 0 and 36 % of the starts. With new
+// weights it solved 81 and 40 %.
 const RENEWAL: u64 = 1000;
 /// Batches in which such a unit is never on.
 const RENEWAL_BATCHES: usize = 16;

@@ -2,7 +2,7 @@
 //!
 //! An ego flees over an n×n map and an ado pursues it. Both move at once.
 //! Details that the paper leaves open are fields of the world file: readings A
-//! and B of docs/background/grid.md differ in the ego's behaviour at a wall ([`AtWall`]).
+//! and B of docs/background/paper.md differ in the ego's behaviour at a wall ([`AtWall`]).
 //!
 //! The map is small enough for an exact solution: `grid_solver`
 //! computes the best ado.

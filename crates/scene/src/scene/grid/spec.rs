@@ -153,7 +153,7 @@ pub fn position_of(start: &Start, arena: &Arena) -> Position {
 
 /// Names of the wall rules, after the readings of the paper's text.
 impl AtWall {
-    /// Returns the letter of the reading in docs/background/grid.md.
+    /// Returns the letter of the reading in docs/background/paper.md.
     pub fn reading(self) -> char {
         match self {
             AtWall::Stays => 'A',

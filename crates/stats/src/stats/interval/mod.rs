@@ -12,7 +12,7 @@
 //! this model is about as wide as Student's t with one degree of freedom less
 //! than trainings. At the edges it respects that rates end at 0 and 1.
 //!
-//! docs/background/intervals.md derives the method, and lab/coverage.md measures its
+//! docs/background/intervals.md derives the method, and `examples/coverage` measures its
 //! coverage.
 
 mod mcnemar;

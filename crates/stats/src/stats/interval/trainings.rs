@@ -13,6 +13,9 @@
 use super::{expit, logit};
 
 /// Exponent of φ in its prior, plus one.
+// Both exponents were chosen by simulated coverage and width, on other random numbers than
+// those of `examples/coverage`. A two-level bootstrap covers 75 to 89 % instead of 95 % where
+// trainings differ by 5 to 10 points.
 const SMALL: f64 = 0.45;
 /// Exponent of 1 − φ in its prior.
 const LARGE: f64 = 2.0;
