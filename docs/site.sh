@@ -25,6 +25,14 @@ cp docs/book.toml "$site/book.toml"
 # The list of pages is in docs/, as its links are; mdBook reads it one directory up.
 sed -e 's#](#](docs/#' -e 's#](docs/\.\./#](#' docs/SUMMARY.md > "$site/src/SUMMARY.md"
 rm "$site/src/docs/SUMMARY.md"
+# The program prints the tables of its reference.
+tables=docs/reference/tables
+mkdir "$site/src/$tables"
+printf '\n# Tables that the program prints\n\n' >> "$site/src/SUMMARY.md"
+for topic in $(cargo run --quiet --release -- reference | sed -n 's/^| `\(.*\)` |.*/\1/p'); do
+  cargo run --quiet --release -- reference "$topic" > "$site/src/$tables/$topic.md"
+  printf -- '- [%s](%s)\n' "$topic" "$tables/$topic.md" >> "$site/src/SUMMARY.md"
+done
 # The other README files are no chapters, but pages link to them.
 printf '\n# Outside the book\n\n- [egos of other projects](examples/egos/README.md)\n- [the wheel](python/README.md)\n' \
   >> "$site/src/SUMMARY.md"

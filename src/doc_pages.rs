@@ -5,14 +5,6 @@
 #[doc = include_str!("../docs/guide/library.md")]
 pub mod library {}
 
-/// Verbs with their inputs, their results and the exit codes.
-#[doc = include_str!("../docs/reference/verbs.md")]
-pub mod verbs {}
-
-/// Keys that `--json` prints, with their units.
-#[doc = include_str!("../docs/reference/json.md")]
-pub mod json {}
-
 /// Jobs for GitHub Actions, GitLab CI and pre-commit.
 #[doc = include_str!("../docs/guide/ci.md")]
 pub mod ci {}
@@ -49,10 +41,6 @@ pub mod protocols {}
 #[doc = include_str!("../docs/reference/egos.md")]
 pub mod egos {}
 
-/// Signals for formulas, and how to derive more.
-#[doc = include_str!("../docs/reference/signals.md")]
-pub mod signals {}
-
 /// Connecting an ego in any language.
 #[doc = include_str!("../docs/reference/ego-protocol.md")]
 pub mod ego_protocol {}
@@ -68,13 +56,6 @@ pub mod training {}
 /// Rewards for severe or distinct failures.
 #[doc = include_str!("../docs/guide/goals.md")]
 pub mod goals {}
-
-/// Several ados: a policy for each, placed ados, drawn actions, earlier experience.
-#[doc = include_str!("../docs/guide/several-ados.md")]
-pub mod several_ados {}
-/// Populations of ados for distinct failures, and estimates of unseen ones.
-#[doc = include_str!("../docs/guide/diversity.md")]
-pub mod diversity {}
 
 /// Rules, formula parts and starts that episodes never covered.
 #[doc = include_str!("../docs/guide/coverage.md")]
@@ -147,10 +128,6 @@ pub mod drive {}
 /// Pictures and recordings of a crash.
 #[doc = include_str!("../docs/guide/pictures.md")]
 pub mod pictures {}
-
-/// The paper's theorems as checks.
-#[doc = include_str!("../docs/background/theorems.md")]
-pub mod theorems {}
 
 /// Quantities that the intervals cover.
 #[doc = include_str!("../docs/background/intervals.md")]

@@ -49,8 +49,7 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
         "search", "eval", "train", "risk", "campaign",
         "gate", "sweep", "harden",
         "replay", "coverage", "view", "export", "report",
-        "stl", "log",
-        "serve", "lsp", "completions", "man",
+        "stl", "log", "serve", "lsp", "reference", "completions", "man",
     ]
 
 

@@ -8,7 +8,7 @@ use super::headings::OUTPUT;
 /// Options of printed answers.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub(super) struct AnswerArgs {
-    /// Also print what is behind the verdict: more tables, remarks and labels.
+    /// Also print the reasons of the verdict: more tables, remarks and labels.
     #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
     pub(super) details: bool,
     /// Also print the meaning of the columns.

@@ -85,8 +85,7 @@ struct RunArgs {
 struct MergeArgs {
     /// The directory of the plan.
     dir: PathBuf,
-    /// A copy of the plan directory with pieces of another machine; repeat for
-    /// several.
+    /// A copy of the plan directory with pieces of another machine (repeatable).
     #[arg(long, value_name = "DIR")]
     with: Vec<PathBuf>,
     #[command(flatten)]

@@ -26,7 +26,7 @@ pub struct OutputArgs {
     /// Print times, the files read and the origin of defaults, too.
     #[arg(short, long, global = true, help_heading = OUTPUT)]
     verbose: bool,
-    /// Colours; auto: on terminals, unless NO_COLOR is set.
+    /// Colours: auto is on in terminals, unless NO_COLOR is set.
     #[arg(
         long,
         global = true,

@@ -70,7 +70,7 @@ pub(super) struct DriveArgs {
     /// Start the programs that the world's file names as egos.
     #[arg(long, help_heading = RUNNING)]
     allow_programs: bool,
-    /// Program to choose as an ego, after `--`; typing it consents to start it.
+    /// Program to choose as an ego, after `--`, which consents to start it.
     #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
     program: Vec<String>,
 }

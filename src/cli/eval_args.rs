@@ -13,7 +13,7 @@ use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
-    /// Run directory of a trained ado; or a world, to play its points, or baselines and search.
+    /// Run directory of a trained ado, or a world to play its points, or baselines and search.
     #[arg(value_name = "RUN|WORLD.ron")]
     pub(super) run: PathBuf,
     #[command(flatten)]

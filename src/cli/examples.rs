@@ -1,19 +1,38 @@
 //! End of `--help`: an example per verb, exit codes and documents.
 
+use super::failure::Exit;
+
 /// Behind the list of verbs.
 pub(super) const SHORT: &str = "\
 Begin with `brakecheck new mine`. `brakecheck VERB --help` explains a verb";
 
-/// Behind the list of all options.
-pub(super) const ALL: &str = "\
-Exit codes:
-  0    done
-  1    a counterexample (--fail-on-counterexample), a kept one that still fails, or a closed gate
-  2    invalid input: the message shows the place and a fix
-  3    the ego, the disk or the program failed, or a result was refused
-  4    a replay differs from what was recorded
-  130  interrupted; finished work is kept
+/// Exit codes with their meanings.
+pub(super) const EXIT_CODES: [(Exit, &str); 6] = [
+    (Exit::Done, "done"),
+    (
+        Exit::Counterexample,
+        "a counterexample (--fail-on-counterexample), a kept one that still fails, or a closed gate",
+    ),
+    (
+        Exit::Input,
+        "invalid input: the message shows the place and a fix",
+    ),
+    (
+        Exit::Fault,
+        "the ego, the disk or the program failed, or a result was refused",
+    ),
+    (Exit::NotIdentical, "a replay differs from its record"),
+    (Exit::Interrupted, "interrupted, with finished work kept"),
+];
 
+/// Returns the text behind the list of all options.
+pub(super) fn all() -> String {
+    let line = |(exit, about): &(Exit, &str)| format!("  {:<4} {about}\n", *exit as u8);
+    let codes: String = EXIT_CODES.iter().map(line).collect();
+    format!("Exit codes:\n{codes}\n{ALL}")
+}
+
+const ALL: &str = "\
 First steps:
   brakecheck new mine
   brakecheck check mine.ron
@@ -27,8 +46,9 @@ Libraries in this program, with their licences: `brakecheck notices`.";
 
 pub(super) const NEW: &str = "Examples:\n  brakecheck new mine\n  brakecheck new follow --from-log tracks.csv --kind following -o worlds\n\nDocuments: docs/guide/worlds.md, docs/guide/recordings.md";
 pub(super) const WORLDS: &str = "Examples:\n  brakecheck worlds acc\n  brakecheck worlds junction -o mine.ron\n\nDocuments: docs/guide/worlds.md";
-pub(super) const COMPLETIONS: &str = "Examples:\n  brakecheck completions zsh\n  source <(brakecheck completions bash)\n\nDocuments: docs/reference/verbs.md";
-pub(super) const MAN: &str = "Examples:\n  brakecheck man -o ~/.local/share/man/man1\n  brakecheck man | man -l -\n\nDocuments: docs/reference/verbs.md";
+pub(super) const COMPLETIONS: &str = "Examples:\n  brakecheck completions zsh\n  source <(brakecheck completions bash)\n\nDocuments: docs/README.md";
+pub(super) const MAN: &str = "Examples:\n  brakecheck man -o ~/.local/share/man/man1\n  brakecheck man | man -l -\n\nDocuments: docs/README.md";
+pub(super) const REFERENCE: &str = "Examples:\n  brakecheck reference signals\n  brakecheck reference verbs --json\n\nDocuments: docs/README.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/guide/worlds.md, docs/reference/ego-protocol.md";
 pub(super) const TRAIN: &str = "Examples:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n  brakecheck train worlds/acc.ron -o runs/acc --rerun - | rerun -\n\nDocuments: docs/background/learners.md";
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/guide/reuse.md, docs/guide/crashes.md";

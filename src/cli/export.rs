@@ -17,7 +17,7 @@ pub(super) struct ExportArgs {
     /// A kept counterexample (- is stdin), a directory of them, or a run directory.
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
-    /// The directory to write into; files of the same names are replaced.
+    /// The directory to write into, where files of the same names are replaced.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// Also write each crash as an OSI trace: `NAME.mcap`.

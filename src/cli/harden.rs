@@ -31,7 +31,7 @@ const USUAL_TRAFFIC: &str = "motorway";
 
 /// Text of `--help` on the limits.
 const LIMITS: &str = "\
-Limit on what a change may cost in natural traffic; repeat for several
+Limit on what a change may cost in natural traffic (repeatable)
 
 The measure is one of these, or your own:
 - braking:       Mean deceleration over all time, m/s² [default: 110%]
@@ -51,23 +51,23 @@ pub(super) struct HardenArgs {
     input: PathBuf,
     #[command(flatten)]
     ego: EgoArgs,
-    /// Parameter that may change, and its range; repeat for several.
+    /// Parameter that may change, and its range (repeatable).
     ///
-    /// Without it, these are the ones that a program declares, those of the world's
+    /// Without it, these are the parameters that a program declares, those of the world's
     /// `train_against`, or all of a stock ego from half to twice their value. N values are
     /// tried first.
     #[arg(long, value_name = "ego.NAME=LO..HI[:N]")]
     over: Vec<String>,
-    /// Limit on what a change may cost in natural traffic; repeat for several.
+    /// Limit on what a change may cost in natural traffic (repeatable).
     #[arg(long, value_name = "MEASURE=LIMIT", long_help = LIMITS)]
     keep_below: Vec<String>,
     /// Traffic of these limits [default: the world's `traffic`, or motorway].
     #[arg(long, value_name = "NAME|FILE.ron")]
     traffic: Option<String>,
-    /// Another run or population that the ego must withstand; repeat for several.
+    /// Another run or population that the ego must withstand (repeatable).
     #[arg(long, value_name = "RUN", help_heading = ADOS)]
     against: Vec<PathBuf>,
-    /// Kept crashes that the ego must withstand; repeat for several.
+    /// Kept crashes that the ego must withstand (repeatable).
     #[arg(long, value_name = "FILE|DIR", help_heading = ADOS)]
     known: Vec<PathBuf>,
     /// Also search every start, with at most M switches of action.

@@ -48,6 +48,7 @@ mod population;
 #[doc(hidden)]
 pub mod program;
 mod progress;
+mod reference;
 mod replay;
 mod report;
 mod report_args;
@@ -88,7 +89,7 @@ use terminal::{Common, OutputArgs};
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
 #[command(name = "brakecheck", version)]
-#[command(after_help = examples::SHORT, after_long_help = examples::ALL)]
+#[command(after_help = examples::SHORT, after_long_help = examples::all())]
 struct Cli {
     #[command(flatten)]
     output: OutputArgs,
@@ -101,7 +102,7 @@ enum Verb {
     /// Write a small world of your own, with remarks.
     #[command(after_help = examples::NEW)]
     New(new::NewArgs),
-    /// Validate a world; list its signals, rules, egos and starts.
+    /// Validate a world and list its signals, rules, egos and starts.
     #[command(after_help = examples::CHECK)]
     Check(check::CheckArgs),
     /// List the shipped worlds, print one, or copy it.
@@ -128,7 +129,7 @@ enum Verb {
     /// Estimate how often an ego fails, in traffic that you declare.
     #[command(after_help = examples::RISK)]
     Risk(risk::RiskArgs),
-    /// List what episodes never covered: rules, formula parts and starts.
+    /// List rules, formula parts and starts that episodes never covered.
     #[command(after_help = examples::COVERAGE)]
     Coverage(coverage::CoverageArgs),
     /// Play kept counterexamples again, also against a changed ego.
@@ -162,6 +163,9 @@ enum Verb {
     /// Answer an editor: diagnostics, hover and completion of worlds.
     #[command(after_help = examples::LSP)]
     Lsp(lsp::LspArgs),
+    /// Print tables of verbs, signals, `--json`, world files and egos.
+    #[command(after_help = examples::REFERENCE)]
+    Reference(reference::ReferenceArgs),
     /// Print the completions of a shell.
     #[command(after_help = examples::COMPLETIONS)]
     Completions(completions::CompletionsArgs),
@@ -198,6 +202,7 @@ impl Verb {
             Verb::Export(args) => args.common(),
             Verb::Serve(args) => args.common(),
             Verb::Lsp(args) => args.common(),
+            Verb::Reference(args) => args.common(),
             Verb::Completions(_) | Verb::Man(_) | Verb::Notices(_) => Common::default(),
         }
     }
@@ -287,6 +292,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Export(args) => export::run(&args),
         Verb::Serve(args) => serve::run(&args),
         Verb::Lsp(args) => lsp::run(&args),
+        Verb::Reference(args) => reference::run(&args),
         Verb::Completions(args) => completions::run(&args),
         Verb::Man(args) => man::run(&args),
         Verb::Notices(args) => notices::run(&args),

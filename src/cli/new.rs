@@ -33,7 +33,7 @@ pub(super) struct NewArgs {
     /// directory, and points with other roads or bodies go to NAME_2.ron, as do
     /// situations of --from-log with other bodies.
     name: String,
-    /// OpenSCENARIO or CommonRoad file to import as a world; - is stdin.
+    /// OpenSCENARIO or CommonRoad file to import as a world (- is stdin).
     #[arg(long, value_name = "FILE.xosc|FILE.xml")]
     from: Option<PathBuf>,
     /// Its variation file [default: none, a single point].

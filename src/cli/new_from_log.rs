@@ -22,7 +22,7 @@ use crate::world::Scenario;
 /// Options of worlds from recordings.
 #[derive(Args, Debug)]
 pub(super) struct FromLogArgs {
-    /// Recording whose situations become starts of worlds; repeat for several.
+    /// Recording whose situations become starts of worlds (repeatable).
     #[arg(
         long,
         value_name = "FILE.csv",

@@ -48,7 +48,7 @@ pub(super) struct ReplayArgs {
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long, help_heading = OUTPUT)]
     fail_on_counterexample: bool,
-    /// Program to run as the ego, after `--`; typing it consents to start it.
+    /// Program to run as the ego, after `--`, which consents to start it.
     #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
     program: Vec<String>,
     #[command(flatten)]

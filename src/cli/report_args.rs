@@ -14,13 +14,13 @@ pub(super) struct ReportArgs {
     /// A run, a world with points, kept crashes, or the JSON of `gate` or `risk`.
     #[arg(value_name = "RUN|WORLD.ron|DIR|FILE.json")]
     pub(super) run: PathBuf,
-    /// The page to write; JUnit XML goes beside it [default: RUN/report.html].
+    /// The page to write, with JUnit XML beside it [default: RUN/report.html].
     #[arg(short, long, value_name = "FILE.html", value_parser = new_file())]
     pub(super) output: Option<PathBuf>,
-    /// Another run of the same world, to show beside it; repeat for several.
+    /// Another run of the same world, to show beside it (repeatable).
     #[arg(long, value_name = "RUN", num_args = 1..)]
     pub(super) with: Vec<PathBuf>,
-    /// Rows to show, from `eval`, `gate`, `sweep` or `search` with `--json`; repeat for several.
+    /// Rows to show, from `eval`, `gate`, `sweep` or `search` with `--json` (repeatable).
     #[arg(long, value_name = "FILE.json", help_heading = INPUT)]
     pub(super) rows: Vec<PathBuf>,
     /// Test starts for the nominal ego.

@@ -35,7 +35,7 @@ pub(super) struct RiskArgs {
     /// A file with `Traffic(…)`, a model of `log --fit`, or motorway.
     #[arg(long, value_name = "NAME|FILE.ron")]
     traffic: Option<String>,
-    /// Run of a trained ado, whose counterexamples show the proposals what to play.
+    /// Run of a trained ado, whose counterexamples guide the proposals.
     #[arg(long, value_name = "RUN", help_heading = INPUT)]
     run: Option<PathBuf>,
     /// Kept counterexamples, or directories of them, with the same use.

@@ -21,7 +21,7 @@ use crate::trace::Trace;
 
 #[derive(Args, Debug)]
 pub(super) struct StlArgs {
-    /// The formula, such as "always[0, 10] (headway >= d_safe)"; or rules for --log.
+    /// The formula, such as "always[0, 10] (headway >= d_safe)", or rules for --log.
     ///
     /// Rules are motorway or a RON file: RuleFile(rules: [Rule(name: "…", stl: "…")]).
     /// They have the signals ego.speed, ego.accel, ego.s, ego.lateral, ego.lane,
@@ -30,10 +30,10 @@ pub(super) struct StlArgs {
     /// of a world fits.
     #[arg(allow_hyphen_values = true, value_name = "FORMULA|RULES.ron")]
     pub(super) formula: String,
-    /// The trace: a header of signal names, one line per sample; - is stdin.
+    /// The trace: a header of signal names, one line per sample (- is stdin).
     #[arg(long, value_name = "FILE.csv", required_unless_present = "log")]
     pub(super) trace: Option<String>,
-    /// Recorded traffic: evaluate the rules on every vehicle; repeat for several.
+    /// Recorded traffic: evaluate the rules on every vehicle (repeatable).
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["trace", "dt", "until", "end", "all", "explain"])]
     pub(super) log: Vec<PathBuf>,
     /// Column map of the recordings, as in `brakecheck log` [default: by header].
@@ -63,7 +63,7 @@ pub(super) struct StlArgs {
     /// Continuation of the trace after its end.
     #[arg(long, value_enum, default_value = "truncate", help_heading = TEST)]
     end: EndArg,
-    /// A named constant; repeat for several.
+    /// A named constant (repeatable).
     #[arg(long = "const", value_name = "NAME=VALUE")]
     pub(super) constants: Vec<String>,
     /// Print the robustness at every sample, not only at the first.

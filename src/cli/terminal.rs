@@ -32,7 +32,7 @@ pub struct Common {
     /// Print one JSON object on stdout instead of tables.
     #[arg(long, global = true, help_heading = OUTPUT)]
     pub json: bool,
-    /// Threads to use; rows do not depend on it [default: one per core].
+    /// Threads to use, on which no row depends [default: one per core].
     #[arg(
         short,
         long,

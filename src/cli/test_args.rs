@@ -24,7 +24,7 @@ use crate::world::Scenario;
 
 /// Text of `--help` on a program after `--`.
 pub(super) const PROGRAM: &str = "\
-Program to run as the ego, after `--`; typing it consents to start it
+Program to run as the ego, after `--`, which consents to start it
 
 Its commands act without actuator lag (`lag_s` 0). To set a lag, give `--ego` a file with
 `Process(…)` instead (docs/reference/egos.md)";
@@ -35,7 +35,7 @@ pub(super) struct EgoArgs {
     /// Ego to test: nominal, a name under `reuse`, a RON file, or all.
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
     ego: String,
-    /// Program to run as the ego, after `--`; typing it consents to start it.
+    /// Program to run as the ego, after `--`, which consents to start it.
     #[arg(last = true, value_name = "COMMAND", long_help = PROGRAM)]
     program: Vec<String>,
 }
@@ -86,7 +86,7 @@ pub(super) struct TestArgs {
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     pub(super) starts: usize,
-    /// Ado to play; repeat for several [default: trained; more with `--runs`].
+    /// Ado to play (repeatable) [default: trained, more with `--runs`].
     #[arg(long, value_parser = ado_group(), value_name = "ADO")]
     pub(super) ado: Vec<AdoGroup>,
     /// The physics to test in, instead of the run's.

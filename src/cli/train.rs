@@ -63,7 +63,7 @@ pub(super) struct TrainArgs {
     /// Begin with the policy of another run and fine-tune it.
     #[arg(long, value_name = "RUN", conflicts_with = "resume", help_heading = LEARNING)]
     from: Option<PathBuf>,
-    /// Learn from a run, or from kept counterexamples, of any ego; repeat for several.
+    /// Learn from a run, or from kept counterexamples, of any ego (repeatable).
     #[arg(long, value_name = "RUN|DIR", conflicts_with = "resume", help_heading = LEARNING)]
     bank: Vec<PathBuf>,
     /// Train N ados for distinct failures, without a closing evaluation.

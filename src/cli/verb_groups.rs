@@ -3,7 +3,7 @@
 use clap::Command;
 
 /// Groups of verbs, in the order in which a new user needs them.
-const GROUPS: [(&str, &[&str]); 6] = [
+const GROUPS: [(&str, &[&str]); 5] = [
     ("First steps", &["new", "check", "worlds", "drive"]),
     (
         "Find failures",
@@ -14,8 +14,18 @@ const GROUPS: [(&str, &[&str]); 6] = [
         "Look into failures",
         &["replay", "coverage", "view", "export", "report"],
     ),
-    ("Formulas and recordings", &["stl", "log"]),
-    ("Connect", &["serve", "lsp", "completions", "man"]),
+    (
+        "Recordings, tools and tables",
+        &[
+            "stl",
+            "log",
+            "serve",
+            "lsp",
+            "reference",
+            "completions",
+            "man",
+        ],
+    ),
 ];
 
 /// Returns the program with its verbs in groups.

@@ -237,7 +237,7 @@ impl Program {
             .take_while(|word| !["--", "#", "|"].contains(word))
             .collect();
         if let Some(what) = words.first()
-            && verb == "campaign"
+            && ["campaign", "reference"].contains(&verb)
             && what.starts_with(char::is_lowercase)
             && !takes.contains(*what)
         {
@@ -497,6 +497,10 @@ fn a_file_a_verb_and_a_flag_of_nothing_are_seen() {
         (
             "`brakecheck campaign plan C.ron --dry-run`",
             "`brakecheck campaign play C.ron`",
+        ),
+        (
+            "`brakecheck reference signals`",
+            "`brakecheck reference units`",
         ),
         (
             "`brakecheck eval X -- python3 e.py --fast`",

@@ -19,7 +19,7 @@ fn stdout_at(columns: &str, args: &[&str]) -> String {
 }
 
 /// Returns the verbs in the help of the program, with those of campaigns.
-fn verbs() -> Vec<Vec<String>> {
+pub fn verbs() -> Vec<Vec<String>> {
     let help = stdout(&["--help"]);
     let (list, _) = help.split_once("\nOptions:").expect("options");
     let lines = list.lines().filter_map(|line| line.strip_prefix("  "));

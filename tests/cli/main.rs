@@ -27,6 +27,7 @@ mod picture;
 mod points;
 mod program;
 mod programs;
+mod reference;
 mod replayed;
 mod report;
 #[cfg(feature = "rerun")]

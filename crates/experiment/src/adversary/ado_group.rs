@@ -53,7 +53,7 @@ pub static ADO_GROUPS: [AdoGroup; 13] = [
     ),
     group(
         "replays",
-        "The nearest training counterexample, replayed; then the ten nearest",
+        "The nearest training counterexample, and then the ten nearest",
         |_| {
             REPLAYS
                 .map(|nearest| AdversaryId::Replays { nearest })
@@ -75,7 +75,7 @@ pub static ADO_GROUPS: [AdoGroup; 13] = [
     ),
     group(
         "all",
-        "All of them that apply; `retrained` takes a training per changed ego",
+        "All that apply, where `retrained` takes a training per changed ego",
         all,
     ),
 ];

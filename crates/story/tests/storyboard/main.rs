@@ -6,5 +6,4 @@ mod elements;
 mod formulas;
 mod instants;
 mod mistakes;
-mod page;
 mod toy;

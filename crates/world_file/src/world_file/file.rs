@@ -1,7 +1,7 @@
 //! Driving world: the fields of `Scenario(…)`.
 //!
-//! The comments of the fields are the words of editors and of the table in
-//! `docs/reference/world-file.md`, which a test compares.
+//! The comments of the fields are the words of editors and of
+//! `brakecheck reference world-file`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

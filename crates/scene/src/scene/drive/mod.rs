@@ -72,6 +72,7 @@ pub use sensors::Sensing;
 pub use sensors::Sensors;
 pub use signals::SignalReading;
 pub use signals::SignalSource;
+pub use signals::signal_list;
 pub use spec::PlanSpec;
 pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, StartPlace};
 pub use state::SceneState;

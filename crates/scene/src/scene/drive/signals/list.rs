@@ -3,8 +3,7 @@
 //! A row holds the owner of the signal, its name, unit, meaning and value. It
 //! also holds deviations from the defaults: bounds, range of observation and
 //! permanent recording. The output of `check`, the bounds in
-//! `vacuous` and the table in `docs/reference/signals.md` are generated from the list or
-//! tested against it.
+//! `vacuous` and the table of `brakecheck reference signals` are generated from the list.
 //!
 //! The order is that of traces. A row of a later version comes last among those
 //! of its owner and is not `always` recorded, so that recordings of earlier

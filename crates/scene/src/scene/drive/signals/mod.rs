@@ -10,6 +10,7 @@ use super::names::AgentNames;
 use super::script::Script;
 use super::spec::{Drive, DriveSpec};
 use super::state::SceneState;
+use crate::scene::Availability;
 use crate::stl::Interval;
 use crate::trace::{Schema, SchemaError, Signal};
 use list::SIGNALS;
@@ -135,6 +136,33 @@ pub struct SignalSource {
 pub(super) struct DeclaredSignal {
     pub signal: Signal,
     pub source: SignalReading,
+}
+
+/// Returns every published signal of driving worlds, with its unit and its meaning.
+///
+/// In the names, `A` and `B` are agents, `L` is a light, `W` the weather, `R` a road that
+/// an ado lays, and `P` a parameter.
+pub fn signal_list() -> Vec<(Signal, Availability)> {
+    let names = AgentNames {
+        agents: vec!["A".to_owned(), "B".to_owned()],
+        lights: vec!["L".to_owned()],
+        weather: Some("W".to_owned()),
+        road: Some("R".to_owned()),
+        parameters: vec!["P".to_owned()],
+    };
+    let mut all = declared(&names);
+    // Those of the second agent are the same again.
+    all.retain(|it| !it.signal.name.starts_with("B."));
+    let listed = |it: DeclaredSignal| {
+        let is_recorded = it.source.quantity.always || it.source.quantity.of == Of::Parameter;
+        let availability = if is_recorded {
+            Availability::Recorded
+        } else {
+            Availability::OnDemand
+        };
+        (it.signal, availability)
+    };
+    all.into_iter().map(listed).collect()
 }
 
 /// Returns every signal of the named agents.

@@ -1,0 +1,209 @@
+//! Tables of reference, and every key of `--json` beside them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::process::Output;
+use std::sync::LazyLock;
+
+use serde_json::{Value, json};
+
+use super::help::verbs;
+use super::program::{json as json_of, run_with, unchecked};
+use super::{brakecheck, refused, root};
+
+/// Verbs that print messages of a protocol, or a text for another program.
+const WITHOUT_JSON: [&str; 4] = ["serve", "lsp", "completions", "man"];
+
+/// Names of keys by verb.
+type Keys = BTreeMap<String, BTreeSet<String>>;
+
+fn page(topic: &str) -> Value {
+    // Without the check below, which needs a page itself.
+    let args = ["reference", topic, "--json"];
+    json_of(&unchecked(root(), "brakecheck", &args))
+}
+
+fn tables(page: &Value) -> impl Iterator<Item = (&str, &Vec<Value>)> {
+    let tables = page["tables"].as_array().expect("tables").iter();
+    tables.map(|table| {
+        let rows = table["rows"].as_array().expect("rows");
+        (table["title"].as_str().expect("a title"), rows)
+    })
+}
+
+/// Returns the words in code, such as the names in a cell.
+fn words(cell: &str) -> impl Iterator<Item = &str> {
+    cell.split('`').skip(1).step_by(2)
+}
+
+fn keys() -> &'static Keys {
+    static KEYS: LazyLock<Keys> = LazyLock::new(|| {
+        let page = page("json");
+        let mut keys = Keys::new();
+        for (verbs, rows) in tables(&page) {
+            let names = rows
+                .iter()
+                .flat_map(|row| words(row["key"].as_str().expect("names")));
+            let names: Vec<&str> = names.collect();
+            for verb in words(verbs) {
+                let known = keys.entry(verb.to_owned()).or_default();
+                known.extend(names.iter().map(|name| (*name).to_owned()));
+            }
+        }
+        keys
+    });
+    &KEYS
+}
+
+/// Adds the keys of a value that the names lack, without those below them.
+fn add_unknown(value: &Value, at: &str, known: &BTreeSet<String>, unknown: &mut BTreeSet<String>) {
+    match value {
+        Value::Array(all) => all
+            .iter()
+            .for_each(|it| add_unknown(it, at, known, unknown)),
+        Value::Object(fields) => {
+            if known.contains(&format!("{at}*")) {
+                return;
+            }
+            for (key, inner) in fields {
+                let name = format!("{at}{key}");
+                let below = format!("{name}.");
+                if known.contains(&name) || known.iter().any(|it| it.starts_with(&below)) {
+                    add_unknown(inner, &below, known, unknown);
+                } else {
+                    unknown.insert(name);
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+fn unknown(value: &Value, known: &BTreeSet<String>) -> BTreeSet<String> {
+    let mut unknown = BTreeSet::new();
+    add_unknown(value, "", known, &mut unknown);
+    unknown
+}
+
+/// Panics if a verb printed a key that the table lacks.
+#[track_caller]
+pub fn check_keys(args: &[&str], output: &Output) {
+    let own: Vec<&str> = args.iter().copied().take_while(|it| *it != "--").collect();
+    if !own.contains(&"--json") {
+        return;
+    }
+    // A failure prints no object.
+    let Ok(printed) = serde_json::from_slice::<Value>(&output.stdout) else {
+        return;
+    };
+    let Some(at) = own
+        .iter()
+        .position(|it| *it == "campaign" || keys().contains_key(*it))
+    else {
+        panic!("{args:?}: `brakecheck reference json` lacks the verb");
+    };
+    let verb = match &own[at..] {
+        ["campaign", step, ..] => format!("campaign {step}"),
+        rest => rest[0].to_owned(),
+    };
+    let unknown = unknown(&printed, &keys()[&verb]);
+    assert!(
+        unknown.is_empty(),
+        "{args:?}: src/cli/reference/keys.txt lacks {unknown:?} of `{verb}`"
+    );
+}
+
+#[test]
+fn a_key_without_a_line_is_found() {
+    let known = ["rows.ego", "rows.faults.kind", "rows.severity.kinds.*"];
+    let known = known.map(str::to_owned).into();
+    let row = json!({ "ego": "", "faults": [{ "kind": "" }], "severity": { "kinds": { "Rear": { "x": 1 } } } });
+    assert_eq!(unknown(&json!({ "rows": [row] }), &known), [].into());
+    let row = json!({ "ado": { "x": 1 }, "ego": { "id": 1 }, "faults": [{ "count": 1 }] });
+    let found = unknown(&json!({ "rows": [{}, row], "n": 0 }), &known);
+    let lacking = ["n", "rows.ado", "rows.ego.id", "rows.faults.count"];
+    assert_eq!(found, lacking.map(str::to_owned).into());
+}
+
+#[test]
+fn every_verb_is_in_the_tables_of_verbs_and_keys() {
+    let known: BTreeSet<String> = verbs().iter().map(|words| words.join(" ")).collect();
+    let verbs = page("verbs");
+    let (_, rows) = tables(&verbs).next().expect("a table");
+    let listed = rows
+        .iter()
+        .flat_map(|row| words(row["verb"].as_str().expect("a verb")));
+    let all: BTreeSet<&str> = listed.collect();
+    let leaves = known
+        .iter()
+        .map(String::as_str)
+        .filter(|it| *it != "campaign");
+    assert_eq!(all, leaves.clone().collect());
+    let with_json: BTreeSet<&str> = leaves.filter(|it| !WITHOUT_JSON.contains(it)).collect();
+    assert_eq!(
+        keys().keys().map(String::as_str).collect::<BTreeSet<_>>(),
+        with_json
+    );
+}
+
+#[test]
+fn every_row_has_a_meaning() {
+    for (topic, column, least) in [
+        ("verbs", "effect", 100),
+        ("signals", "meaning", 60),
+        ("json", "meaning", 150),
+        ("world-file", "meaning", 500),
+        ("egos", "meaning", 100),
+    ] {
+        let page = page(topic);
+        let rows = tables(&page).flat_map(|(title, rows)| rows.iter().map(move |row| (title, row)));
+        let rows: Vec<(&str, &Value)> = rows.filter(|(_, row)| row.get(column).is_some()).collect();
+        assert!(rows.len() >= least, "{topic}: {} rows", rows.len());
+        for (title, row) in rows {
+            // Words of OpenSCENARIO have the meaning that it gives them.
+            let is_word = row["field"].as_str().is_some_and(|it| {
+                !it.contains('.') && it.trim_matches('`').starts_with(char::is_uppercase)
+            });
+            let text = row[column].as_str().expect("a text");
+            assert!(!text.is_empty() || is_word, "{topic}, {title}: {row}");
+        }
+    }
+}
+
+#[test]
+fn the_tables_have_what_the_program_reads() {
+    let cell = |topic: &str, title: &str, has: &str| {
+        let page = page(topic);
+        let found = tables(&page)
+            .any(|(it, rows)| it == title && rows.iter().any(|row| row.to_string().contains(has)));
+        assert!(found, "{topic}, {title}: {has}");
+    };
+    cell("egos", "`Idm`", "desired_speed_mps");
+    cell("egos", "`CcDriver`", "`0.75`");
+    cell("world-file", "`Scenario`", "`question`");
+    cell("world-file", "`Cyclist`", "balance_mps");
+    cell("world-file", "`AgentFile`", "`Pedestrian.lateral_m`");
+    cell("world-file", "`Effect`", "`Teleport`");
+    cell("signals", "Driving worlds", "A.B.ttc");
+    cell("signals", "Grid worlds", "d_man");
+    cell("verbs", "Options", "`--fail-on-counterexample`");
+    cell("verbs", "Exit codes", "130");
+}
+
+#[test]
+fn a_page_is_a_markdown_table_and_an_unknown_topic_is_refused() {
+    let output = brakecheck(&["reference", "signals"]);
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(text.starts_with("# Signals\n\nA signal is "), "{text}");
+    assert!(
+        text.contains("\n| signal | unit | meaning | in traces |\n| --- |"),
+        "{text}"
+    );
+    assert!(text.contains("\n| `A.B.gap` | m | clearance "), "{text}");
+    let topics = run_with(root(), &[], &["reference"]);
+    let topics = String::from_utf8_lossy(&topics.stdout).into_owned();
+    for topic in ["verbs", "signals", "json", "world-file", "egos"] {
+        assert!(topics.contains(&format!("\n| `{topic}` | ")), "{topics}");
+    }
+    let said = refused(&["reference", "signal"], "'signal'");
+    assert!(said.contains("signals"), "{said}");
+}
