@@ -132,11 +132,16 @@ impl Rows<'_> {
                 None => old.push((reason, vec![&row.name])),
             }
         }
-        if !old.is_empty() {
+        if !old.is_empty() && !text.is_empty() {
             text.push('\n');
         }
-        for (reason, rows) in old {
-            text.push_str(&format!("- {OLD} {}: {reason}\n", rows.join(", ")));
+        for (reason, names) in old {
+            let names = if names.len() == rows.len() {
+                "all rows".to_owned()
+            } else {
+                names.join(", ")
+            };
+            text.push_str(&format!("- {OLD} {names}: {reason}\n"));
         }
         text
     }
