@@ -6,20 +6,31 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use brakecheck::adversary::Ado;
-use brakecheck::experiment::{EgoUnderTest, Watch, test_starts};
-use brakecheck::run_dir::RequestedTraining;
-use brakecheck::run_dir::{Row, RunDir, RunError};
-use brakecheck::search::{Adversary, BASELINES, Experiment, SWITCHES, Search};
+use brakecheck::ego::ReferenceDriver;
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
+use brakecheck::run_dir::{ClosingSpeed, RequestedTraining, Row, RunDir, RunError};
+use brakecheck::search::{Adversary, BASELINES, Experiment, ExperimentCell, SWITCHES, Search};
 use brakecheck::seed::Seeds;
 use brakecheck::stats::{Outcomes, paired_difference, seeds_interval};
 use brakecheck::training::TrainError;
 use brakecheck::world::{Scenario, TrainingEgos};
+
+use crate::page::worlds_table;
+use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
 use brakecheck_training::training::train_loop::train;
 
 /// Largest number of joint actions for a search with two switches.
 ///
 /// Above it the search uses one switch, as its row states.
 const MAX_ACTIONS: usize = 9;
+/// Competent driver of UN R157 that observes the next lane and keeps braking.
+const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
+/// Switches of the deeper search.
+const DEEPER: usize = 3;
+/// Largest number of joint actions for it.
+const DEEPER_ACTIONS: usize = 3;
+/// Number of starts of it.
+const DEEPER_STARTS: usize = 30;
 
 /// Request of the case studies.
 pub struct CaseStudies<'a> {
@@ -75,30 +86,16 @@ pub fn case_study(
     request: &CaseStudies<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<CaseStudy>, TrainError> {
-    let seeds: Vec<u64> = request.seeds.trainings().collect();
-    // Trainings are independent, and `collect` keeps the order of the seeds.
-    let runs: Vec<(PathBuf, f64)> = seeds
-        .par_iter()
-        .map(|&seed| trained_run(scenario, seed, request.runs, watch))
-        .collect::<Result<_, _>>()?;
-    if watch.stopped() {
+    let Some(runs) = finished_runs(scenario, request, watch)? else {
         return Ok(None);
-    }
+    };
     // All ados play the same starts, so differences can be paired.
     let Some(starts) = test_starts(scenario, request.seeds.starts, request.starts, watch) else {
         return Ok(None);
     };
     let ego = EgoUnderTest::nominal(scenario);
-    let mut trained = Vec::new();
-    for (path, _) in &runs {
-        let run = RunDir::open(path)?;
-        let policy = run.policy()?;
-        let ado = Ado::Trained(&*policy, run.manifest().seed);
-        trained.extend(ado.play(&ego, &starts, watch).map(|cell| Row {
-            warning: run.warning(),
-            ..cell.row
-        }));
-    }
+    let played = cells(&runs, &ego, &starts, watch)?;
+    let mut trained: Vec<Row> = played.into_iter().map(|cell| cell.row).collect();
     // Each switch multiplies the number of sequences by actions and decisions.
     let switches = match scenario.world().spaces().actions {
         // Two switches define the reachable starts wherever they can be searched.
@@ -165,6 +162,210 @@ impl CaseStudy {
     }
 }
 
+/// Plays the trained ados of some runs.
+fn cells(
+    runs: &[(PathBuf, f64)],
+    ego: &EgoUnderTest,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> Result<Vec<ExperimentCell>, TrainError> {
+    let mut cells = Vec::new();
+    for (path, _) in runs {
+        let run = RunDir::open(path)?;
+        let policy = run.policy()?;
+        let ado = Ado::Trained(&*policy, run.manifest().seed);
+        cells.extend(ado.play(ego, starts, watch).map(|mut cell| {
+            cell.row.warning = run.warning();
+            cell
+        }));
+    }
+    Ok(cells)
+}
+
+/// Returns finished runs of all trainings. `None`: stopped.
+fn finished_runs(
+    scenario: &Scenario,
+    request: &CaseStudies<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<Vec<(PathBuf, f64)>>, TrainError> {
+    let seeds: Vec<u64> = request.seeds.trainings().collect();
+    // Trainings are independent, and `collect` keeps the order of the seeds.
+    let runs = seeds
+        .par_iter()
+        .map(|&seed| trained_run(scenario, seed, request.runs, watch))
+        .collect::<Result<_, _>>()?;
+    Ok((!watch.stopped()).then_some(runs))
+}
+
+/// Contacts that end successes of trained ados.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TrainedContacts {
+    /// Successes of all trainings.
+    pub successes: usize,
+    /// Successes that end in a contact.
+    pub contacts: usize,
+    /// Closing speeds of those contacts.
+    pub closing_mps: Option<ClosingSpeed>,
+    /// Contacts to which the competent driver applies.
+    pub judged: usize,
+    /// Contacts that the competent driver avoids in the ego's place.
+    pub avoided: usize,
+}
+
+/// Plays the successes of trained ados again, and puts CC_LATCHED into the ego's place.
+///
+/// The others move as recorded. `None`: stopped.
+///
+/// # Errors
+/// Returns an error if a training fails or a file cannot be read.
+pub fn trained_contacts(
+    scenario: &Scenario,
+    request: &CaseStudies<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<TrainedContacts>, TrainError> {
+    let Some(runs) = finished_runs(scenario, request, watch)? else {
+        return Ok(None);
+    };
+    let Some(starts) = test_starts(scenario, request.seeds.starts, request.starts, watch) else {
+        return Ok(None);
+    };
+    let ego = EgoUnderTest::nominal(scenario);
+    let (mut successes, mut closing, mut answers) = (0, Vec::new(), Vec::new());
+    for cell in cells(&runs, &ego, &starts, watch)? {
+        let solved = cell.solved();
+        successes += solved.len();
+        let all = EpisodeLoop::uncounted(watch);
+        let bench = || scenario.bench();
+        let looked = all.each(&solved, bench, |bench, start, _| {
+            let episode = cell.replay(bench, *start);
+            let closing = episode.contact.as_ref()?.closing_speed_mps;
+            Some((closing, scenario.is_avoided_by_any(&episode, &[COMPETENT])))
+        });
+        for (speed, avoided) in looked.into_iter().flatten() {
+            closing.push(speed);
+            answers.extend(avoided);
+        }
+    }
+    Ok((!watch.stopped()).then(|| TrainedContacts {
+        successes,
+        contacts: closing.len(),
+        closing_mps: ClosingSpeed::of(closing),
+        judged: answers.len(),
+        avoided: answers.iter().filter(|avoided| **avoided).count(),
+    }))
+}
+
+/// Search with more switches, on fewer starts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct DeeperSearch {
+    /// Largest number of switches. `None`: the world has too many actions.
+    pub switches: Option<usize>,
+    /// Number of starts that are not trivial.
+    pub starts: usize,
+    /// Starts that it solves.
+    pub solved: usize,
+    /// Median over trainings of the recall.
+    pub recall_median: Option<f64>,
+}
+
+/// Compares trained ados with a search of three switches. `None`: stopped.
+///
+/// # Errors
+/// Returns an error if a training fails or a file cannot be read.
+pub fn deeper_search(
+    scenario: &Scenario,
+    request: &CaseStudies<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<DeeperSearch>, TrainError> {
+    let mut deeper = DeeperSearch {
+        switches: None,
+        starts: 0,
+        solved: 0,
+        recall_median: None,
+    };
+    if scenario.world().spaces().actions > DEEPER_ACTIONS {
+        return Ok(Some(deeper));
+    }
+    let Some(runs) = finished_runs(scenario, request, watch)? else {
+        return Ok(None);
+    };
+    let count = request.starts.min(DEEPER_STARTS);
+    let Some(starts) = test_starts(scenario, request.seeds.starts, count, watch) else {
+        return Ok(None);
+    };
+    let ego = EgoUnderTest::nominal(scenario);
+    let Some(searched) = Search::switches(DEEPER).play(&ego, &starts, watch) else {
+        return Ok(None);
+    };
+    let mut recalls = Vec::new();
+    for mut cell in cells(&runs, &ego, &starts, watch)? {
+        cell.row.compare_with_search(&searched.row.solved);
+        recalls.extend(cell.row.recall);
+    }
+    recalls.sort_by(f64::total_cmp);
+    deeper.switches = Some(DEEPER);
+    deeper.starts = searched.row.starts;
+    deeper.solved = searched.row.successes;
+    deeper.recall_median = recalls.get(recalls.len() / 2).copied();
+    Ok((!watch.stopped()).then_some(deeper))
+}
+
+/// Row of a world on the page.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WorldResult {
+    /// Name of the world.
+    pub world: String,
+    /// Number of evaluated starts.
+    pub starts: usize,
+    /// Starts left out, because the ego fails without an adversary.
+    pub trivial: usize,
+    /// Number of trainings.
+    pub trainings: usize,
+    /// Mean success rate of the trained ados, with its interval.
+    pub success: (f64, [f64; 2]),
+    /// Contacts of their successes.
+    pub contacts: TrainedContacts,
+    /// Mean share of starts on which a rule was broken.
+    pub fouls: f64,
+    /// Recall: median and minimum over trainings.
+    pub recall: Option<[f64; 2]>,
+    /// Success of the search, with its largest number of switches.
+    pub search: (f64, usize),
+    /// Search with more switches.
+    pub deeper: DeeperSearch,
+    /// Success of held random, random and the best constant actions.
+    pub baselines: [f64; 3],
+    /// Mean processor time of a training, s.
+    pub train_cpu_s: f64,
+    /// Trainings that ended with a warning.
+    pub warned: usize,
+}
+
+impl WorldResult {
+    /// Collects the row of a world from its pieces.
+    pub fn of(study: &CaseStudy, contacts: &TrainedContacts, deeper: DeeperSearch) -> WorldResult {
+        let rate = |ado: &str| {
+            let row = study.rows.iter().find(|row| row.ado == ado.into());
+            row.map_or(0.0, |row| row.success_rate)
+        };
+        WorldResult {
+            world: study.world.clone(),
+            starts: study.starts,
+            trivial: study.trivial,
+            trainings: study.seeds,
+            success: (study.success_rate, study.ci95),
+            contacts: contacts.clone(),
+            fouls: study.foul_rate,
+            recall: study.recall_median.zip(study.recall_min).map(<[f64; 2]>::from),
+            search: (rate("search"), study.switches),
+            deeper,
+            baselines: [rate("hold"), rate("random"), rate("constant")],
+            train_cpu_s: study.train_cpu_s,
+            warned: study.rows.iter().filter(|row| row.warning.is_some()).count(),
+        }
+    }
+}
+
 /// Trains the run of a seed, as far as it does not exist yet.
 ///
 /// # Errors
@@ -197,56 +398,9 @@ pub fn trained_run(
     Ok((path, trained.done.cpu_s))
 }
 
-/// Explanation of the columns, below the table.
-const EXPLAINED: &str = "
-- starts (trivial): test starts; on as many besides, left out, the ego fails without an adversary
-- trained: success: mean share of starts from which the trained ados make the ego fail
-- recall: of the starts that search solves, the share an ado solves; median over trainings (least)
-- fouls: share of starts on which a trained ado broke a rule first: no success
-- search: share from which some sequence of actions with at most so many switches does
-- random, held; random; best constant: what ados do that learned nothing
-- training CPU s: processor time of a training, on average
-";
-
-/// Formats the studies as a Markdown table.
-pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
-    let percent = |rate: f64| format!("{:.1} %", 100.0 * rate);
-    let lines = studies.iter().map(|study| {
-        let baseline = |ado: &str| {
-            let row = study.rows.iter().find(|row| row.ado == ado.into());
-            row.map_or("–".to_owned(), |row| percent(row.success_rate))
-        };
-        let [lo, hi] = study.ci95.map(|rate| 100.0 * rate);
-        [
-            study.world.clone(),
-            format!("{} ({})", study.starts, study.trivial),
-            format!("{} [{lo:.1}, {hi:.1}]", percent(study.success_rate)),
-            match (study.recall_median, study.recall_min) {
-                (Some(median), Some(min)) => format!("{median:.3} ({min:.3})"),
-                _ => "–".to_owned(),
-            },
-            percent(study.foul_rate),
-            format!("{} ({})", baseline("search"), study.switches),
-            baseline("hold"),
-            baseline("random"),
-            baseline("constant"),
-            format!("{:.0}", study.train_cpu_s),
-        ]
-    });
-    let columns = [
-        "world",
-        "starts (trivial)",
-        "trained: success [95 %]",
-        "recall, median (min)",
-        "fouls",
-        "search (most switches)",
-        "random, held",
-        "random",
-        "best constant",
-        "training CPU s",
-    ];
-    let mut text = brakecheck_report::report::table::TextTable::new(columns, lines).to_markdown();
-    text.push_str(EXPLAINED);
+/// Formats the studies as the table of the page, with warnings below.
+pub fn case_studies_markdown(studies: &[CaseStudy], results: &[WorldResult]) -> String {
+    let mut text = worlds_table(results.iter().map(|result| (result, true))).to_markdown();
     // Warnings follow the table, so a failed training cannot be overlooked.
     for row in studies.iter().flat_map(|study| &study.rows) {
         if let (Some(warning), Some(seed)) = (&row.warning, row.train_seed) {

@@ -114,6 +114,58 @@ impl StructureRow {
     }
 }
 
+/// Mean recalls of a world on the page.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StructureMeans {
+    /// Name of the world.
+    pub world: String,
+    /// Rows over which the means are, of which search solves enough starts.
+    pub egos: usize,
+    /// Policy as trained.
+    pub trained: Option<f64>,
+    /// Held random actions.
+    pub held: Option<f64>,
+    /// Best constant action.
+    pub constant: Option<f64>,
+    /// Best of six ados that accelerate and then brake.
+    pub switch: Option<f64>,
+    /// Plans in a surrogate of [`RUNS`] runs.
+    pub adapted: Option<f64>,
+    /// Same plans with at most three runs per start.
+    pub again: Option<f64>,
+    /// Plans in a surrogate of 30 runs.
+    pub few: Option<f64>,
+    /// Rows whose result was in the expected interval, of all rows.
+    pub expected: Option<[usize; 2]>,
+}
+
+impl StructureMeans {
+    /// Returns the means over rows in which search solves enough starts.
+    pub fn of(world: &str, rows: &[StructureRow]) -> StructureMeans {
+        let reachable = || rows.iter().filter(|row| row.searched >= LEAST_SEARCHED);
+        let mean = |of: fn(&StructureRow) -> &SolvedBy| {
+            let recalls: Vec<f64> = reachable().filter_map(|row| of(row).recall).collect();
+            let sum: f64 = recalls.iter().sum();
+            (!recalls.is_empty()).then(|| sum / recalls.len() as f64)
+        };
+        StructureMeans {
+            world: world.to_owned(),
+            egos: reachable().count(),
+            trained: mean(|row| &row.trained),
+            held: mean(|row| &row.held),
+            constant: mean(|row| &row.constant),
+            switch: mean(|row| &row.switch),
+            adapted: mean(|row| &row.adapted),
+            again: mean(|row| &row.again),
+            few: mean(|row| &row.few),
+            expected: Some([
+                rows.iter().filter(|row| row.observed().1).count(),
+                rows.len(),
+            ]),
+        }
+    }
+}
+
 /// Request of the study.
 #[derive(Clone, Copy)]
 pub struct StructureStudy<'a> {

@@ -2,8 +2,11 @@
 
 use serde_json::json;
 
-use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
-use crate::{CaseStudies, case_studies_markdown, case_study};
+use super::{Failure, Made, StudyRun};
+use crate::record::probe::Probe;
+use crate::{
+    CaseStudies, WorldResult, case_studies_markdown, case_study, deeper_search, trained_contacts,
+};
 
 /// The driving worlds of the table, in its order.
 const WORLDS: [&str; 10] = [
@@ -19,30 +22,51 @@ const WORLDS: [&str; 10] = [
     "bend",
 ];
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
+    let runs = study.runs();
     let request = CaseStudies {
-        seeds: args.seeds_within(MOST_SEEDS),
-        starts: args.starts,
-        runs: &args.output.join("runs"),
+        seeds: study.seeds(),
+        starts: study.starts(),
+        runs: &runs,
     };
-    let mut studies = Vec::new();
-    for name in &args.worlds_or(WORLDS) {
-        let scenario = world(args, name)?;
-        let settings = settings(request.seeds, json!({ "starts": args.starts }));
+    let (mut studies, mut results, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+    for name in &study.worlds_or(WORLDS) {
+        let scenario = study.world(name)?;
+        let mut depends = Probe::of_training(name);
+        let settings = || study.settings(json!({ "starts": request.starts }));
         // The piece is a file name, so an interrupted table resumes by world.
         let piece = format!("{name}, case study");
-        let made = once(args, &piece, &scenario, settings, |watch| {
+        let made = study.once(&piece, &scenario, &depends, settings(), |watch| {
             Ok(case_study(&scenario, &request, watch)?)
         })?;
-        let Some(study) = made else {
+        depends.insert(Probe::Drivers);
+        let piece = format!("{name}, contacts");
+        let contacts = study.once(&piece, &scenario, &depends, settings(), |watch| {
+            Ok(trained_contacts(&scenario, &request, watch)?)
+        })?;
+        let piece = format!("{name}, three switches");
+        let deeper = study.once(&piece, &scenario, &depends, settings(), |watch| {
+            Ok(deeper_search(&scenario, &request, watch)?)
+        })?;
+        let (Some(made), Some(contacts), Some(deeper)) = (made, contacts, deeper) else {
             return Ok(None);
         };
         // Intervals follow from the rows, so a kept piece gets those of this version.
-        studies.push(study.with_intervals());
+        let measured = made.made.with_intervals();
+        let result = WorldResult::of(&measured, &contacts.made, deeper.made);
+        let cpu_s = made.cpu_s + contacts.cpu_s + deeper.cpu_s;
+        let only = format!(" --world {name}");
+        rows.push(study.row(name, &only, depends, cpu_s, &result));
+        results.push(result);
+        studies.push(measured);
     }
     Ok(Some(Made {
-        name: "case-studies",
-        markdown: headed(request.seeds, &case_studies_markdown(&studies)),
-        json: json!({ "case_studies": studies }),
+        rows,
+        markdown: format!(
+            "With {}.\n\n{}",
+            request.seeds,
+            case_studies_markdown(&studies, &results)
+        ),
+        json: json!({ "case_studies": studies, "worlds": results }),
     }))
 }

@@ -2,40 +2,46 @@
 
 use serde_json::json;
 
-use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
+use super::{Failure, Made, Piece, StudyRun};
+use crate::record::probe::Probe;
 use crate::{CaseStudies, CrashStudyError, crash_study, crashes_markdown};
 
 /// The worlds whose crashes are worth acting on.
 const WORLDS: [&str; 4] = ["acc_iso", "cut_in_clear", "merge_r157", "pedestrian_hit"];
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
+    let runs = study.runs();
     let request = CaseStudies {
-        seeds: args.seeds_within(MOST_SEEDS),
-        starts: args.starts,
-        runs: &args.output.join("runs"),
+        seeds: study.seeds(),
+        starts: study.starts(),
+        runs: &runs,
     };
-    let mut studies = Vec::new();
-    for name in &args.worlds_or(WORLDS) {
-        let scenario = world(args, name)?;
-        let settings = settings(request.seeds, json!({ "starts": args.starts }));
+    let (mut studies, mut rows) = (Vec::new(), Vec::new());
+    for name in &study.worlds_or(WORLDS) {
+        let scenario = study.world(name)?;
+        let mut depends = Probe::of_training(name);
+        depends.insert(Probe::Drivers);
+        let settings = study.settings(json!({ "starts": request.starts }));
         let piece = format!("{name}, crashes");
-        let made = once(args, &piece, &scenario, settings, |watch| {
-            let study = crash_study(&scenario, &request, watch);
-            study.map_err(|error| match error {
+        let made = study.once(&piece, &scenario, &depends, settings, |watch| {
+            let found = crash_study(&scenario, &request, watch);
+            found.map_err(|error| match error {
                 CrashStudyError::Train(error) => error.into(),
                 CrashStudyError::Change(error) => {
                     Failure::input(error.to_string(), "use a world with a vehicle as its ego")
                 }
             })
         })?;
-        let Some(study) = made else {
+        let Some(Piece { cpu_s, made }) = made else {
             return Ok(None);
         };
-        studies.push(study);
+        let only = format!(" --world {name}");
+        rows.push(study.row(name, &only, depends, cpu_s, &made));
+        studies.push(made);
     }
     Ok(Some(Made {
-        name: "crashes",
-        markdown: headed(request.seeds, &crashes_markdown(&studies)),
+        rows,
+        markdown: format!("With {}.\n\n{}", request.seeds, crashes_markdown(&studies)),
         json: json!({ "crashes": studies }),
     }))
 }

@@ -3,7 +3,7 @@
 use brakecheck::cli::terminal::bar;
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, save, world};
+use super::{Failure, Made, StudyRun, save};
 use crate::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
 use brakecheck::experiment::{Watch, verdict_instant};
 use brakecheck::rulebook::Verdict;
@@ -12,12 +12,12 @@ use brakecheck::world::Scenario;
 use brakecheck_report::report::figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
 
 /// Writes the three figures as SVG files.
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let shown = bar(&args.common, "figures");
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
+    let shown = bar(&study.args.common, "figures");
     let watch = shown.watch();
-    let acc = world(args, "acc")?;
-    let merge = world(args, "merge")?;
-    let light = world(args, "yellow_light")?;
+    let acc = study.world("acc")?;
+    let merge = study.world("merge")?;
+    let light = study.world("yellow_light")?;
     let figures = match drawn(&acc, &merge, &light, &watch) {
         // An interrupted search can look like a missing behaviour, so this is tested
         // first.
@@ -30,7 +30,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     };
     let mut markdown = String::new();
     for figure in &figures {
-        save(&args.output, figure.file, figure.svg.as_bytes())?;
+        save(&study.args.output, figure.file, figure.svg.as_bytes())?;
         markdown.push_str(&format!(
             "![{}]({})\n\n{}\n\n",
             figure.file, figure.file, figure.caption
@@ -38,7 +38,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }
     let files: Vec<&str> = figures.iter().map(|figure| figure.file).collect();
     Ok(Some(Made {
-        name: "figures",
+        rows: Vec::new(),
         markdown,
         json: json!({ "figures": files }),
     }))

@@ -1,36 +1,44 @@
 //! Table I: RQ1 to RQ5 on both readings of the grid world.
 
+use std::collections::BTreeSet;
+
 use serde_json::json;
 
-use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, once, world};
+use super::{Failure, Made, Piece, StudyRun};
+use crate::record::probe::Probe;
 use crate::{PaperScale, Table1, Table1Error, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
 const WORLDS: [&str; 2] = ["grid_hard", "grid"];
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     let request = Table1 {
-        seeds: args.seeds_within(MOST_SEEDS),
+        seeds: study.seeds(),
         scale: PaperScale::PAPER,
     };
-    let mut studies = Vec::new();
+    let (mut studies, mut rows) = (Vec::new(), Vec::new());
     for name in WORLDS {
-        let scenario = world(args, name)?;
-        let settings = json!({
-            "seeds": request.seeds.count, "first_seed": request.seeds.first,
-            "start_seed": request.seeds.starts,
-        });
+        let scenario = study.world(name)?;
+        let learner = |learner: Option<&str>| Probe::Learner {
+            world: name.to_owned(),
+            learner: learner.map(str::to_owned),
+        };
+        let mut depends = BTreeSet::from([Probe::World(name.to_owned()), Probe::Intervals]);
+        depends.insert(learner(None));
+        depends.extend(scenario.learners().keys().map(|key| learner(Some(key))));
         let piece = format!("{name}, Table I");
-        let made = once(args, &piece, &scenario, settings, |watch| {
+        let settings = study.settings(json!({}));
+        let made = study.once(&piece, &scenario, &depends, settings, |watch| {
             Ok(table1(&scenario, &request, watch)?)
         })?;
-        let Some(study) = made else {
+        let Some(Piece { cpu_s, made }) = made else {
             return Ok(None);
         };
-        studies.push(study);
+        rows.push(study.row(name, "", depends, cpu_s, &made.captures()));
+        studies.push(made);
     }
     Ok(Some(Made {
-        name: "table1",
+        rows,
         markdown: table1_markdown(&studies),
         json: json!({ "table1": studies }),
     }))

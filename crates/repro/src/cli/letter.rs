@@ -1,47 +1,64 @@
 //! The paper's learning to the letter, and the way from it to the defaults.
 
+use std::collections::BTreeSet;
+
 use serde_json::json;
 
-use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
+use super::{Failure, Made, StudyRun};
+use crate::record::probe::Probe;
 use crate::{
     CaseStudies, JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow,
     LetterStudy, LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
 use brakecheck::experiment::test_starts;
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let seeds = args.seeds_within(MOST_SEEDS);
-    let mut studies = Vec::new();
-    for path in LETTER_PATHS.iter().filter(|path| args.wants(path.world)) {
-        let letter = world(args, path.world)?;
-        let Some(baselines) = baselines(args, path, letter.text())? else {
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
+    let (mut studies, mut recorded) = (Vec::new(), Vec::new());
+    let paths = LETTER_PATHS.iter().enumerate();
+    for (at, path) in paths.filter(|(_, path)| study.wants(path.world)) {
+        let letter = study.world(path.world)?;
+        let last = path.changes.len();
+        let steps: Vec<usize> = if study.args.every_step {
+            (0..=last).collect()
+        } else {
+            path.ends().collect()
+        };
+        let mut depends = BTreeSet::from([Probe::Search, Probe::Intervals]);
+        depends.extend(steps.iter().map(|step| Probe::Letter { path: at, step: *step }));
+        let Some((baselines, first_s)) = baselines(study, path, letter.text(), &depends)? else {
             return Ok(None);
         };
-        let Some(rows) = rows(args, path, letter.text(), &baselines)? else {
+        let steps = LetterSteps { path, steps, depends: &depends, baselines: &baselines };
+        let Some((rows, second_s)) = steps.rows(study, letter.text())? else {
             return Ok(None);
         };
-        studies.push(LetterStudy {
+        let made = LetterStudy {
             world: path.world.to_owned(),
             learner: path.learner.map(str::to_owned),
             switches: path.switches,
             baselines,
             rows,
-        });
+        };
+        let name = format!("{} {}", path.world, path.learner_name());
+        let only = format!(" --world {}", path.world);
+        let cpu_s = first_s + second_s;
+        recorded.push(study.row(&name, &only, depends.clone(), cpu_s, &made.ends()));
+        studies.push(made);
     }
     Ok(Some(Made {
-        name: "letter",
-        markdown: headed(seeds, &letter_markdown(&studies)),
+        rows: recorded,
+        markdown: format!("With {}.\n\n{}", study.seeds(), letter_markdown(&studies)),
         json: json!({ "letter": studies }),
     }))
 }
 
 /// Plays a search and untrained ados under both judges, and returns `None` if stopped.
 fn baselines(
-    args: &ReproduceArgs,
+    study: &StudyRun<'_>,
     path: &LetterPath,
     text: &str,
-) -> Result<Option<Vec<LetterBaselines>>, Failure> {
-    let seeds = args.seeds_within(MOST_SEEDS);
+    depends: &BTreeSet<Probe>,
+) -> Result<Option<(Vec<LetterBaselines>, f64)>, Failure> {
     // Baselines need no learner: paths of one world share them.
     let unlearned = (LetterPath {
         learner: None,
@@ -49,57 +66,70 @@ fn baselines(
         ..*path
     })
     .steps(text)?;
-    let mut baselines = Vec::new();
+    let (mut baselines, mut cpu_s) = (Vec::new(), 0.0);
     for judge in JUDGES {
         // Step 0 is the letter itself, without any change.
         let scenario = unlearned[0].judged_by(judge)?;
-        let own = json!({ "starts": args.starts, "switches": path.switches });
+        let own = json!({ "starts": study.starts(), "switches": path.switches });
         let piece = format!("{}, {judge}", path.world);
         let made =
-            once(args, &piece, &scenario, settings(seeds, own), |watch| {
-                let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
+            study.once(&piece, &scenario, depends, study.settings(own), |watch| {
+                let starts = test_starts(&scenario, study.seeds().starts, study.starts(), watch);
                 Ok(starts
                     .and_then(|starts| letter_baselines(&scenario, path.switches, &starts, watch)))
             })?;
         let Some(made) = made else {
             return Ok(None);
         };
-        baselines.push(made);
+        cpu_s += made.cpu_s;
+        baselines.push(made.made);
     }
-    Ok(Some(baselines))
+    Ok(Some((baselines, cpu_s)))
 }
 
-/// A row for each step of a path. `None`: stopped.
-fn rows(
-    args: &ReproduceArgs,
-    path: &LetterPath,
-    text: &str,
-    baselines: &[LetterBaselines],
-) -> Result<Option<Vec<LetterRow>>, Failure> {
-    let seeds = args.seeds_within(MOST_SEEDS);
-    let learner = path.learner.unwrap_or("dqn");
-    let mut rows = Vec::new();
-    for (at, step) in path.steps(text)?.iter().enumerate() {
-        let scenario = step.scenario()?;
-        let own = json!({ "starts": args.starts });
-        let piece = format!("{}, {learner}, step {at}", path.world);
-        let runs = args.output.join("runs");
-        let request = CaseStudies {
-            seeds,
-            starts: args.starts,
-            // Steps of a path train in worlds of the same name, so each needs a
-            // directory.
-            runs: &runs.join(format!("{learner}-step-{at}")),
-        };
-        let made = once(args, &piece, &scenario, settings(seeds, own), |watch| {
-            Ok(letter_row(step, baselines, &request, watch)?)
-        })?;
-        let Some(row) = made else {
-            return Ok(None);
-        };
-        rows.push(row);
+/// Steps of a path that are trained.
+struct LetterSteps<'a> {
+    path: &'a LetterPath,
+    steps: Vec<usize>,
+    depends: &'a BTreeSet<Probe>,
+    baselines: &'a [LetterBaselines],
+}
+
+impl LetterSteps<'_> {
+    /// Returns a row for each step, with the processor time. `None`: stopped.
+    fn rows(
+        &self,
+        study: &StudyRun<'_>,
+        text: &str,
+    ) -> Result<Option<(Vec<LetterRow>, f64)>, Failure> {
+        let learner = self.path.learner_name();
+        let (mut rows, mut cpu_s) = (Vec::new(), 0.0);
+        let all = self.path.steps(text)?;
+        for &at in &self.steps {
+            let step = &all[at];
+            let scenario = step.scenario()?;
+            let own = json!({ "starts": study.starts() });
+            let piece = format!("{}, {learner}, step {at}", self.path.world);
+            let runs = study.runs().join(format!("{learner}-step-{at}"));
+            let request = CaseStudies {
+                seeds: study.seeds(),
+                starts: study.starts(),
+                // Steps of a path train in worlds of the same name, so each needs a
+                // directory.
+                runs: &runs,
+            };
+            let settings = study.settings(own);
+            let made = study.once(&piece, &scenario, self.depends, settings, |watch| {
+                Ok(letter_row(step, self.baselines, &request, watch)?)
+            })?;
+            let Some(made) = made else {
+                return Ok(None);
+            };
+            cpu_s += made.cpu_s;
+            rows.push(made.made);
+        }
+        Ok(Some((rows, cpu_s)))
     }
-    Ok(Some(rows))
 }
 
 impl From<LetterError> for Failure {

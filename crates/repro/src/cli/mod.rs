@@ -6,10 +6,12 @@ mod figures;
 mod grids;
 mod letter;
 mod near;
+mod pages;
 mod paper;
 mod reuse;
 mod structures;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -17,21 +19,42 @@ use brakecheck::cli::program::{self, CommandLine};
 use brakecheck::cli::terminal::{self, Common, OutputArgs, start_count};
 use brakecheck::cli::{Exit, Failure};
 use clap::{Parser, ValueEnum};
-use serde::Serialize;
+use cpu_time::ProcessTime;
 use serde::de::DeserializeOwned;
-use serde_json::Value;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
+use crate::record::NewRow;
+use crate::record::probe::{Probe, digests};
 use brakecheck::experiment::Watch;
 use brakecheck::run_dir::{RunError, write_file};
-use brakecheck::seed::{FIRST_SEALED, Seeds};
+use brakecheck::seed::Seeds;
 use brakecheck::world::Scenario;
 use brakecheck_experiment::run_dir::cached_result::CachedResult;
 use brakecheck_files::run_files::disk::make_dir;
 
+/// First training and stream of test starts that no earlier measurement opened.
+///
+/// docs/background/intervals.md lists the seeds that were looked at.
+const FIRST_UNOPENED: u64 = 300;
 /// Trainings per world, at most.
 const MOST_SEEDS: u64 = 100;
 /// Seeds are named in files: no more than nine digits.
 const MOST_SEED: u64 = 999_999_999;
+
+/// Studies in the order of `all`, with the sizes that take about two hours of processor
+/// time together.
+const STUDIES: [Study; 9] = [
+    Study::new(What::CaseStudies, "case-studies", 3, 200, case_studies::run),
+    Study::new(What::Crashes, "crashes", 2, 100, crashes::run),
+    Study::new(What::NearStarts, "near-starts", 1, 200, near::run),
+    Study::new(What::Table1, "table1", 3, 0, grids::run),
+    Study::new(What::PaperRows, "paper-rows", 2, 200, paper::run),
+    Study::new(What::Letter, "letter", 3, 100, letter::run),
+    Study::new(What::Reuse, "reuse", 1, 60, reuse::run),
+    Study::new(What::Structures, "structures", 1, 30, structures::run),
+    Study::new(What::Figures, "figures", 1, 0, figures::run),
+];
 
 /// Where an example is and what it is about, after all options.
 const EXAMPLE: &str = "Example:\n  cargo run --release -p brakecheck-repro -- case-studies --world acc -o reproduced\n\nDocuments: docs/background/results.md";
@@ -46,65 +69,51 @@ struct ReproduceArgs {
     /// Where tables, run directories and finished pieces go.
     #[arg(short, long, value_name = "DIR", default_value = "reproduced")]
     output: PathBuf,
+    /// Record the rows in `results/`, and write the pages again (`all` does).
+    #[arg(long, conflicts_with = "worlds")]
+    record: bool,
+    /// With `page`: write nothing, and fail if a page or a row is of an earlier version.
+    #[arg(long)]
+    check: bool,
+    /// The copy of the repository that has `results/` and the pages.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    root: PathBuf,
     /// Take the worlds from this directory instead of those that are built in.
     #[arg(long, value_name = "DIR")]
     worlds: Option<PathBuf>,
     /// Only this driving world, by name; repeat for several.
     #[arg(long, value_name = "NAME")]
     world: Vec<String>,
-    /// Training seeds per world.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
-    seeds: u64,
+    /// Training seeds per world, by default as many as the page has.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
+    seeds: Option<u64>,
     /// The first of them; from 100 on they are sealed: no setting was chosen by them.
-    #[arg(long, value_name = "N", default_value_t = FIRST_SEALED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    #[arg(long, value_name = "N", default_value_t = FIRST_UNOPENED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
     /// Seed of the test starts; sealed from 100 on, too.
-    #[arg(long, value_name = "N", default_value_t = FIRST_SEALED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    #[arg(long, value_name = "N", default_value_t = FIRST_UNOPENED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     start_seed: u64,
-    /// Test starts per world, by default as many as the published tables have.
-    #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
-    starts: usize,
+    /// Test starts per world, by default as many as the page has.
+    #[arg(long, value_name = "N", value_parser = start_count())]
+    starts: Option<usize>,
+    /// With `letter`: every step to the defaults, not only the letter and its end.
+    #[arg(long)]
+    every_step: bool,
     #[command(flatten)]
     common: Common,
     #[command(flatten)]
     display: OutputArgs,
 }
 
-impl ReproduceArgs {
-    /// The worlds asked for, by default those of a table.
-    fn worlds_or<'a>(&self, usual: impl IntoIterator<Item = &'a str>) -> Vec<String> {
-        if self.world.is_empty() {
-            usual.into_iter().map(str::to_owned).collect()
-        } else {
-            self.world.clone()
-        }
-    }
-
-    /// Returns true if a world of a table is asked for.
-    fn wants(&self, world: &str) -> bool {
-        self.world.is_empty() || self.world.iter().any(|name| name == world)
-    }
-
-    /// The trainings and test starts asked for, at most `most` trainings.
-    fn seeds_within(&self, most: u64) -> Seeds {
-        Seeds {
-            first: self.first_seed,
-            count: self.seeds.min(most),
-            starts: self.start_seed,
-        }
-    }
-}
-
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum What {
     /// The paper's Table I: RQ1 to RQ5 on both readings of the grid world.
     Table1,
-    /// The driving worlds: five seeds each, beside baselines and search.
+    /// The driving worlds: several trainings each, beside baselines and search.
     CaseStudies,
-    /// The paper's own rows of those: learners, episodes, the plain reward.
+    /// The paper's own rows of those: the Q-table, and success by episodes.
     PaperRows,
-    /// The paper's learning to the letter, and from it to the defaults, one change at a time
-    /// (kinematic plant).
+    /// The paper's learning to the letter, beside the defaults (kinematic plant).
     Letter,
     /// One trained ado on changed egos, beside honest baselines.
     Reuse,
@@ -112,13 +121,180 @@ enum What {
     NearStarts,
     /// Crashes that reference drivers avoid: what each ado finds.
     Crashes,
-    /// Controllers of structures that no ado met in training, each learned from 100 runs of it
-    /// (at most 2 trainings and 100 starts).
+    /// Controllers of structures that no ado met in training, each learned from 100 runs of it.
     Structures,
     /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
     Figures,
-    /// Everything, one after the other.
+    /// Everything, one after the other, recorded in `results/` and on the pages.
     All,
+    /// The pages again, from the recorded rows, without running anything.
+    Page,
+}
+
+/// Study with its sizes, which options replace.
+#[derive(Clone, Copy)]
+struct Study {
+    what: What,
+    /// Its files are called so.
+    name: &'static str,
+    trainings: u64,
+    starts: usize,
+    run: Part,
+}
+
+/// Function that makes a part of the tables, and returns `None` if interrupted.
+type Part = fn(&StudyRun<'_>) -> Result<Option<Made>, Failure>;
+
+impl Study {
+    const fn new(
+        what: What,
+        name: &'static str,
+        trainings: u64,
+        starts: usize,
+        run: Part,
+    ) -> Study {
+        Study {
+            what,
+            name,
+            trainings,
+            starts,
+            run,
+        }
+    }
+}
+
+/// Study as the command line requests it.
+struct StudyRun<'a> {
+    args: &'a ReproduceArgs,
+    study: Study,
+}
+
+impl StudyRun<'_> {
+    /// The worlds asked for, by default those of a table.
+    fn worlds_or<'a>(&self, usual: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+        if self.args.world.is_empty() {
+            usual.into_iter().map(str::to_owned).collect()
+        } else {
+            self.args.world.clone()
+        }
+    }
+
+    /// Returns true if a world of a table is asked for.
+    fn wants(&self, world: &str) -> bool {
+        self.args.world.is_empty() || self.args.world.iter().any(|name| name == world)
+    }
+
+    /// The trainings and test starts.
+    fn seeds(&self) -> Seeds {
+        Seeds {
+            first: self.args.first_seed,
+            count: self.args.seeds.unwrap_or(self.study.trainings),
+            starts: self.args.start_seed,
+        }
+    }
+
+    /// The number of test starts.
+    fn starts(&self) -> usize {
+        self.args.starts.unwrap_or(self.study.starts)
+    }
+
+    /// Directory of all run directories.
+    fn runs(&self) -> PathBuf {
+        self.args.output.join("runs")
+    }
+
+    /// Returns the settings of a piece: its own and the seeds.
+    fn settings(&self, mut own: Value) -> Value {
+        let seeds = self.seeds();
+        own["seeds"] = seeds.count.into();
+        own["first_seed"] = seeds.first.into();
+        own["start_seed"] = seeds.starts.into();
+        own
+    }
+
+    /// Makes a piece of a part, or reads the piece that an earlier command kept.
+    ///
+    /// A piece is kept for the same settings, and as long as its probes give the same
+    /// digests. Returns `None` if interrupted.
+    fn once<T: Serialize + DeserializeOwned>(
+        &self,
+        piece: &str,
+        scenario: &Scenario,
+        depends: &BTreeSet<Probe>,
+        mut settings: Value,
+        make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
+    ) -> Result<Option<Piece<T>>, Failure> {
+        settings["digests"] = json!(digests(depends));
+        let parts = self.args.output.join("parts");
+        let kept = CachedResult::new(&parts, piece, scenario, settings);
+        match kept.read() {
+            Ok(None) => {}
+            Ok(made) => return Ok(made),
+            // A damaged piece is only lost time, unlike a damaged run.
+            Err(error @ RunError::Damaged { .. }) => {
+                terminal::note(&format!("{error}; it is made anew"))
+            }
+            Err(error) => return Err(error.into()),
+        }
+        let bar = terminal::bar(&self.args.common, piece);
+        let clock = ProcessTime::now();
+        let made = make(&bar.watch())?.map(|made| Piece {
+            cpu_s: clock.elapsed().as_secs_f64(),
+            made,
+        });
+        // An interrupted piece is not kept, because it would look finished.
+        if let Some(made) = &made {
+            kept.write(made)?;
+        }
+        Ok(made)
+    }
+
+    /// Returns the recorded form of a row.
+    ///
+    /// `only` are the options that select it.
+    fn row(
+        &self,
+        name: &str,
+        only: &str,
+        depends: BTreeSet<Probe>,
+        cpu_s: f64,
+        data: &impl Serialize,
+    ) -> NewRow {
+        let seeds = self.seeds();
+        let mut command = format!(
+            "{}{only} --seeds {} --first-seed {}",
+            self.study.name, seeds.count, seeds.first
+        );
+        if self.starts() > 0 {
+            command.push_str(&format!(
+                " --starts {} --start-seed {}",
+                self.starts(),
+                seeds.starts
+            ));
+        }
+        NewRow {
+            name: name.to_owned(),
+            command,
+            // Pages have no semicolons.
+            seeds: seeds.to_string().replace(';', ","),
+            depends,
+            cpu_s: Some(cpu_s),
+            data: json!(data),
+        }
+    }
+
+    /// A shipped world, or one of that name in the directory that was named.
+    fn world(&self, name: &str) -> Result<Scenario, Failure> {
+        world(self.args, name)
+    }
+}
+
+/// Kept piece of a part.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Piece<T> {
+    /// Processor time that it took, s.
+    cpu_s: f64,
+    made: T,
 }
 
 /// Runs the program on the process's arguments.
@@ -145,14 +321,28 @@ impl CommandLine for ReproduceArgs {
 }
 
 fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    if args.what == What::Page {
+        return pages::write(args);
+    }
+    let records = args.record || args.what == What::All;
+    if records {
+        // Before hours of work, of which nothing could be recorded.
+        pages::require_root(args)?;
+    }
     let mut results = serde_json::Map::new();
-    for part in args.what.parts() {
-        let Some(made) = part(args)? else {
+    for study in STUDIES {
+        if args.what != What::All && args.what != study.what {
+            continue;
+        }
+        let Some(made) = (study.run)(&StudyRun { args, study })? else {
             terminal::note("interrupted: what is finished is kept; run the same command to go on");
             return Ok(Exit::Interrupted);
         };
         // Saved before it is printed, so a broken pipe does not cost the part.
-        made.save(&args.output)?;
+        made.save(&args.output, study.name)?;
+        if records {
+            pages::record(args, study.name, made.rows)?;
+        }
         if !args.common.json {
             terminal::data(made.markdown.trim_end())?;
         }
@@ -163,43 +353,13 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     if args.common.json {
         terminal::json(&Value::Object(results).to_string())?;
     }
-    Ok(Exit::Done)
+    if records { pages::write(args) } else { Ok(Exit::Done) }
 }
-
-impl What {
-    fn parts(self) -> &'static [Part] {
-        match self {
-            What::Table1 => &[grids::run],
-            What::CaseStudies => &[case_studies::run],
-            What::PaperRows => &[paper::run],
-            What::Letter => &[letter::run],
-            What::Reuse => &[reuse::run],
-            What::NearStarts => &[near::run],
-            What::Crashes => &[crashes::run],
-            What::Structures => &[structures::run],
-            What::Figures => &[figures::run],
-            What::All => &[
-                grids::run,
-                case_studies::run,
-                paper::run,
-                letter::run,
-                reuse::run,
-                near::run,
-                crashes::run,
-                structures::run,
-                figures::run,
-            ],
-        }
-    }
-}
-
-/// Function that makes a part of the tables, and returns `None` if interrupted.
-type Part = fn(&ReproduceArgs) -> Result<Option<Made>, Failure>;
 
 /// A finished table.
 struct Made {
-    /// Its files are called so.
-    name: &'static str,
+    /// Rows to be recorded.
+    rows: Vec<NewRow>,
     markdown: String,
     /// JSON object, whose keys differ from those of other parts.
     json: Value,
@@ -207,60 +367,10 @@ struct Made {
 
 impl Made {
     /// Writes the table, for people and for programs.
-    fn save(&self, dir: &Path) -> Result<(), Failure> {
-        save(dir, &format!("{}.md", self.name), self.markdown.as_bytes())?;
-        let json = self.json.to_string();
-        save(dir, &format!("{}.json", self.name), json.as_bytes())
+    fn save(&self, dir: &Path, name: &str) -> Result<(), Failure> {
+        save(dir, &format!("{name}.md"), self.markdown.as_bytes())?;
+        save(dir, &format!("{name}.json"), self.json.to_string().as_bytes())
     }
-}
-
-/// Makes a piece of a part, or reads the piece that an earlier command kept.
-///
-/// Returns `None` if interrupted.
-fn once<T: Serialize + DeserializeOwned>(
-    args: &ReproduceArgs,
-    piece: &str,
-    scenario: &Scenario,
-    settings: Value,
-    make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
-) -> Result<Option<T>, Failure> {
-    let kept = CachedResult::new(&args.output.join("parts"), piece, scenario, settings);
-    match kept.read() {
-        Ok(None) => {}
-        Ok(made) => return Ok(made),
-        // A damaged piece is only lost time, unlike a damaged run.
-        Err(error @ RunError::Damaged { .. }) => {
-            terminal::note(&format!("{error}; it is made anew"))
-        }
-        Err(error) => return Err(error.into()),
-    }
-    let bar = terminal::bar(&args.common, piece);
-    let made = make(&bar.watch())?;
-    // An interrupted piece is not kept, because it would look finished.
-    if let Some(made) = &made {
-        kept.write(made)?;
-    }
-    Ok(made)
-}
-
-/// Returns the settings of a piece: its own and the seeds.
-///
-/// Pieces from before the choice of seeds have trainings from 1 on and test starts of
-/// seed 0. Their settings do not contain the seeds.
-fn settings(seeds: Seeds, mut own: Value) -> Value {
-    own["seeds"] = seeds.count.into();
-    if seeds.first != 1 {
-        own["first_seed"] = seeds.first.into();
-    }
-    if seeds.starts != 0 {
-        own["start_seed"] = seeds.starts.into();
-    }
-    own
-}
-
-/// Returns a table with a line above it that states its seeds.
-fn headed(seeds: Seeds, table: &str) -> String {
-    format!("With {seeds}.\n\n{table}")
 }
 
 /// A shipped world, or one of that name in the directory that was named.
@@ -351,7 +461,7 @@ mod tests {
                 seen += 1;
             }
         }
-        assert!(seen > 30, "{seen} commands");
+        assert!(seen > 15, "{seen} commands");
         let example = EXAMPLE.split(RUN).nth(1).and_then(|it| it.lines().next());
         assert!(example.is_some_and(takes), "{EXAMPLE}");
     }

@@ -2,7 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, headed, once, world};
+use super::{Failure, Made, Piece, StudyRun};
+use crate::record::probe::Probe;
 use crate::{
     NearFailing, TrainedPolicy, near_starts, near_starts_markdown, start_with, trained_run,
 };
@@ -34,49 +35,47 @@ const FAILING: [(&str, [(&str, f64); 3]); 2] = [
 ];
 const DELTAS: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    // One trained ado is looked at: the first.
-    let seeds = args.seeds_within(1);
-    let mut all = Vec::new();
-    for (name, wanted) in FAILING {
-        let scenario = world(args, name)?;
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
+    let (mut all, mut rows) = (Vec::new(), Vec::new());
+    for (name, wanted) in FAILING.iter().filter(|(name, _)| study.wants(name)) {
+        let scenario = study.world(name)?;
         // A world from `--worlds` may lack these axes.
-        let around = start_with(&scenario, &wanted).map_err(|error| {
+        let around = start_with(&scenario, wanted).map_err(|error| {
             Failure::input(
                 error.to_string(),
                 "use the worlds that came with this version",
             )
         })?;
-        let settings = json!({
-            "seed": seeds.first, "start_seed": seeds.starts, "starts": args.starts,
-            "deltas": DELTAS,
-        });
+        let depends = Probe::of_training(name);
+        let own = json!({ "starts": study.starts(), "deltas": DELTAS });
         let piece = format!("{name}, near starts");
-        let made = once(args, &piece, &scenario, settings, |watch| {
-            near(args, &scenario, &around, watch)
+        let made = study.once(&piece, &scenario, &depends, study.settings(own), |watch| {
+            near(study, &scenario, &around, watch)
         })?;
-        let Some(near) = made else {
+        let Some(Piece { cpu_s, made }) = made else {
             return Ok(None);
         };
-        all.push(near);
+        let only = format!(" --world {name}");
+        rows.push(study.row(name, &only, depends, cpu_s, &made));
+        all.push(made);
     }
     Ok(Some(Made {
-        name: "near-starts",
-        markdown: headed(seeds, &near_starts_markdown(&all)),
+        rows,
+        markdown: format!("With {}.\n\n{}", study.seeds(), near_starts_markdown(&all)),
         json: json!({ "near_starts": all }),
     }))
 }
 
-/// Plays the trained ado near the failing start of a world. `None` if stopped.
+/// Plays the first trained ado near the failing start of a world. `None` if stopped.
 fn near(
-    args: &ReproduceArgs,
+    study: &StudyRun<'_>,
     scenario: &Scenario,
     around: &Start,
     watch: &Watch<'_>,
 ) -> Result<Option<NearFailing>, Failure> {
-    let seeds = args.seeds_within(1);
-    let (path, _) = trained_run(scenario, seeds.first, &args.output.join("runs"), watch)?;
-    let starts = test_starts(scenario, seeds.starts, args.starts, watch);
+    let seeds = study.seeds();
+    let (path, _) = trained_run(scenario, seeds.first, &study.runs(), watch)?;
+    let starts = test_starts(scenario, seeds.starts, study.starts(), watch);
     // An interrupted training has no policy.
     let (Some(starts), false) = (starts, watch.stopped()) else {
         return Ok(None);

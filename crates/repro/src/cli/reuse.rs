@@ -3,53 +3,64 @@
 use brakecheck::cli::terminal::{Common, bar};
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
+use super::{Failure, Made, StudyRun};
+use crate::record::probe::Probe;
 use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use brakecheck::experiment::EgoUnderTest;
 use brakecheck::world::Scenario;
 
 /// The worlds that name a family.
-const WORLDS: [&str; 3] = ["acc", "merge", "yellow_light"];
+const FAMILIES: [&str; 3] = ["acc", "merge", "yellow_light"];
+/// The world that `all` evaluates, because a family takes long to train.
+const USUAL: [&str; 1] = ["acc"];
 
 /// Runs per start of the ado that may explore.
 const TRIES: u64 = 30;
-/// Training seeds, at most: six trainings per world.
-const SEEDS: u64 = 3;
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let runs = args.output.join("runs");
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
+    let runs = study.runs();
     let config = ReuseStudyConfig {
-        seeds: args.seeds_within(SEEDS),
-        starts: args.starts,
+        seeds: study.seeds(),
+        starts: study.starts(),
         tries: TRIES,
         runs: &runs,
     };
-    let mut studies = Vec::new();
-    for name in WORLDS.iter().filter(|name| args.wants(name)) {
-        let scenario = world(args, name)?;
+    let (mut studies, mut rows) = (Vec::new(), Vec::new());
+    let worlds = study.worlds_or(USUAL);
+    for name in worlds.iter().filter(|name| FAMILIES.contains(&name.as_str())) {
+        let scenario = study.world(name)?;
+        let mut depends = Probe::of_training(name);
+        depends.insert(Probe::Family(name.clone()));
+        depends.insert(Probe::Egos(name.clone()));
         // Trainings come first, because all egos share them.
-        let Some(study) = begin(&args.common, name, &scenario, config)? else {
+        let Some(begun) = begin(&study.args.common, name, &scenario, config)? else {
             return Ok(None);
         };
-        let mut results = Vec::new();
+        let (mut results, mut cpu_s) = (Vec::new(), 0.0);
         for ego in &EgoUnderTest::find(&scenario, "all")? {
             let own = json!({ "starts": config.starts, "tries": config.tries });
-            let settings = settings(config.seeds, own);
             // One piece per ego, so that an interruption costs a single ego.
             let piece = format!("{name}, reuse on {}", ego.name());
-            let made = once(args, &piece, &scenario, settings, |watch| {
-                Ok(study.evaluate(ego, watch)?)
+            let settings = study.settings(own);
+            let made = study.once(&piece, &scenario, &depends, settings, |watch| {
+                Ok(begun.evaluate(ego, watch)?)
             })?;
             let Some(made) = made else {
                 return Ok(None);
             };
-            results.push(made);
+            cpu_s += made.cpu_s;
+            results.push(made.made);
         }
-        studies.push(study.conclude(results));
+        let report = begun.conclude(results);
+        let trained_s: f64 = report.train_cpu_s.iter().map(|(_, cpu_s)| cpu_s).sum();
+        cpu_s += trained_s * report.seeds as f64;
+        let only = format!(" --world {name}");
+        rows.push(study.row(name, &only, depends, cpu_s, &report.blocks()));
+        studies.push(report);
     }
     Ok(Some(Made {
-        name: "reuse",
-        markdown: headed(config.seeds, &reuse_markdown(&studies)),
+        rows,
+        markdown: format!("With {}.\n\n{}", config.seeds, reuse_markdown(&studies)),
         json: json!({ "reuse": studies }),
     }))
 }

@@ -1,62 +1,66 @@
 //! Egos of other structures, one by one.
 
+use std::collections::BTreeSet;
+
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
+use super::{Failure, Made, Piece, StudyRun};
+use crate::record::probe::Probe;
 use crate::{
-    RUNS, StructureRow, StructureStudy, other_structures, structures_markdown, trained_run,
+    RUNS, StructureMeans, StructureRow, StructureStudy, other_structures, structures_markdown, trained_run,
 };
 use brakecheck::experiment::Watch;
 use brakecheck::run_dir::RunDir;
-use brakecheck::seed::Seeds;
 use brakecheck::world::Scenario;
 
 /// World of ACC whose changed egos have ten structures.
 ///
 /// The same egos are played in every other world, too.
 const WORLDS: [&str; 1] = ["acc_structures"];
-/// Trainings per world, at most, and starts: each start is searched with two
-/// switches and planned six times.
-const MOST_TRAININGS: u64 = 2;
-const MOST_STARTS: usize = 100;
 
-pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let seeds = args.seeds_within(MOST_TRAININGS);
+pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     let (mut tables, mut studies) = (String::new(), serde_json::Map::new());
-    for name in &args.worlds_or(WORLDS) {
-        let Some(rows) = rows(args, seeds, name)? else {
+    let mut recorded = Vec::new();
+    for name in &study.worlds_or(WORLDS) {
+        let mut depends = Probe::of_training(name);
+        depends.extend([Probe::Surrogate, Probe::Egos("acc_structures".to_owned())]);
+        let Some(Piece { cpu_s, made: rows }) = rows(study, &depends, name)? else {
             return Ok(None);
         };
         tables.push_str(&structures_markdown(name, &rows));
         tables.push('\n');
+        let only = format!(" --world {name}");
+        let means = StructureMeans::of(name, &rows);
+        recorded.push(study.row(name, &only, depends, cpu_s, &means));
         studies.insert(name.clone(), json!(rows));
     }
     Ok(Some(Made {
-        name: "structures",
-        markdown: headed(seeds, &tables),
+        rows: recorded,
+        markdown: format!("With {}.\n\n{tables}", study.seeds()),
         json: json!({ "structures": studies }),
     }))
 }
 
 /// Returns a row for each training and ego of a world, `None` if stopped.
 fn rows(
-    args: &ReproduceArgs,
-    seeds: Seeds,
+    study: &StudyRun<'_>,
+    depends: &BTreeSet<Probe>,
     name: &str,
-) -> Result<Option<Vec<StructureRow>>, Failure> {
-    let scenario = world(args, name)?;
+) -> Result<Option<Piece<Vec<StructureRow>>>, Failure> {
+    let scenario = study.world(name)?;
     let egos = other_structures(&scenario)?;
-    let starts = args.starts.min(MOST_STARTS);
-    let mut rows = Vec::new();
+    let (seeds, starts) = (study.seeds(), study.starts());
+    let mut rows = Piece { cpu_s: 0.0, made: Vec::new() };
     for seed in seeds.trainings() {
         for ego in &egos {
             let own = json!({
                 "starts": starts, "ego": ego.name(), "training": seed, "runs": RUNS,
             });
             let piece = format!("{name} {seed}, {}", ego.name());
-            let made = once(args, &piece, &scenario, settings(seeds, own), |watch| {
+            let settings = study.settings(own);
+            let made = study.once(&piece, &scenario, depends, settings, |watch| {
                 // Inside of the piece, so that a finished piece needs no training.
-                let Some(run) = trained(args, &scenario, seed, watch)? else {
+                let Some(run) = trained(study, &scenario, seed, watch)? else {
                     return Ok(None);
                 };
                 let study = StructureStudy {
@@ -66,10 +70,11 @@ fn rows(
                 };
                 Ok(study.evaluate(ego, watch)?)
             })?;
-            let Some(row) = made else {
+            let Some(made) = made else {
                 return Ok(None);
             };
-            rows.push(row);
+            rows.cpu_s += made.cpu_s;
+            rows.made.push(made.made);
         }
     }
     Ok(Some(rows))
@@ -77,12 +82,12 @@ fn rows(
 
 /// Returns the ado of a seed, and trains it if necessary. `None` if stopped.
 fn trained(
-    args: &ReproduceArgs,
+    study: &StudyRun<'_>,
     scenario: &Scenario,
     seed: u64,
     watch: &Watch<'_>,
 ) -> Result<Option<RunDir>, Failure> {
-    let (path, _) = trained_run(scenario, seed, &args.output.join("runs"), watch)?;
+    let (path, _) = trained_run(scenario, seed, &study.runs(), watch)?;
     if watch.stopped() {
         Ok(None)
     } else {

@@ -80,6 +80,16 @@ pub enum LetterError {
 }
 
 impl LetterPath {
+    /// Returns the name of its learner in files and tables.
+    pub fn learner_name(&self) -> &'static str {
+        self.learner.unwrap_or("dqn")
+    }
+
+    /// Returns the numbers of changes at both ends: the letter itself and the defaults.
+    pub fn ends(&self) -> impl Iterator<Item = usize> {
+        [0, self.changes.len()].into_iter()
+    }
+
     /// Returns the steps of a path, the unchanged text first.
     ///
     /// # Errors
@@ -303,6 +313,43 @@ pub struct LetterStudy {
     pub baselines: Vec<LetterBaselines>,
     /// Results of the steps.
     pub rows: Vec<LetterRow>,
+}
+
+/// Letter and defaults of a path on the page, until the violation.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct LetterEnds {
+    /// World at the beginning of the path.
+    pub world: String,
+    /// Name of its learner.
+    pub learner: String,
+    /// Largest number of switches of the search.
+    pub switches: usize,
+    /// Results to the letter: the first row.
+    pub letter: LetterRow,
+    /// Results with the defaults: the last row.
+    pub defaults: LetterRow,
+    /// Search, held random, random and best constant actions, by judge.
+    pub baselines: Vec<[f64; 4]>,
+}
+
+impl LetterStudy {
+    /// Returns the first and the last row, with the rates of the baselines.
+    ///
+    /// `None`: the study is empty.
+    pub fn ends(&self) -> Option<LetterEnds> {
+        let of_judge = |judge: &LetterBaselines| {
+            let rate = |at: usize| judge.rows.get(at).map_or(0.0, |row| row.success_rate);
+            [rate(0), rate(1), rate(2), rate(3)]
+        };
+        Some(LetterEnds {
+            world: self.world.clone(),
+            learner: self.learner.clone().unwrap_or_else(|| "dqn".to_owned()),
+            switches: self.switches,
+            letter: self.rows.first()?.clone(),
+            defaults: self.rows.last()?.clone(),
+            baselines: self.baselines.iter().map(of_judge).collect(),
+        })
+    }
 }
 
 /// Explanation of the columns, below the tables.

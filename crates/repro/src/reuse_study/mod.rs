@@ -80,6 +80,71 @@ pub struct ReuseReport {
     pub rows: Vec<Row>,
 }
 
+/// Means of the study on the page.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReuseBlocks {
+    /// Name of the world.
+    pub world: String,
+    /// Number of evaluated starts.
+    pub starts: usize,
+    /// Number of training seeds.
+    pub seeds: u64,
+    /// Egos inside the family, and outside, of which search solves enough.
+    pub egos: [usize; 2],
+    /// Mean processor time of a training by ado, s.
+    pub train_cpu_s: Vec<(String, f64)>,
+    /// Every ado, in the order of the rows.
+    pub ados: Vec<ReusedAdo>,
+    /// Starts per ego from which the wide ado is cheaper than held search on all egos.
+    pub cheaper_from: Option<f64>,
+}
+
+/// Mean recall of an ado.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReusedAdo {
+    /// Name of the ado.
+    pub ado: String,
+    /// Mean recall inside the family, and outside.
+    pub recall: [Option<f64>; 2],
+    /// Least recall inside the family, with the ego, and outside.
+    pub least: [Option<(f64, String)>; 2],
+    /// Mean simulations per start over all changed egos.
+    pub sims_per_start: f64,
+}
+
+impl ReuseReport {
+    /// Returns the means inside the family and outside, ado by ado.
+    pub fn blocks(&self) -> ReuseBlocks {
+        let block = |relation: Relation| {
+            let all = self.summary.iter();
+            all.filter(move |sum| sum.relation == relation)
+        };
+        let blocks = [Relation::Inside, Relation::Outside];
+        let ados = block(Relation::Changed).map(|changed| {
+            let of = |relation: Relation| block(relation).find(|sum| sum.ado == changed.ado);
+            ReusedAdo {
+                ado: changed.ado.to_string(),
+                recall: blocks.map(|it| of(it)?.recall_mean),
+                least: blocks.map(|it| of(it)?.recall_min.clone()),
+                sims_per_start: changed.sims_per_start,
+            }
+        });
+        ReuseBlocks {
+            world: self.world.clone(),
+            starts: self.starts,
+            seeds: self.seeds,
+            egos: blocks.map(|it| block(it).next().map_or(0, |sum| sum.egos_with_recall)),
+            train_cpu_s: self
+                .train_cpu_s
+                .iter()
+                .map(|(ado, cpu_s)| ((*ado).to_owned(), *cpu_s))
+                .collect(),
+            ados: ados.collect(),
+            cheaper_from: self.costs.last().and_then(|all| all.starts),
+        }
+    }
+}
+
 /// Error of the study.
 #[derive(Debug, thiserror::Error)]
 pub enum ReuseError {

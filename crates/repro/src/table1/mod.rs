@@ -137,6 +137,31 @@ pub struct RandomAdos {
     pub tables: (f64, [f64; 2]),
 }
 
+/// Captures of Table I on the page.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct GridCaptures {
+    /// Name of the world.
+    pub world: String,
+    /// Names of the learners, in the order of all lists.
+    pub learners: Vec<String>,
+    /// Mean processor time of a training by learner, s.
+    pub train_cpu_s: Vec<f64>,
+    /// Captures per map.
+    pub cells: Vec<MapResult>,
+}
+
+impl GridStudy {
+    /// Returns what the page shows of it.
+    pub(crate) fn captures(&self) -> GridCaptures {
+        GridCaptures {
+            world: self.world.clone(),
+            learners: self.learners.clone(),
+            train_cpu_s: self.train_cpu_s.clone(),
+            cells: self.cells.clone(),
+        }
+    }
+}
+
 /// Captures on a map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MapResult {

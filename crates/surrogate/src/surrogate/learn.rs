@@ -61,6 +61,8 @@ pub struct LearnEgoRequest<'a> {
     pub unknown: &'a [&'a str],
     /// Seed of the starts and of the fit.
     pub seed: u64,
+    /// Updates of each network after every round, and after the last round.
+    pub updates: [u64; 2],
 }
 
 impl<'a> LearnEgoRequest<'a> {
@@ -79,6 +81,7 @@ impl<'a> LearnEgoRequest<'a> {
             runs,
             unknown: &[],
             seed: 0,
+            updates: [UPDATES, LAST_UPDATES],
         }
     }
 
@@ -98,6 +101,13 @@ impl<'a> LearnEgoRequest<'a> {
     /// Sets the seed of the starts and of the fit.
     pub fn seed(self, seed: u64) -> LearnEgoRequest<'a> {
         LearnEgoRequest { seed, ..self }
+    }
+
+    /// Sets the updates of each network after every round, and after the last round.
+    ///
+    /// Only [`learn_ego`] takes others than the default, because stored egos have it.
+    pub fn updates(self, updates: [u64; 2]) -> LearnEgoRequest<'a> {
+        LearnEgoRequest { updates, ..self }
     }
 }
 
@@ -240,7 +250,7 @@ pub struct LearnedEgo {
 ///
 /// Equal requests give equal results on any number of threads, if the ego is
 /// deterministic.
-pub(crate) fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
+pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
     let all = starts(request.nominal, request.runs, request.seed);
     let count = if request.runs >= THREE_ROUNDS { 3 } else { 2 };
     let mut rounds = all.chunks(all.len().div_ceil(count).max(1));
@@ -292,7 +302,7 @@ impl<'a> EgoLearning<'a> {
             nearest: Vec::new(),
         };
         let mut kinds = kinds_except(request.unknown);
-        let surrogate = refitted(request, &recorded, &mut kinds, None, UPDATES, watch)?;
+        let surrogate = refitted(request, &recorded, &mut kinds, None, request.updates[0], watch)?;
         Some(EgoLearning {
             request,
             all,
@@ -337,7 +347,7 @@ impl<'a> EgoLearning<'a> {
             &self.recorded,
             &mut self.kinds,
             self.surrogate.brake,
-            if is_last { LAST_UPDATES } else { UPDATES },
+            self.request.updates[usize::from(is_last)],
             self.watch,
         )?;
         Some(())

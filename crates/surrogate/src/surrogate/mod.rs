@@ -44,5 +44,5 @@ mod surrogate_world;
 
 pub use adapted_policy::AdaptedTo;
 pub use adapted_policy::learned;
-pub use learn::{LEAST_RUNS, LearnEgoRequest};
+pub use learn::{LEAST_RUNS, LearnEgoRequest, learn_ego};
 pub use surrogate_world::SurrogateWorld;

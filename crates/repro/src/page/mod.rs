@@ -1,0 +1,179 @@
+//! Pages that are made from the recorded rows.
+//!
+//! `results.md` in this folder is the text of docs/background/results.md. A name in double
+//! braces stands for a table of the study of that name. README has a smaller table between
+//! two comments.
+
+mod tables;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use crate::record::{RecordError, ResultRow, Results};
+
+pub(crate) use tables::worlds_table;
+
+/// Page with all tables, below the root of the repository.
+pub(crate) const RESULTS: &str = "docs/background/results.md";
+/// Page with the main worlds.
+pub(crate) const README: &str = "README.md";
+/// Text of [`RESULTS`].
+const TEXT: &str = include_str!("results.md");
+/// Comments around the table of [`README`].
+const BORDERS: [&str; 2] = ["<!-- results:begin -->", "<!-- results:end -->"];
+/// Mark of a row that is not of this version.
+const OLD: &str = "†";
+
+/// Pages as the recorded rows give them.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pages {
+    results: String,
+    readme: String,
+    /// Rows with changed digests, with the reason.
+    pub(crate) outdated: Vec<String>,
+}
+
+impl Pages {
+    /// Makes the pages, with the digests of this version.
+    ///
+    /// # Errors
+    /// README cannot be read.
+    pub(crate) fn of(
+        root: &Path,
+        results: &Results,
+        digests: &BTreeMap<String, String>,
+    ) -> Result<Pages, RecordError> {
+        let rows = Rows { results, digests };
+        let path = root.join(README);
+        let readme = std::fs::read_to_string(&path);
+        let readme = readme.map_err(|error| RecordError::Read { path, error })?;
+        // Rows that were measured by hand are shown as such, and cannot be measured here.
+        let outdated = results.rows().filter(|(_, row)| !row.changed(digests).is_empty());
+        Ok(Pages {
+            results: filled(&rows),
+            readme: between(&readme, &tables::readme(&rows)),
+            outdated: outdated
+                .map(|(study, row)| format!("{study}, {}: {}", row.name, rows.reason(row)))
+                .collect(),
+        })
+    }
+
+    /// Files with their texts.
+    pub(crate) fn files(&self) -> [(&'static str, &str); 2] {
+        [(RESULTS, &self.results), (README, &self.readme)]
+    }
+}
+
+/// Recorded rows beside the digests of this version.
+pub(crate) struct Rows<'a> {
+    results: &'a Results,
+    digests: &'a BTreeMap<String, String>,
+}
+
+impl Rows<'_> {
+    /// Returns the rows of a study.
+    fn of(&self, study: &str) -> &[ResultRow] {
+        self.results.of(study)
+    }
+
+    fn is_fresh(&self, row: &ResultRow) -> bool {
+        row.is_fresh(self.digests)
+    }
+
+    /// Returns the reason why a row is not of this version.
+    fn reason(&self, row: &ResultRow) -> String {
+        let changed = row.changed(self.digests);
+        let origin = &row.origin;
+        if changed.is_empty() {
+            format!(
+                "of an earlier version, measured on {} by `{}`",
+                origin.date,
+                without_world(&row.command)
+            )
+        } else {
+            format!("of an earlier version, changed since: {}", changed.join(", "))
+        }
+    }
+
+    /// Lines below the tables of a study: commands, days and rows that are not of this version.
+    fn notes(&self, study: &str) -> String {
+        let rows = self.of(study);
+        let fresh: Vec<&ResultRow> = rows.iter().filter(|row| !row.depends.is_empty()).collect();
+        let mut commands: Vec<(String, Vec<&ResultRow>)> = Vec::new();
+        for row in fresh {
+            let command = format!(
+                "`repro {}` on {}, version {}, commit `{}`",
+                without_world(&row.command),
+                row.origin.date,
+                row.origin.version,
+                row.origin.commit
+            );
+            match commands.iter_mut().find(|(known, _)| *known == command) {
+                Some((_, rows)) => rows.push(row),
+                None => commands.push((command, vec![row])),
+            }
+        }
+        let several = commands.len() > 1;
+        let mut text = String::new();
+        for (command, rows) in commands {
+            let cpu_s: f64 = rows.iter().filter_map(|row| row.cpu_s).sum();
+            let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
+            let of = if several { format!(" ({})", names.join(", ")) } else { String::new() };
+            text.push_str(&format!("Measured by {command}, in {:.0} CPU min{of}.\n", cpu_s / 60.0));
+        }
+        let is_old = |row: &&ResultRow| !self.is_fresh(row);
+        let mut old: Vec<(String, Vec<&str>)> = Vec::new();
+        for row in rows.iter().filter(is_old) {
+            let reason = self.reason(row);
+            match old.iter_mut().find(|(known, _)| *known == reason) {
+                Some((_, rows)) => rows.push(&row.name),
+                None => old.push((reason, vec![&row.name])),
+            }
+        }
+        if !old.is_empty() && !text.is_empty() {
+            text.push('\n');
+        }
+        for (reason, names) in old {
+            let names = if names.len() == rows.len() {
+                "all rows".to_owned()
+            } else {
+                names.join(", ")
+            };
+            text.push_str(&format!("- {OLD} {names}: {reason}\n"));
+        }
+        text
+    }
+}
+
+/// Returns a command without the option that selects a world.
+fn without_world(command: &str) -> String {
+    let Some((before, after)) = command.split_once(" --world ") else {
+        return command.to_owned();
+    };
+    let rest = after.split_once(' ').map_or("", |(_, rest)| rest);
+    format!("{before} {rest}").trim_end().to_owned()
+}
+
+/// Returns the text of the page with its tables.
+fn filled(rows: &Rows<'_>) -> String {
+    let mut text = TEXT.to_owned();
+    for (name, table) in tables::all(rows) {
+        text = text.replace(&format!("{{{{{name}}}}}"), table.trim_end());
+    }
+    text
+}
+
+/// Returns a page with another text between its borders.
+fn between(page: &str, table: &str) -> String {
+    let [begin, end] = BORDERS;
+    let parts = page
+        .split_once(begin)
+        .and_then(|(before, rest)| Some((before, rest.split_once(end)?.1)));
+    match parts {
+        Some((before, after)) => format!("{before}{begin}\n{}\n{end}{after}", table.trim_end()),
+        // Without borders nothing is replaced.
+        None => page.to_owned(),
+    }
+}

@@ -1,0 +1,520 @@
+//! Tables of the pages.
+
+use super::{OLD, Rows};
+use crate::crashes::{CrashRow, CrashStudy};
+use crate::letter::LetterEnds;
+use crate::near::NearFailing;
+use crate::paper_rows::{Measured, Reached};
+use crate::record::ResultRow;
+use crate::reuse_study::{ReuseBlocks, ReusedAdo};
+use crate::structures::StructureMeans;
+use crate::table1::GridCaptures;
+use crate::WorldResult;
+use brakecheck_report::report::table::TextTable;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+/// Worlds of README, in its order.
+const IN_README: [&str; 4] = ["acc", "merge_fair", "pedestrian", "cut_in"];
+/// Worlds of the main table, in its order. Others follow.
+const WORLDS: [&str; 10] = [
+    "acc",
+    "merge_fair",
+    "merge",
+    "yellow_light",
+    "yellow_light_fixed",
+    "pedestrian",
+    "cut_in",
+    "sandwich",
+    "light_ado",
+    "bend",
+];
+
+/// Result of the paper for a driving scene.
+struct OfPaper {
+    scene: &'static str,
+    /// Share of falsified starts or episodes, and hours.
+    result: &'static str,
+    counts: &'static str,
+    /// Row here: study and name.
+    here: (&'static str, &'static str),
+    here_counts: &'static str,
+    /// Row with the paper's learning to the letter.
+    letter: &'static str,
+}
+
+const PAPER: [OfPaper; 4] = [
+    OfPaper {
+        scene: "ACC, DQN",
+        result: "54.8 % in 1.93 h",
+        counts: "distance below `d_safe`",
+        here: ("case-studies", "acc"),
+        here_counts: "distance below `d_safe`",
+        letter: "acc_letter dqn",
+    },
+    OfPaper {
+        scene: "ACC, Q-table",
+        result: "55.79 % in 4.83 h",
+        counts: "distance below `d_safe`",
+        here: ("paper-rows", "acc QTable"),
+        here_counts: "the same, kinematic plant",
+        letter: "acc_letter q_table",
+    },
+    OfPaper {
+        scene: "merge, 371 episodes",
+        result: "75.76 % in 9.44 h",
+        counts: "training episodes that end in a collision",
+        here: ("case-studies", "merge"),
+        here_counts: "distance below `d_safe`, rules kept",
+        letter: "merge_letter dqn",
+    },
+    OfPaper {
+        scene: "yellow light, 247 episodes",
+        result: "64 % in 2.59 h",
+        counts: "running the red light",
+        here: ("case-studies", "yellow_light"),
+        here_counts: "running the red light, rules kept",
+        letter: "yellow_light_letter dqn",
+    },
+];
+
+/// Returns every table of the page with its name.
+pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
+    vec![
+        ("worlds", noted(rows, "case-studies", &worlds(rows).to_markdown())),
+        ("paper", noted(rows, "letter", &paper(rows).to_markdown())),
+        ("episodes", noted(rows, "paper-rows", &episodes(rows).to_markdown())),
+        ("table1", noted(rows, "table1", &captures(rows))),
+        ("near", noted(rows, "near-starts", &near(rows).to_markdown())),
+        ("crashes", noted(rows, "crashes", &crashes(rows).to_markdown())),
+        ("reuse", noted(rows, "reuse", &reuse(rows))),
+        ("structures", noted(rows, "structures", &structures(rows).to_markdown())),
+        ("planners", noted(rows, "planners", &planners(rows).to_markdown())),
+        ("others", others(rows)),
+        ("machine", machines(rows)),
+    ]
+}
+
+fn noted(rows: &Rows<'_>, study: &str, table: &str) -> String {
+    format!("{}\n\n{}", table.trim_end(), rows.notes(study).trim_end())
+}
+
+/// Returns the machines of all rows.
+fn machines(rows: &Rows<'_>) -> String {
+    let all = rows.results.rows().map(|(_, row)| row.origin.machine.clone());
+    let mut machines: Vec<String> = all.filter(|machine| !machine.is_empty()).collect();
+    machines.sort();
+    machines.dedup();
+    machines.join(", or ")
+}
+
+/// Returns the numbers of the rows of a study that have this form.
+fn read<'a, T: DeserializeOwned>(
+    rows: &'a Rows<'_>,
+    study: &str,
+) -> impl Iterator<Item = (&'a ResultRow, T)> {
+    let all = rows.of(study).iter();
+    all.filter_map(|row| Some((row, row.read()?)))
+}
+
+/// Returns a name with the mark of an earlier version, if it is.
+fn marked(name: &str, is_fresh: bool) -> String {
+    if is_fresh { name.to_owned() } else { format!("{name} {OLD}") }
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn share(part: usize, whole: usize) -> String {
+    match whole {
+        // A share of nothing is undefined.
+        0 => "–".to_owned(),
+        _ => format!("{:.0} %", 100.0 * part as f64 / whole as f64),
+    }
+}
+
+fn with_interval((rate, [lo, hi]): (f64, [f64; 2])) -> String {
+    format!("{} [{:.1}, {:.1}]", percent(rate), 100.0 * lo, 100.0 * hi)
+}
+
+fn or_dash(cell: Option<String>) -> String {
+    cell.unwrap_or_else(|| "–".to_owned())
+}
+
+fn recall(recall: f64) -> String {
+    format!("{recall:.2}")
+}
+
+fn contact(result: &WorldResult) -> [String; 3] {
+    let contacts = &result.contacts;
+    let closing = contacts.closing_mps.map(|closing| format!("{:.1}", closing.median));
+    let avoided = match contacts.judged {
+        0 => "–".to_owned(),
+        _ => share(contacts.avoided, contacts.successes),
+    };
+    [share(contacts.contacts, contacts.successes), or_dash(closing), avoided]
+}
+
+/// Formats worlds as the main table. A false mark is an earlier version.
+pub(crate) fn worlds_table<'a>(
+    results: impl Iterator<Item = (&'a WorldResult, bool)>,
+) -> TextTable {
+    let columns = [
+        "world",
+        "starts (trivial)",
+        "success [95 %]",
+        "with contact",
+        "closing m/s",
+        "avoided",
+        "fouls",
+        "recall (least)",
+        "recall of 3",
+        "search ≤ 2",
+        "held",
+        "random",
+        "constant",
+        "CPU s",
+    ];
+    let lines = results.map(|(result, is_fresh)| {
+        let [with_contact, closing, avoided] = contact(result);
+        let [held, random, constant] = result.baselines.map(percent);
+        let deeper = &result.deeper;
+        let search = match result.search.1 {
+            // Worlds with many actions are searched with fewer switches.
+            2 => percent(result.search.0),
+            most => format!("{} (≤ {most})", percent(result.search.0)),
+        };
+        [
+            marked(&result.world, is_fresh),
+            format!("{} ({})", result.starts, result.trivial),
+            with_interval(result.success),
+            with_contact,
+            closing,
+            avoided,
+            percent(result.fouls),
+            or_dash(result.recall.map(|[median, least]| {
+                format!("{median:.2} ({least:.2})")
+            })),
+            or_dash(deeper.recall_median.map(|median| {
+                format!("{median:.2} of {}", deeper.solved)
+            })),
+            search,
+            held,
+            random,
+            constant,
+            format!("{:.0}", result.train_cpu_s),
+        ]
+    });
+    TextTable::new(columns, lines)
+}
+
+/// Returns the worlds in the order of the page, with their freshness.
+fn ordered(rows: &Rows<'_>) -> Vec<(WorldResult, bool)> {
+    let mut all: Vec<(WorldResult, bool)> = read(rows, "case-studies")
+        .map(|(row, result)| (result, rows.is_fresh(row)))
+        .collect();
+    let place = |name: &str| WORLDS.iter().position(|world| *world == name);
+    all.sort_by_key(|(result, _): &(WorldResult, bool)| {
+        place(&result.world).unwrap_or(WORLDS.len())
+    });
+    all
+}
+
+fn worlds(rows: &Rows<'_>) -> TextTable {
+    let all = ordered(rows);
+    worlds_table(all.iter().map(|(result, is_fresh)| (result, *is_fresh)))
+}
+
+/// Table of README, with the rows that are not of this version below.
+pub(super) fn readme(rows: &Rows<'_>) -> String {
+    let columns = [
+        "world",
+        "success [95 %]",
+        "with contact, closing speed",
+        "search ≤ 2 switches",
+        "random, held",
+        "best constant",
+        "training CPU s",
+    ];
+    let all = ordered(rows);
+    let shown = all.iter().filter(|(result, _)| IN_README.contains(&result.world.as_str()));
+    let lines = shown.map(|(result, is_fresh)| {
+        let [with_contact, closing, _] = contact(result);
+        [
+            marked(&result.world, *is_fresh),
+            with_interval(result.success),
+            format!("{with_contact}, {closing} m/s"),
+            percent(result.search.0),
+            percent(result.baselines[0]),
+            percent(result.baselines[2]),
+            format!("{:.0}", result.train_cpu_s),
+        ]
+    });
+    let mut text = TextTable::new(columns, lines).to_markdown();
+    let of_page = || {
+        let all = rows.of("case-studies").iter();
+        all.filter(|row| IN_README.contains(&row.name.as_str()))
+    };
+    let mut seeds: Vec<&str> = of_page().map(|row| row.seeds.as_str()).collect();
+    seeds.dedup();
+    text.push_str(&format!("\nThe rows have {}.\n", seeds.join(" or ")));
+    for row in of_page().filter(|row| !rows.is_fresh(row)) {
+        text.push_str(&format!("\n{OLD} {}: {}.\n", row.name, rows.reason(row)));
+    }
+    text
+}
+
+fn paper(rows: &Rows<'_>) -> TextTable {
+    let columns = [
+        "the paper's row",
+        "the paper",
+        "it counts",
+        "here [95 %]",
+        "counted here",
+        "of these with contact",
+        "to the letter [95 %]",
+        "held, constant there",
+    ];
+    let lines = PAPER.iter().map(|paper| {
+        let (study, name) = paper.here;
+        let row = rows.of(study).iter().find(|row| row.name == name);
+        let fresh = row.is_none_or(|row| rows.is_fresh(row));
+        let world: Option<WorldResult> = row.and_then(ResultRow::read);
+        let measured: Option<Measured> = row.and_then(ResultRow::read);
+        let last = measured.as_ref().and_then(|it| it.reached.last());
+        let of_curve = last.map(|it: &Reached| (it.success_rate, it.ci95));
+        let success = world.as_ref().map(|world| world.success).or(of_curve);
+        let letter = rows.of("letter").iter().find(|row| row.name == paper.letter);
+        let ends: Option<LetterEnds> = letter.and_then(ResultRow::read);
+        let whole = ends.as_ref().and_then(|ends| ends.letter.judged.first());
+        let baselines = ends.as_ref().and_then(|ends| ends.baselines.first());
+        let fresh = fresh && letter.is_none_or(|row| rows.is_fresh(row));
+        [
+            marked(paper.scene, fresh),
+            paper.result.to_owned(),
+            paper.counts.to_owned(),
+            or_dash(success.map(with_interval)),
+            paper.here_counts.to_owned(),
+            or_dash(world.as_ref().map(|world| contact(world)[0].clone())),
+            or_dash(whole.map(|judged| with_interval((judged.success_rate, judged.ci95)))),
+            or_dash(baselines.map(|[_, held, _, constant]| {
+                format!("{}, {}", percent(*held), percent(*constant))
+            })),
+        ]
+    });
+    TextTable::new(columns, lines)
+}
+
+fn episodes(rows: &Rows<'_>) -> TextTable {
+    let columns = ["world", "learner", "episodes", "success [95 %]", "training CPU s"];
+    let lines = read::<Measured>(rows, "paper-rows").flat_map(|(row, measured)| {
+        let name = marked(&measured.world, rows.is_fresh(row));
+        let reached = measured.reached.clone().into_iter();
+        reached.map(move |reached| {
+            [
+                name.clone(),
+                measured.learner.clone(),
+                format!("{:.0}", reached.episodes),
+                with_interval((reached.success_rate, reached.ci95)),
+                format!("{:.1}", reached.cpu_s),
+            ]
+        })
+    });
+    TextTable::new(columns, lines)
+}
+
+fn captures(rows: &Rows<'_>) -> String {
+    let mut text = String::new();
+    // The harder reading first, because a chaser solves the other one.
+    let mut all: Vec<_> = read::<GridCaptures>(rows, "table1").collect();
+    all.sort_by_key(|(row, _)| row.name != "grid_hard");
+    for (row, captures) in all {
+        let before = ["question", "map", "starts", "paper %", "optimum %"];
+        let columns = before
+            .map(str::to_owned)
+            .into_iter()
+            .chain(captures.learners.iter().map(|learner| format!("{learner} %")))
+            .chain(["random %", "chaser %"].map(str::to_owned));
+        let tenth = |share: f64| format!("{:.1}", 100.0 * share);
+        let lines = captures.cells.iter().map(|cell| {
+            let before = [
+                cell.question.clone(),
+                cell.map.clone(),
+                cell.starts.to_string(),
+                tenth(cell.paper),
+                tenth(cell.references.optimum),
+            ];
+            let learned = cell.trained.iter().map(|trained| {
+                let [lo, hi] = trained.ci95.map(tenth);
+                format!("{} [{lo}, {hi}]", tenth(trained.median))
+            });
+            let after = [cell.references.random, cell.references.chaser].map(tenth);
+            before.into_iter().chain(learned).chain(after).collect::<Vec<String>>()
+        });
+        text.push_str(&format!("`{}`:\n\n", marked(&captures.world, rows.is_fresh(row))));
+        text.push_str(&TextTable::new(columns, lines).to_markdown());
+        text.push('\n');
+    }
+    text
+}
+
+fn near(rows: &Rows<'_>) -> TextTable {
+    let columns = ["world", "δ", "near starts", "of those fail [95 %]", "never met in training"];
+    let lines = read::<NearFailing>(rows, "near-starts").flat_map(|(row, near)| {
+        let name = marked(&near.world, rows.is_fresh(row));
+        let starts = near.starts;
+        near.rows.into_iter().map(move |row| {
+            let share = row.failing as f64 / row.near.max(1) as f64;
+            [
+                name.clone(),
+                row.delta.to_string(),
+                format!("{} of {starts}", row.near),
+                with_interval((share, row.ci95)),
+                row.never_seen.to_string(),
+            ]
+        })
+    });
+    TextTable::new(columns, lines)
+}
+
+fn crashes(rows: &Rows<'_>) -> TextTable {
+    let columns = [
+        "world",
+        "ado",
+        "starts with a crash",
+        "avoided, open loop",
+        "avoided, closed loop",
+        "side-swipes",
+        "closing m/s",
+    ];
+    let lines = read::<CrashStudy>(rows, "crashes").flat_map(|(row, study)| {
+        let name = marked(&study.world, rows.is_fresh(row));
+        study.rows.into_iter().map(move |row: CrashRow| {
+            let of_found = |part: Option<usize>| or_dash(part.map(|part| share(part, row.found)));
+            [
+                name.clone(),
+                match row.seed {
+                    Some(seed) => format!("{} {seed}", row.ado),
+                    None => row.ado.clone(),
+                },
+                format!("{} of {}", row.found, row.starts),
+                of_found(row.avoided),
+                of_found(row.avoided_closed_loop),
+                row.side_swipes.to_string(),
+                or_dash(row.closing_mps.map(|closing| format!("{:.1}", closing.median))),
+            ]
+        })
+    });
+    TextTable::new(columns, lines)
+}
+
+fn reuse(rows: &Rows<'_>) -> String {
+    let mut text = String::new();
+    for (row, blocks) in read::<ReuseBlocks>(rows, "reuse") {
+        let [inside, outside] = blocks.egos;
+        text.push_str(&format!(
+            "`{}`, {} starts, training seeds: {}. The means are over {inside} egos inside the family and {outside} outside it, of which the search solves enough starts.\n\n",
+            marked(&blocks.world, rows.is_fresh(row)), blocks.starts, blocks.seeds,
+        ));
+        let columns = ["ado", "simulations per start", "recall inside (least)", "recall outside (least)"];
+        let lines = blocks.ados.iter().map(|ado: &ReusedAdo| {
+            let cell = |at: usize| {
+                or_dash(ado.recall[at].map(|mean| match &ado.least[at] {
+                    Some((least, ego)) => {
+                        format!("{} ({}, {ego})", recall(mean), recall(*least))
+                    }
+                    None => recall(mean),
+                }))
+            };
+            [ado.ado.clone(), format!("{:.1}", ado.sims_per_start), cell(0), cell(1)]
+        });
+        text.push_str(&TextTable::new(columns, lines).to_markdown());
+        if let Some(starts) = blocks.cheaper_from {
+            text.push_str(&format!(
+                "\nThe wide ado costs fewer simulations than held random search from {starts:.0} starts per ego on, its training included.\n"
+            ));
+        }
+    }
+    text
+}
+
+fn structures(rows: &Rows<'_>) -> TextTable {
+    let columns = [
+        "world",
+        "egos",
+        "adapted",
+        "adapted, 3 tries",
+        "30 runs",
+        "reused",
+        "held",
+        "constant",
+        "switch",
+        "as expected",
+    ];
+    let lines = read::<StructureMeans>(rows, "structures").map(|(row, means)| {
+        let cell = |mean: Option<f64>| or_dash(mean.map(recall));
+        let expected = means.expected.map(|[in_interval, all]| format!("{in_interval} of {all}"));
+        [
+            marked(&means.world, rows.is_fresh(row)),
+            means.egos.to_string(),
+            cell(means.adapted),
+            cell(means.again),
+            cell(means.few),
+            cell(means.trained),
+            cell(means.held),
+            cell(means.constant),
+            cell(means.switch),
+            or_dash(expected),
+        ]
+    });
+    TextTable::new(columns, lines)
+}
+
+/// Published planner that the ado of `acc_iso` played, measured by hand.
+#[derive(Deserialize)]
+struct Planner {
+    ego: String,
+    reused: String,
+    held: String,
+    search: String,
+    adapted: String,
+    closing: String,
+}
+
+fn planners(rows: &Rows<'_>) -> TextTable {
+    let columns = [
+        "ego",
+        "reused ado [95 %]",
+        "held",
+        "search ≤ 1 switch",
+        "adapted [95 %]",
+        "closing m/s",
+    ];
+    let lines = read::<Planner>(rows, "planners").map(|(row, it)| {
+        let ego = marked(&it.ego, rows.is_fresh(row));
+        [ego, it.reused, it.held, it.search, it.adapted, it.closing]
+    });
+    TextTable::new(columns, lines)
+}
+
+/// Measurement by another program, entered by hand.
+#[derive(Deserialize)]
+struct Other {
+    measurement: String,
+    result: String,
+}
+
+fn others(rows: &Rows<'_>) -> String {
+    let columns = ["measurement", "result", "command", "day"];
+    let lines = read::<Other>(rows, "others").map(|(row, it)| {
+        [
+            marked(&it.measurement, rows.is_fresh(row)),
+            it.result,
+            format!("`{}`", row.command),
+            row.origin.date.clone(),
+        ]
+    });
+    let table = TextTable::new(columns, lines).to_markdown();
+    format!("{}\n\n{OLD} of an earlier version.", table.trim_end())
+}
