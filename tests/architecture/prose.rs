@@ -36,7 +36,6 @@ const ADDRESS: &str = "you: 5 or more";
 /// Counts of one text. Frequencies are per 1,000 words.
 #[derive(Debug)]
 struct Figures {
-    words: usize,
     you: f64,
     semicolons: f64,
     somebody: f64,
@@ -66,7 +65,6 @@ impl Figures {
         let all = sentences.len().max(1) as f64;
         let opening = sentences.iter().filter(|s| opens_with(s, &OPENINGS));
         Figures {
-            words,
             you: any(&["you", "your", "yours"]),
             semicolons: per_mille(text.matches(';').count()),
             somebody: any(&["somebody", "nobody", "everybody", "whoever", "whom"]),
