@@ -22,7 +22,7 @@ use brakecheck_training::training::train_loop::train;
 /// Largest number of joint actions for a search with two switches.
 ///
 /// Above it the search uses one switch, as its row states.
-const MAX_ACTIONS: usize = 9;
+const MAX_ACTIONS: usize = 6;
 /// Competent driver of UN R157 that observes the next lane and keeps braking.
 const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
 /// Switches of the deeper search.
@@ -145,6 +145,12 @@ pub fn case_study(
 }
 
 impl CaseStudy {
+    /// Returns the processor time of all trainings and rows, also of kept runs.
+    pub fn cpu_s(&self) -> f64 {
+        let rows: f64 = self.rows.iter().map(|row| row.cpu_s).sum();
+        rows + self.train_cpu_s * self.seeds as f64
+    }
+
     /// Computes the intervals again from the rows.
     ///
     /// A stored study may hold those of an earlier version.
@@ -356,12 +362,19 @@ impl WorldResult {
             success: (study.success_rate, study.ci95),
             contacts: contacts.clone(),
             fouls: study.foul_rate,
-            recall: study.recall_median.zip(study.recall_min).map(<[f64; 2]>::from),
+            recall: study
+                .recall_median
+                .zip(study.recall_min)
+                .map(<[f64; 2]>::from),
             search: (rate("search"), study.switches),
             deeper,
             baselines: [rate("hold"), rate("random"), rate("constant")],
             train_cpu_s: study.train_cpu_s,
-            warned: study.rows.iter().filter(|row| row.warning.is_some()).count(),
+            warned: study
+                .rows
+                .iter()
+                .filter(|row| row.warning.is_some())
+                .count(),
         }
     }
 }

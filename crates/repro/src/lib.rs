@@ -45,8 +45,8 @@ pub use case_studies::{
 pub use cli::main;
 pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
 pub use letter::{
-    JUDGES, LETTER_PATHS, LetterBaselines, LetterEnds, LetterError, LetterPath, LetterRow, LetterStudy,
-    LetterStudyError, letter_baselines, letter_markdown, letter_row,
+    JUDGES, LETTER_PATHS, LetterBaselines, LetterEnds, LetterError, LetterPath, LetterRow,
+    LetterStudy, LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
 pub use near::{NearFailing, TrainedPolicy, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};

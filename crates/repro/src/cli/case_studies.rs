@@ -54,7 +54,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         // Intervals follow from the rows, so a kept piece gets those of this version.
         let measured = made.made.with_intervals();
         let result = WorldResult::of(&measured, &contacts.made, deeper.made);
-        let cpu_s = made.cpu_s + contacts.cpu_s + deeper.cpu_s;
+        let cpu_s = measured.cpu_s() + contacts.cpu_s + deeper.cpu_s;
         let only = format!(" --world {name}");
         rows.push(study.row(name, &only, depends, cpu_s, &result));
         results.push(result);

@@ -24,11 +24,19 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
             path.ends().collect()
         };
         let mut depends = BTreeSet::from([Probe::Search, Probe::Intervals]);
-        depends.extend(steps.iter().map(|step| Probe::Letter { path: at, step: *step }));
+        depends.extend(steps.iter().map(|step| Probe::Letter {
+            path: at,
+            step: *step,
+        }));
         let Some((baselines, first_s)) = baselines(study, path, letter.text(), &depends)? else {
             return Ok(None);
         };
-        let steps = LetterSteps { path, steps, depends: &depends, baselines: &baselines };
+        let steps = LetterSteps {
+            path,
+            steps,
+            depends: &depends,
+            baselines: &baselines,
+        };
         let Some((rows, second_s)) = steps.rows(study, letter.text())? else {
             return Ok(None);
         };

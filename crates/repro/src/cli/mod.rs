@@ -353,7 +353,11 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     if args.common.json {
         terminal::json(&Value::Object(results).to_string())?;
     }
-    if records { pages::write(args) } else { Ok(Exit::Done) }
+    if records {
+        pages::write(args)
+    } else {
+        Ok(Exit::Done)
+    }
 }
 
 /// A finished table.
@@ -369,7 +373,11 @@ impl Made {
     /// Writes the table, for people and for programs.
     fn save(&self, dir: &Path, name: &str) -> Result<(), Failure> {
         save(dir, &format!("{name}.md"), self.markdown.as_bytes())?;
-        save(dir, &format!("{name}.json"), self.json.to_string().as_bytes())
+        save(
+            dir,
+            &format!("{name}.json"),
+            self.json.to_string().as_bytes(),
+        )
     }
 }
 

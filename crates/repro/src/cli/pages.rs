@@ -18,11 +18,7 @@ pub(super) fn require_root(args: &ReproduceArgs) -> Result<(), Failure> {
 }
 
 /// Records rows of a study.
-pub(super) fn record(
-    args: &ReproduceArgs,
-    study: &str,
-    rows: Vec<NewRow>,
-) -> Result<(), Failure> {
+pub(super) fn record(args: &ReproduceArgs, study: &str, rows: Vec<NewRow>) -> Result<(), Failure> {
     if rows.is_empty() {
         return Ok(());
     }

@@ -27,7 +27,10 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     };
     let (mut studies, mut rows) = (Vec::new(), Vec::new());
     let worlds = study.worlds_or(USUAL);
-    for name in worlds.iter().filter(|name| FAMILIES.contains(&name.as_str())) {
+    for name in worlds
+        .iter()
+        .filter(|name| FAMILIES.contains(&name.as_str()))
+    {
         let scenario = study.world(name)?;
         let mut depends = Probe::of_training(name);
         depends.insert(Probe::Family(name.clone()));

@@ -7,7 +7,8 @@ use serde_json::json;
 use super::{Failure, Made, Piece, StudyRun};
 use crate::record::probe::Probe;
 use crate::{
-    RUNS, StructureMeans, StructureRow, StructureStudy, other_structures, structures_markdown, trained_run,
+    RUNS, StructureMeans, StructureRow, StructureStudy, other_structures, structures_markdown,
+    trained_run,
 };
 use brakecheck::experiment::Watch;
 use brakecheck::run_dir::RunDir;
@@ -50,7 +51,10 @@ fn rows(
     let scenario = study.world(name)?;
     let egos = other_structures(&scenario)?;
     let (seeds, starts) = (study.seeds(), study.starts());
-    let mut rows = Piece { cpu_s: 0.0, made: Vec::new() };
+    let mut rows = Piece {
+        cpu_s: 0.0,
+        made: Vec::new(),
+    };
     for seed in seeds.trainings() {
         for ego in &egos {
             let own = json!({

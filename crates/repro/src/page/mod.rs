@@ -50,7 +50,9 @@ impl Pages {
         let readme = std::fs::read_to_string(&path);
         let readme = readme.map_err(|error| RecordError::Read { path, error })?;
         // Rows that were measured by hand are shown as such, and cannot be measured here.
-        let outdated = results.rows().filter(|(_, row)| !row.changed(digests).is_empty());
+        let outdated = results
+            .rows()
+            .filter(|(_, row)| !row.changed(digests).is_empty());
         Ok(Pages {
             results: filled(&rows),
             readme: between(&readme, &tables::readme(&rows)),
@@ -93,7 +95,10 @@ impl Rows<'_> {
                 without_world(&row.command)
             )
         } else {
-            format!("of an earlier version, changed since: {}", changed.join(", "))
+            format!(
+                "of an earlier version, changed since: {}",
+                changed.join(", ")
+            )
         }
     }
 
@@ -120,8 +125,15 @@ impl Rows<'_> {
         for (command, rows) in commands {
             let cpu_s: f64 = rows.iter().filter_map(|row| row.cpu_s).sum();
             let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
-            let of = if several { format!(" ({})", names.join(", ")) } else { String::new() };
-            text.push_str(&format!("Measured by {command}, in {:.0} CPU min{of}.\n", cpu_s / 60.0));
+            let of = if several {
+                format!(" ({})", names.join(", "))
+            } else {
+                String::new()
+            };
+            text.push_str(&format!(
+                "Measured by {command}, in {:.0} CPU min{of}.\n",
+                cpu_s / 60.0
+            ));
         }
         let is_old = |row: &&ResultRow| !self.is_fresh(row);
         let mut old: Vec<(String, Vec<&str>)> = Vec::new();

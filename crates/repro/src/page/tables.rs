@@ -1,6 +1,7 @@
 //! Tables of the pages.
 
 use super::{OLD, Rows};
+use crate::WorldResult;
 use crate::crashes::{CrashRow, CrashStudy};
 use crate::letter::LetterEnds;
 use crate::near::NearFailing;
@@ -9,7 +10,6 @@ use crate::record::ResultRow;
 use crate::reuse_study::{ReuseBlocks, ReusedAdo};
 use crate::structures::StructureMeans;
 use crate::table1::GridCaptures;
-use crate::WorldResult;
 use brakecheck_report::report::table::TextTable;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -81,15 +81,33 @@ const PAPER: [OfPaper; 4] = [
 /// Returns every table of the page with its name.
 pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
     vec![
-        ("worlds", noted(rows, "case-studies", &worlds(rows).to_markdown())),
+        (
+            "worlds",
+            noted(rows, "case-studies", &worlds(rows).to_markdown()),
+        ),
         ("paper", noted(rows, "letter", &paper(rows).to_markdown())),
-        ("episodes", noted(rows, "paper-rows", &episodes(rows).to_markdown())),
+        (
+            "episodes",
+            noted(rows, "paper-rows", &episodes(rows).to_markdown()),
+        ),
         ("table1", noted(rows, "table1", &captures(rows))),
-        ("near", noted(rows, "near-starts", &near(rows).to_markdown())),
-        ("crashes", noted(rows, "crashes", &crashes(rows).to_markdown())),
+        (
+            "near",
+            noted(rows, "near-starts", &near(rows).to_markdown()),
+        ),
+        (
+            "crashes",
+            noted(rows, "crashes", &crashes(rows).to_markdown()),
+        ),
         ("reuse", noted(rows, "reuse", &reuse(rows))),
-        ("structures", noted(rows, "structures", &structures(rows).to_markdown())),
-        ("planners", noted(rows, "planners", &planners(rows).to_markdown())),
+        (
+            "structures",
+            noted(rows, "structures", &structures(rows).to_markdown()),
+        ),
+        (
+            "planners",
+            noted(rows, "planners", &planners(rows).to_markdown()),
+        ),
         ("others", others(rows)),
         ("machine", machines(rows)),
     ]
@@ -101,7 +119,10 @@ fn noted(rows: &Rows<'_>, study: &str, table: &str) -> String {
 
 /// Returns the machines of all rows.
 fn machines(rows: &Rows<'_>) -> String {
-    let all = rows.results.rows().map(|(_, row)| row.origin.machine.clone());
+    let all = rows
+        .results
+        .rows()
+        .map(|(_, row)| row.origin.machine.clone());
     let mut machines: Vec<String> = all.filter(|machine| !machine.is_empty()).collect();
     machines.sort();
     machines.dedup();
@@ -119,7 +140,11 @@ fn read<'a, T: DeserializeOwned>(
 
 /// Returns a name with the mark of an earlier version, if it is.
 fn marked(name: &str, is_fresh: bool) -> String {
-    if is_fresh { name.to_owned() } else { format!("{name} {OLD}") }
+    if is_fresh {
+        name.to_owned()
+    } else {
+        format!("{name} {OLD}")
+    }
 }
 
 fn percent(share: f64) -> String {
@@ -148,12 +173,18 @@ fn recall(recall: f64) -> String {
 
 fn contact(result: &WorldResult) -> [String; 3] {
     let contacts = &result.contacts;
-    let closing = contacts.closing_mps.map(|closing| format!("{:.1}", closing.median));
+    let closing = contacts
+        .closing_mps
+        .map(|closing| format!("{:.1}", closing.median));
     let avoided = match contacts.judged {
         0 => "–".to_owned(),
         _ => share(contacts.avoided, contacts.successes),
     };
-    [share(contacts.contacts, contacts.successes), or_dash(closing), avoided]
+    [
+        share(contacts.contacts, contacts.successes),
+        or_dash(closing),
+        avoided,
+    ]
 }
 
 /// Formats worlds as the main table. A false mark is an earlier version.
@@ -193,12 +224,16 @@ pub(crate) fn worlds_table<'a>(
             closing,
             avoided,
             percent(result.fouls),
-            or_dash(result.recall.map(|[median, least]| {
-                format!("{median:.2} ({least:.2})")
-            })),
-            or_dash(deeper.recall_median.map(|median| {
-                format!("{median:.2} of {}", deeper.solved)
-            })),
+            or_dash(
+                result
+                    .recall
+                    .map(|[median, least]| format!("{median:.2} ({least:.2})")),
+            ),
+            or_dash(
+                deeper
+                    .recall_median
+                    .map(|median| format!("{median:.2} of {}", deeper.solved)),
+            ),
             search,
             held,
             random,
@@ -238,7 +273,9 @@ pub(super) fn readme(rows: &Rows<'_>) -> String {
         "training CPU s",
     ];
     let all = ordered(rows);
-    let shown = all.iter().filter(|(result, _)| IN_README.contains(&result.world.as_str()));
+    let shown = all
+        .iter()
+        .filter(|(result, _)| IN_README.contains(&result.world.as_str()));
     let lines = shown.map(|(result, is_fresh)| {
         let [with_contact, closing, _] = contact(result);
         [
@@ -285,7 +322,10 @@ fn paper(rows: &Rows<'_>) -> TextTable {
         let last = measured.as_ref().and_then(|it| it.reached.last());
         let of_curve = last.map(|it: &Reached| (it.success_rate, it.ci95));
         let success = world.as_ref().map(|world| world.success).or(of_curve);
-        let letter = rows.of("letter").iter().find(|row| row.name == paper.letter);
+        let letter = rows
+            .of("letter")
+            .iter()
+            .find(|row| row.name == paper.letter);
         let ends: Option<LetterEnds> = letter.and_then(ResultRow::read);
         let whole = ends.as_ref().and_then(|ends| ends.letter.judged.first());
         let baselines = ends.as_ref().and_then(|ends| ends.baselines.first());
@@ -307,7 +347,13 @@ fn paper(rows: &Rows<'_>) -> TextTable {
 }
 
 fn episodes(rows: &Rows<'_>) -> TextTable {
-    let columns = ["world", "learner", "episodes", "success [95 %]", "training CPU s"];
+    let columns = [
+        "world",
+        "learner",
+        "episodes",
+        "success [95 %]",
+        "training CPU s",
+    ];
     let lines = read::<Measured>(rows, "paper-rows").flat_map(|(row, measured)| {
         let name = marked(&measured.world, rows.is_fresh(row));
         let reached = measured.reached.clone().into_iter();
@@ -334,7 +380,12 @@ fn captures(rows: &Rows<'_>) -> String {
         let columns = before
             .map(str::to_owned)
             .into_iter()
-            .chain(captures.learners.iter().map(|learner| format!("{learner} %")))
+            .chain(
+                captures
+                    .learners
+                    .iter()
+                    .map(|learner| format!("{learner} %")),
+            )
             .chain(["random %", "chaser %"].map(str::to_owned));
         let tenth = |share: f64| format!("{:.1}", 100.0 * share);
         let lines = captures.cells.iter().map(|cell| {
@@ -350,9 +401,16 @@ fn captures(rows: &Rows<'_>) -> String {
                 format!("{} [{lo}, {hi}]", tenth(trained.median))
             });
             let after = [cell.references.random, cell.references.chaser].map(tenth);
-            before.into_iter().chain(learned).chain(after).collect::<Vec<String>>()
+            before
+                .into_iter()
+                .chain(learned)
+                .chain(after)
+                .collect::<Vec<String>>()
         });
-        text.push_str(&format!("`{}`:\n\n", marked(&captures.world, rows.is_fresh(row))));
+        text.push_str(&format!(
+            "`{}`:\n\n",
+            marked(&captures.world, rows.is_fresh(row))
+        ));
         text.push_str(&TextTable::new(columns, lines).to_markdown());
         text.push('\n');
     }
@@ -360,7 +418,13 @@ fn captures(rows: &Rows<'_>) -> String {
 }
 
 fn near(rows: &Rows<'_>) -> TextTable {
-    let columns = ["world", "δ", "near starts", "of those fail [95 %]", "never met in training"];
+    let columns = [
+        "world",
+        "δ",
+        "near starts",
+        "of those fail [95 %]",
+        "never met in training",
+    ];
     let lines = read::<NearFailing>(rows, "near-starts").flat_map(|(row, near)| {
         let name = marked(&near.world, rows.is_fresh(row));
         let starts = near.starts;
@@ -402,7 +466,10 @@ fn crashes(rows: &Rows<'_>) -> TextTable {
                 of_found(row.avoided),
                 of_found(row.avoided_closed_loop),
                 row.side_swipes.to_string(),
-                or_dash(row.closing_mps.map(|closing| format!("{:.1}", closing.median))),
+                or_dash(
+                    row.closing_mps
+                        .map(|closing| format!("{:.1}", closing.median)),
+                ),
             ]
         })
     });
@@ -417,7 +484,12 @@ fn reuse(rows: &Rows<'_>) -> String {
             "`{}`, {} starts, training seeds: {}. The means are over {inside} egos inside the family and {outside} outside it, of which the search solves enough starts.\n\n",
             marked(&blocks.world, rows.is_fresh(row)), blocks.starts, blocks.seeds,
         ));
-        let columns = ["ado", "simulations per start", "recall inside (least)", "recall outside (least)"];
+        let columns = [
+            "ado",
+            "simulations per start",
+            "recall inside (least)",
+            "recall outside (least)",
+        ];
         let lines = blocks.ados.iter().map(|ado: &ReusedAdo| {
             let cell = |at: usize| {
                 or_dash(ado.recall[at].map(|mean| match &ado.least[at] {
@@ -427,7 +499,12 @@ fn reuse(rows: &Rows<'_>) -> String {
                     None => recall(mean),
                 }))
             };
-            [ado.ado.clone(), format!("{:.1}", ado.sims_per_start), cell(0), cell(1)]
+            [
+                ado.ado.clone(),
+                format!("{:.1}", ado.sims_per_start),
+                cell(0),
+                cell(1),
+            ]
         });
         text.push_str(&TextTable::new(columns, lines).to_markdown());
         if let Some(starts) = blocks.cheaper_from {
@@ -454,7 +531,9 @@ fn structures(rows: &Rows<'_>) -> TextTable {
     ];
     let lines = read::<StructureMeans>(rows, "structures").map(|(row, means)| {
         let cell = |mean: Option<f64>| or_dash(mean.map(recall));
-        let expected = means.expected.map(|[in_interval, all]| format!("{in_interval} of {all}"));
+        let expected = means
+            .expected
+            .map(|[in_interval, all]| format!("{in_interval} of {all}"));
         [
             marked(&means.world, rows.is_fresh(row)),
             means.egos.to_string(),

@@ -61,7 +61,10 @@ fn a_changed_digest_marks_its_rows() {
     for text in [&page, &readme] {
         let row = text.lines().find(|line| line.starts_with("| acc"));
         assert!(row.is_some_and(|row| row.contains(OLD)), "{row:?}");
-        assert!(text.contains("acc: of an earlier version, changed since: world acc"), "{text}");
+        assert!(
+            text.contains("acc: of an earlier version, changed since: world acc"),
+            "{text}"
+        );
     }
     assert_ne!(page, committed(RESULTS));
     assert_ne!(readme, committed(README));
@@ -99,12 +102,17 @@ fn recorded_rows_are_replaced_by_name_and_read_again() {
         vec![row("b", third.clone()), row("a", json!(1))],
         vec![row("a", json!({ "share": 0.5 }))],
     ] {
-        results.record(folder.path(), "study", rows).expect("recorded");
+        results
+            .record(folder.path(), "study", rows)
+            .expect("recorded");
     }
     let again = Results::read(folder.path()).expect("readable");
     assert_eq!(again, results);
     let data: Vec<&Value> = again.of("study").iter().map(|row| &row.data).collect();
-    assert_eq!(data, [&json!({ "share": 0.5 }), &json!({ "share": 0.33333 })]);
+    assert_eq!(
+        data,
+        [&json!({ "share": 0.5 }), &json!({ "share": 0.33333 })]
+    );
     let now = again.digests().expect("known probes");
     assert!(again.rows().all(|(_, row)| row.is_fresh(&now)));
     assert!(again.rows().all(|(_, row)| !row.is_fresh(&BTreeMap::new())));
@@ -114,14 +122,23 @@ fn recorded_rows_are_replaced_by_name_and_read_again() {
 #[test]
 fn the_text_of_the_page_has_no_numbers() {
     let names = [
-        "95 %", "UN R157", "Seeds from 100 on", "Recall of 3", "100 runs", "40 starts", "Table I",
+        "95 %",
+        "UN R157",
+        "Seeds from 100 on",
+        "Recall of 3",
+        "100 runs",
+        "40 starts",
+        "Table I",
         "brakecheck-repro",
     ];
     let mut text = TEXT.to_owned();
     for name in names {
         text = text.replace(name, "");
     }
-    let tables = tables::all(&Rows { results: &recorded(), digests: digests() });
+    let tables = tables::all(&Rows {
+        results: &recorded(),
+        digests: digests(),
+    });
     for (name, _) in tables {
         let hole = format!("{{{{{name}}}}}");
         assert_eq!(text.matches(&hole).count(), 1, "{hole}");
@@ -141,6 +158,10 @@ fn the_page_is_short_and_has_its_rows() {
     let words = page.split_whitespace().count();
     assert!(words <= 2_200, "{words} words");
     for (study, row) in recorded().rows() {
-        assert!(page.contains(row.name.split(' ').next().unwrap_or("")), "{study}, {}", row.name);
+        assert!(
+            page.contains(row.name.split(' ').next().unwrap_or("")),
+            "{study}, {}",
+            row.name
+        );
     }
 }

@@ -33,15 +33,31 @@ impl Origin {
 
 fn commit(root: &Path) -> Option<String> {
     let git = |args: &[&str]| {
-        let output = Command::new("git").current_dir(root).args(args).output().ok()?;
+        let output = Command::new("git")
+            .current_dir(root)
+            .args(args)
+            .output()
+            .ok()?;
         let text = String::from_utf8(output.stdout).ok()?;
         output.status.success().then(|| text.trim().to_owned())
     };
     let commit = git(&["rev-parse", "--short=10", "HEAD"])?;
     // Pages and results differ while they are made, so only the program counts.
-    let program = ["status", "--porcelain", "--", "src", "crates", "worlds", "assets"];
+    let program = [
+        "status",
+        "--porcelain",
+        "--",
+        "src",
+        "crates",
+        "worlds",
+        "assets",
+    ];
     let is_clean = git(&program).is_some_and(|changed| changed.is_empty());
-    Some(if is_clean { commit } else { format!("{commit}+") })
+    Some(if is_clean {
+        commit
+    } else {
+        format!("{commit}+")
+    })
 }
 
 fn today() -> String {

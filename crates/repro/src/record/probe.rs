@@ -158,7 +158,8 @@ pub(crate) fn digests(probes: &BTreeSet<Probe>) -> BTreeMap<String, String> {
     let mut known = known();
     known.extend(found);
     let names = probes.iter().map(Probe::to_string);
-    names.filter_map(|name| known.get_key_value(&name))
+    names
+        .filter_map(|name| known.get_key_value(&name))
         .map(|(name, digest)| (name.clone(), digest.clone()))
         .collect()
 }
@@ -347,7 +348,11 @@ impl Bits {
         for episode in 0..EPISODES {
             gym.reset(episode, &mut obs);
             let mut decision = 0;
-            while gym.step(scripted(episode, decision, actions), &mut obs).end.is_none() {
+            while gym
+                .step(scripted(episode, decision, actions), &mut obs)
+                .end
+                .is_none()
+            {
                 decision += 1;
             }
             if let Some(played) = gym.ended_episode() {
@@ -397,5 +402,64 @@ impl Policy for Neutral {
 
     fn value(&self, _: &[f32]) -> f32 {
         0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ACC: &str = include_str!("../../../../worlds/acc.ron");
+
+    fn digests_of(text: &str) -> [String; 2] {
+        let world = Scenario::parse("acc.ron", text).expect("a world");
+        let world = world.on(PlantKind::Kinematic);
+        let (mut episodes, mut training) = (Bits::default(), Bits::default());
+        episodes.episodes(&world, EPISODES);
+        training.training(&world).expect("it trains");
+        [sha256(&episodes.0), sha256(&training.0)]
+    }
+
+    /// Gains, formulas and learners are results. Comments and questions are not.
+    #[test]
+    fn digests_follow_the_results_and_not_the_text() {
+        let [world, learner] = digests_of(ACC);
+        let changed = |from: &str, to: &str| {
+            assert!(ACC.contains(from), "{from}");
+            let [changed, weights] = digests_of(&ACC.replacen(from, to, 1));
+            [changed != world, weights != learner]
+        };
+        let comment = changed("Scenario(", "// A comment.\nScenario(");
+        assert_eq!(comment, [false, false]);
+        assert_eq!(
+            changed("kp_per_s2: 0.3,", "kp_per_s2: 0.301,"),
+            [true, true]
+        );
+        let dqn = "Dqn(decisions: 300_000)";
+        let slower = changed(dqn, "Dqn(decisions: 300_000, learning_rate: 0.0009)");
+        assert_eq!(slower, [false, true]);
+    }
+
+    #[test]
+    fn names_of_probes_are_read_again() {
+        let learner = |learner: Option<&str>| Probe::Learner {
+            world: "acc".to_owned(),
+            learner: learner.map(str::to_owned),
+        };
+        for probe in [
+            Probe::World("acc".to_owned()),
+            Probe::Egos("acc".to_owned()),
+            learner(None),
+            learner(Some("q_table")),
+            Probe::Family("acc".to_owned()),
+            Probe::Letter { path: 3, step: 8 },
+            Probe::Search,
+            Probe::Drivers,
+            Probe::Surrogate,
+            Probe::Intervals,
+        ] {
+            assert_eq!(probe.to_string().parse(), Ok(probe));
+        }
+        assert_eq!("world".parse::<Probe>(), Err(()));
     }
 }

@@ -302,7 +302,14 @@ impl<'a> EgoLearning<'a> {
             nearest: Vec::new(),
         };
         let mut kinds = kinds_except(request.unknown);
-        let surrogate = refitted(request, &recorded, &mut kinds, None, request.updates[0], watch)?;
+        let surrogate = refitted(
+            request,
+            &recorded,
+            &mut kinds,
+            None,
+            request.updates[0],
+            watch,
+        )?;
         Some(EgoLearning {
             request,
             all,
