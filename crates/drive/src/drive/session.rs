@@ -70,7 +70,7 @@ impl DrivenEpisode {
             AdoPlayer::Random => JointActions::random(spaces),
             AdoPlayer::Trained => {
                 let policy = sandbox.trained().ok_or(DriveError::NotTrained)?;
-                JointActions::Policy(Arc::clone(policy))
+                JointActions::trained(policy)
             }
             AdoPlayer::Search => {
                 let found = sandbox.searched(&ego, setup)?;

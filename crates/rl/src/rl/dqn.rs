@@ -13,6 +13,7 @@
 //!
 //! Deviations: docs/background/learners.md.
 
+mod lawful;
 mod settings;
 mod update;
 
@@ -28,8 +29,16 @@ use super::learner::{
 };
 use super::nn::{Mlp, Tape, argmax, argmax_among, sample};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
+use super::soft_backup;
 use super::starts::{EpisodeStart, StartPool};
+use super::traffic_law::log_of;
 use super::{End, Env, Losses, Policy, Spaces, Step};
+
+/// Temperatures of the episodes of a training under a law.
+///
+/// Half of them follow the law given a success, and the others find likelier successes or
+/// surer ones.
+const TEMPERATURES: [f64; 4] = [1.0, 1.0, 0.5, 0.1];
 
 /// Kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";
@@ -82,6 +91,8 @@ pub(super) struct Dqn {
     replay: ReplayBuffer,
     /// Successes, kept apart by learners from demonstrations.
     shown: Option<Demonstrations>,
+    /// True if an observation ends with the law of the actions, which values then follow.
+    lawful: bool,
     starts: StartPool,
     dice: LearnerRng,
     tally: TrainingCounters,
@@ -101,6 +112,8 @@ struct RunningEpisode {
     holding: usize,
     /// Last action, and the greedy action in its place.
     last: (usize, usize),
+    /// Temperature at which actions are drawn under a law.
+    temperature: f64,
 }
 
 /// Refuses a network for other observations or actions.
@@ -115,6 +128,8 @@ struct DqnWorkspace {
     there: Tape,
     gradient: Vec<f32>,
     buffer: EpisodeBuffer,
+    /// Probabilities of actions under a law.
+    tilted: Vec<f64>,
 }
 
 impl Dqn {
@@ -171,6 +186,16 @@ impl Dqn {
         Dqn { kinds, ..self }
     }
 
+    /// Makes values follow the law of actions with which every observation ends.
+    ///
+    /// They are then those of [`soft_backup`], actions are drawn, and a success is worth 0.
+    pub(super) fn under_law(self) -> Dqn {
+        Dqn {
+            lawful: true,
+            ..self
+        }
+    }
+
     /// Restores the successes of a checkpoint and the extended budget.
     ///
     /// # Errors
@@ -185,12 +210,18 @@ impl Dqn {
         Ok(self)
     }
 
+    /// Returns the network of its values.
+    pub(super) fn network(&self) -> &Mlp {
+        &self.online
+    }
+
     fn around(config: &DqnSettings, spaces: &Spaces, online: Mlp, dice: LearnerRng) -> Dqn {
         let capacity = config.capacity.unwrap_or(usize::MAX - 1);
         let parameters = online.parameters().len();
         Dqn {
             kinds: [POLICY, CHECKPOINT],
             shown: None,
+            lawful: false,
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
@@ -206,6 +237,7 @@ impl Dqn {
                 there: online.tape(config.batch),
                 gradient: vec![0.0; parameters],
                 buffer: EpisodeBuffer::default(),
+                tilted: Vec::new(),
             },
             config: config.clone(),
             online,
@@ -213,6 +245,10 @@ impl Dqn {
     }
 
     fn remember(&mut self, buffer: &EpisodeBuffer, end: End) {
+        if self.lawful {
+            let replay = &mut self.replay;
+            return self::lawful::transitions(&self.online, buffer, end, |it| replay.push(it));
+        }
         // A truncated episode would go on, so its last return bootstraps.
         let tail = if end == End::Truncated {
             Tail::Open
@@ -253,15 +289,36 @@ impl Dqn {
         }
     }
 
+    /// Returns an action drawn from the law given a success.
+    fn drawn(&mut self, obs: &[f32]) -> usize {
+        let logs = lawful::logs(&self.online, obs);
+        let (tilted, temperature) = (&mut self.room.tilted, self.running.temperature);
+        self.online.evaluate(obs, |values| {
+            soft_backup::tilted(logs, values, temperature, tilted);
+        });
+        soft_backup::drawn(tilted, self.dice.unit())
+    }
+
     /// Returns the action of an exploring decision.
-    fn explored(&mut self, greedy: usize) -> usize {
+    fn explored(&mut self, obs: &[f32], greedy: usize) -> usize {
+        let cannot = |action: usize| {
+            self.lawful && log_of(lawful::logs(&self.online, obs)[action]).is_none()
+        };
+        // An action that the law excludes is held no longer.
+        if self.running.holding > 0 && cannot(self.running.held) {
+            self.running.holding = 0;
+        }
         if self.running.holding == 0 && self.dice.unit() < self.exploration() {
             self.running.held = self.dice.below(self.online.outputs());
             self.running.holding = 1 + self.dice.below(self.config.hold);
         }
         let RunningEpisode { held, holding, .. } = self.running;
         self.running.holding = holding.saturating_sub(1);
-        if holding > 0 { held } else { greedy }
+        if holding > 0 && !cannot(held) {
+            held
+        } else {
+            greedy
+        }
     }
 
     /// Records an episode that has ended.
@@ -289,7 +346,15 @@ impl Dqn {
         let DqnSettings {
             steps, discount, ..
         } = self.config;
-        if let Some(shown) = &mut self.shown {
+        let Some(shown) = &mut self.shown else {
+            return;
+        };
+        if self.lawful {
+            shown.remember_with(index, buffer, |replay| {
+                let take = |transition: Transition| replay.push(transition);
+                lawful::transitions(&self.online, buffer, End::Terminated, take);
+            });
+        } else {
             shown.remember(index, buffer, steps, discount as f32);
         }
     }
@@ -303,8 +368,14 @@ impl Learner for Dqn {
 
     fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]) {
         self.room.buffer.begin(obs);
+        // Drawn only under a law, so that other trainings keep their random numbers.
+        let temperature = match self.lawful {
+            true => TEMPERATURES[self.dice.below(TEMPERATURES.len())],
+            false => 0.0,
+        };
         self.running = RunningEpisode {
             start: plan.start,
+            temperature,
             ..RunningEpisode::default()
         };
     }
@@ -312,11 +383,14 @@ impl Learner for Dqn {
     fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
         // Computed while exploring as well: an n-step return may continue over an
         // exploratory action that happens to be the greedy action.
-        let greedy = self.online.evaluate(obs, argmax);
+        let greedy = match self.lawful {
+            true => self.drawn(obs),
+            false => self.online.evaluate(obs, argmax),
+        };
         let action = match choice {
             Choice::Given(action) => action,
             Choice::Greedy => greedy,
-            Choice::Own => self.explored(greedy),
+            Choice::Own => self.explored(obs, greedy),
         };
         self.running.last = (action, greedy);
         action
