@@ -3,8 +3,6 @@
 //! It has no clock. Equal setups and equal inputs give equal bits, so that the way back is
 //! the same episode played again up to a sample.
 
-use std::sync::Arc;
-
 use super::error::DriveError;
 use super::frame::{DriveFrame, DriveOutcome};
 use super::hand::Hand;

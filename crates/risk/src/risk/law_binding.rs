@@ -555,6 +555,7 @@ mod tests {
     #[test]
     fn a_memory_is_read_as_one_hot_codes_of_what_a_law_depends_on() {
         let markov_ado = AdoLaw {
+            name: "one".to_owned(),
             actions: 3,
             neutral: 1,
             kind: LawKind::Markov(markov()),
@@ -571,6 +572,7 @@ mod tests {
             ados: vec![
                 markov_ado,
                 AdoLaw {
+                    name: "other".to_owned(),
                     actions: 2,
                     neutral: 1,
                     kind: LawKind::Fitted(fitted),
@@ -659,6 +661,7 @@ mod tests {
     fn onsets_share_their_probability_by_their_rates_and_their_weights() {
         let schema = Schema::new(0.5, [Signal::real("v", "m/s", "speed")]).expect("sound");
         let onset = |rate: &str, to: &[f64]| Onset {
+            text: rate.to_owned(),
             rate_per_s: rate
                 .parse::<Expr>()
                 .and_then(|rate| rate.bind(&schema, &Default::default()))

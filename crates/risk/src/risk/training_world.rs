@@ -73,7 +73,7 @@ impl RiskTraffic {
             for factor in &mut factors {
                 let at = |signal: &mut usize| *signal = positions[*signal];
                 at(&mut factor.last);
-                factor.before.as_mut().map_or((), at);
+                factor.before.iter_mut().for_each(at);
                 factor
                     .onsets
                     .iter_mut()

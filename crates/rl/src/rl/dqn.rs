@@ -17,6 +17,7 @@ mod lawful;
 mod settings;
 mod update;
 
+use lawful::{LawfulEpisode, logs};
 pub use settings::{DqnSettings, Loss};
 
 use super::adam::Adam;
@@ -29,7 +30,7 @@ use super::learner::{
 };
 use super::nn::{Mlp, Tape, argmax, argmax_among, sample};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
-use super::soft_backup;
+use super::soft_backup::{self, SoftBackup};
 use super::starts::{EpisodeStart, StartPool};
 use super::traffic_law::log_of;
 use super::{End, Env, Losses, Policy, Spaces, Step};
@@ -91,8 +92,8 @@ pub(super) struct Dqn {
     replay: ReplayBuffer,
     /// Successes, kept apart by learners from demonstrations.
     shown: Option<Demonstrations>,
-    /// True if an observation ends with the law of the actions, which values then follow.
-    lawful: bool,
+    /// Backup under the law of the actions, with which every observation then ends.
+    law: Option<SoftBackup>,
     starts: StartPool,
     dice: LearnerRng,
     tally: TrainingCounters,
@@ -189,9 +190,9 @@ impl Dqn {
     /// Makes values follow the law of actions with which every observation ends.
     ///
     /// They are then those of [`soft_backup`], actions are drawn, and a success is worth 0.
-    pub(super) fn under_law(self) -> Dqn {
+    pub(super) fn under_law(self, law: SoftBackup) -> Dqn {
         Dqn {
-            lawful: true,
+            law: Some(law),
             ..self
         }
     }
@@ -221,7 +222,7 @@ impl Dqn {
         Dqn {
             kinds: [POLICY, CHECKPOINT],
             shown: None,
-            lawful: false,
+            law: None,
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
@@ -245,9 +246,16 @@ impl Dqn {
     }
 
     fn remember(&mut self, buffer: &EpisodeBuffer, end: End) {
-        if self.lawful {
+        if let Some(law) = self.law {
+            let [width, actions] = self.online.ends();
             let replay = &mut self.replay;
-            return self::lawful::transitions(&self.online, buffer, end, |it| replay.push(it));
+            let episode = LawfulEpisode {
+                buffer,
+                end,
+                width,
+                actions,
+            };
+            return episode.transitions(law, |it| replay.push(it));
         }
         // A truncated episode would go on, so its last return bootstraps.
         let tail = if end == End::Truncated {
@@ -290,20 +298,19 @@ impl Dqn {
     }
 
     /// Returns an action drawn from the law given a success.
-    fn drawn(&mut self, obs: &[f32]) -> usize {
-        let logs = lawful::logs(&self.online, obs);
+    fn drawn(&mut self, law: SoftBackup, obs: &[f32]) -> usize {
+        let logs = logs(obs, self.online.outputs());
         let (tilted, temperature) = (&mut self.room.tilted, self.running.temperature);
         self.online.evaluate(obs, |values| {
-            soft_backup::tilted(logs, values, temperature, tilted);
+            law.tilted(logs, values, temperature, tilted);
         });
         soft_backup::drawn(tilted, self.dice.unit())
     }
 
     /// Returns the action of an exploring decision.
     fn explored(&mut self, obs: &[f32], greedy: usize) -> usize {
-        let cannot = |action: usize| {
-            self.lawful && log_of(lawful::logs(&self.online, obs)[action]).is_none()
-        };
+        let (law, actions) = (self.law, self.online.outputs());
+        let cannot = |action: usize| law.is_some() && log_of(logs(obs, actions)[action]).is_none();
         // An action that the law excludes is held no longer.
         if self.running.holding > 0 && cannot(self.running.held) {
             self.running.holding = 0;
@@ -349,10 +356,16 @@ impl Dqn {
         let Some(shown) = &mut self.shown else {
             return;
         };
-        if self.lawful {
+        if let Some(law) = self.law {
+            let [width, actions] = self.online.ends();
+            let episode = LawfulEpisode {
+                buffer,
+                end: End::Terminated,
+                width,
+                actions,
+            };
             shown.remember_with(index, buffer, |replay| {
-                let take = |transition: Transition| replay.push(transition);
-                lawful::transitions(&self.online, buffer, End::Terminated, take);
+                episode.transitions(law, |it| replay.push(it));
             });
         } else {
             shown.remember(index, buffer, steps, discount as f32);
@@ -369,9 +382,9 @@ impl Learner for Dqn {
     fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]) {
         self.room.buffer.begin(obs);
         // Drawn only under a law, so that other trainings keep their random numbers.
-        let temperature = match self.lawful {
-            true => TEMPERATURES[self.dice.below(TEMPERATURES.len())],
-            false => 0.0,
+        let temperature = match self.law {
+            Some(_) => TEMPERATURES[self.dice.below(TEMPERATURES.len())],
+            None => 0.0,
         };
         self.running = RunningEpisode {
             start: plan.start,
@@ -383,9 +396,9 @@ impl Learner for Dqn {
     fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
         // Computed while exploring as well: an n-step return may continue over an
         // exploratory action that happens to be the greedy action.
-        let greedy = match self.lawful {
-            true => self.drawn(obs),
-            false => self.online.evaluate(obs, argmax),
+        let greedy = match self.law {
+            Some(law) => self.drawn(law, obs),
+            None => self.online.evaluate(obs, argmax),
         };
         let action = match choice {
             Choice::Given(action) => action,

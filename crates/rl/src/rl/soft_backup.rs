@@ -13,41 +13,63 @@
 
 use super::traffic_law::log_of;
 
-/// Floor of ln V: a success below e⁻³⁰ per episode is none.
-const FLOOR: f64 = 30.0;
-
-/// Returns v of a state from the law's scaled logarithms and v of every action.
-pub(super) fn backup(logs: &[f32], values: &[f32]) -> f32 {
-    let sum: f64 = weights(logs, values, 1.0).sum();
-    bounded((libm::log(sum) / FLOOR) as f32)
+/// Backup with a floor.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SoftBackup {
+    /// Floor F of −ln V: a success below e⁻ᶠ per episode is none.
+    pub(super) floor: f64,
 }
 
-/// Returns v after an action from v of the state after it: the floor if it is impossible.
-pub(super) fn along(log: f32, value: f32) -> f32 {
-    log_of(log).map_or(-1.0, |log| bounded((log / FLOOR) as f32 + value))
-}
+impl SoftBackup {
+    /// Returns v of a state from the law's scaled logarithms and v of every action.
+    pub(super) fn backup(self, logs: &[f32], values: &[f32]) -> f32 {
+        let sum: f64 = self.weights(logs, values, 1.0).sum();
+        bounded((libm::log(sum) / self.floor) as f32)
+    }
 
-/// Returns ln V of v.
-pub(super) fn log_value(value: f32) -> f64 {
-    FLOOR * f64::from(bounded(value))
-}
+    /// Returns v after an action from v of the state after it: the floor if it is impossible.
+    pub(super) fn along(self, log: f32, value: f32) -> f32 {
+        log_of(log).map_or(-1.0, |log| bounded((log / self.floor) as f32 + value))
+    }
 
-/// Writes the probabilities of actions: p V at a temperature of 1, and p V^(1 / t) at t.
-///
-/// Towards 0, it is the possible action of the greatest V. Without a possible action, all
-/// are equally likely.
-pub(super) fn tilted(logs: &[f32], values: &[f32], temperature: f64, into: &mut Vec<f64>) {
-    // Relative to the greatest V, which a small temperature would raise beyond all numbers.
-    let pairs = logs.iter().zip(values);
-    let possible = pairs.filter(|(log, _)| log_of(**log).is_some());
-    let best = possible.map(|(_, v)| bounded(*v)).fold(-1.0, f32::max);
-    let relative: Vec<f32> = values.iter().map(|v| bounded(*v) - best).collect();
-    into.clear();
-    into.extend(weights(logs, &relative, temperature));
-    let sum: f64 = into.iter().sum();
-    let even = 1.0 / into.len() as f64;
-    let shared = |it: &mut f64| *it = if sum > 0.0 { *it / sum } else { even };
-    into.iter_mut().for_each(shared);
+    /// Returns ln V of v.
+    pub(super) fn log_value(self, value: f32) -> f64 {
+        self.floor * f64::from(bounded(value))
+    }
+
+    /// Writes the probabilities of actions: p V at a temperature of 1, and p V^(1 / t) at t.
+    ///
+    /// Towards 0, it is the possible action of the greatest V. Without a possible action, all
+    /// are equally likely.
+    pub(super) fn tilted(
+        self,
+        logs: &[f32],
+        values: &[f32],
+        temperature: f64,
+        into: &mut Vec<f64>,
+    ) {
+        // Relative to the greatest V, which a small temperature would raise beyond all numbers.
+        let pairs = logs.iter().zip(values);
+        let possible = pairs.filter(|(log, _)| log_of(**log).is_some());
+        let best = possible.map(|(_, v)| bounded(*v)).fold(-1.0, f32::max);
+        let relative: Vec<f32> = values.iter().map(|v| bounded(*v) - best).collect();
+        into.clear();
+        into.extend(self.weights(logs, &relative, temperature));
+        let sum: f64 = into.iter().sum();
+        let even = 1.0 / into.len() as f64;
+        let shared = |it: &mut f64| *it = if sum > 0.0 { *it / sum } else { even };
+        into.iter_mut().for_each(shared);
+    }
+
+    fn weights(self, logs: &[f32], values: &[f32], temperature: f64) -> impl Iterator<Item = f64> {
+        let pairs = logs.iter().zip(values);
+        pairs.map(move |(log, value)| {
+            let log = log_of(*log);
+            log.map_or(0.0, |log| {
+                libm::exp(log + self.floor * f64::from(value.min(0.0)) / temperature)
+            })
+        })
+    }
 }
 
 /// Returns the action at a share of the probability.
@@ -69,31 +91,29 @@ pub(super) fn drawn(probabilities: &[f64], share: f64) -> usize {
 
 /// Returns the likeliest action, the first of equals.
 pub(super) fn likeliest(probabilities: &[f64]) -> usize {
-    let greater = |best: usize, at: usize| match probabilities[best] < probabilities[at] {
-        true => at,
-        false => best,
+    let greater = |best: usize, at: usize| {
+        if probabilities[best] < probabilities[at] {
+            at
+        } else {
+            best
+        }
     };
     (1..probabilities.len()).fold(0, greater)
 }
 
-fn weights(logs: &[f32], values: &[f32], temperature: f64) -> impl Iterator<Item = f64> {
-    let pairs = logs.iter().zip(values);
-    pairs.map(move |(log, value)| {
-        let log = log_of(*log);
-        log.map_or(0.0, |log| {
-            libm::exp(log + FLOOR * f64::from(value.min(0.0)) / temperature)
-        })
-    })
-}
-
 fn bounded(value: f32) -> f32 {
-    // `max` turns an undefined value into the floor.
-    value.max(-1.0).min(0.0)
+    // An undefined value is the floor, which `clamp` alone would keep.
+    if value.is_nan() {
+        return -1.0;
+    }
+    value.clamp(-1.0, 0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const F: SoftBackup = SoftBackup { floor: 30.0 };
 
     /// Scaled logarithms of probabilities of ½, of a tenth and of an impossible action.
     fn logs() -> [f32; 3] {
@@ -102,34 +122,34 @@ mod tests {
     }
 
     fn v(value: f64) -> f32 {
-        (libm::log(value) / FLOOR) as f32
+        (libm::log(value) / F.floor) as f32
     }
 
     #[test]
     fn a_backup_is_the_mean_under_the_law() {
-        let found = backup(&logs(), &[v(1e-3), v(1e-2), v(1.0)]);
+        let found = F.backup(&logs(), &[v(1e-3), v(1e-2), v(1.0)]);
         let mean = 0.5 * 1e-3 + 0.1 * 1e-2;
-        assert!((log_value(found) - libm::log(mean)).abs() < 1e-4);
-        assert_eq!(backup(&logs(), &[-1.0, -5.0, 0.0]), -1.0);
-        let after = along(logs()[1], v(1e-3));
-        assert!((log_value(after) - libm::log(1e-4)).abs() < 1e-4);
-        assert_eq!(along(logs()[2], 0.0), -1.0);
+        assert!((F.log_value(found) - libm::log(mean)).abs() < 1e-4);
+        assert_eq!(F.backup(&logs(), &[-1.0, -5.0, 0.0]), -1.0);
+        let after = F.along(logs()[1], v(1e-3));
+        assert!((F.log_value(after) - libm::log(1e-4)).abs() < 1e-4);
+        assert_eq!(F.along(logs()[2], 0.0), -1.0);
     }
 
     #[test]
     fn a_tilt_leads_from_the_law_given_a_success_to_the_best_possible_action() {
         let values = [v(1e-3), v(1e-2), v(1.0)];
         let mut found = Vec::new();
-        tilted(&logs(), &values, 1.0, &mut found);
+        F.tilted(&logs(), &values, 1.0, &mut found);
         assert!(
             (found[0] - 1.0 / 3.0).abs() < 1e-4 && found[2] == 0.0,
             "{found:?}"
         );
-        tilted(&logs(), &values, 0.01, &mut found);
+        F.tilted(&logs(), &values, 0.01, &mut found);
         assert!(found[1] > 0.999 && likeliest(&found) == 1, "{found:?}");
-        tilted(&logs(), &values, 1e9, &mut found);
+        F.tilted(&logs(), &values, 1e9, &mut found);
         assert!((found[0] - 5.0 / 6.0).abs() < 1e-4, "{found:?}");
-        tilted(&[logs()[2]; 2], &[0.0; 2], 1.0, &mut found);
+        F.tilted(&[logs()[2]; 2], &[0.0; 2], 1.0, &mut found);
         assert_eq!(found, [0.5, 0.5]);
     }
 

@@ -16,7 +16,7 @@ use super::learner::{
     TrainingCounters, expect_sizes, within,
 };
 use super::nn::Mlp;
-use super::soft_backup::{backup, drawn, likeliest, log_value, tilted};
+use super::soft_backup::{SoftBackup, drawn, likeliest};
 use super::traffic_law::TrafficLaw;
 use super::{End, Env, Losses, Policy, Spaces, Step};
 
@@ -39,6 +39,8 @@ pub struct TrafficSettings {
     /// At 1, it drives as the traffic does, given that it succeeds. Towards 0, it takes the
     /// possible action after which a success is the likeliest.
     pub temperature: f64,
+    /// Least −ln V (50): a success that is rarer than e⁻⁵⁰ per episode is none.
+    pub floor: f64,
     /// Law of the ados' actions, which `train --traffic` writes (all equally likely).
     pub law: TrafficLaw,
     /// Share of every batch drawn from successes alone (0.25).
@@ -53,6 +55,7 @@ impl Default for TrafficSettings {
             decisions: 300_000,
             hidden: vec![96, 96, 96],
             temperature: 1.0,
+            floor: 50.0,
             law: TrafficLaw::default(),
             share: Imitation::default().share,
             seeding: Seeding::default(),
@@ -61,6 +64,10 @@ impl Default for TrafficSettings {
 }
 
 impl TrafficSettings {
+    fn soft(&self) -> SoftBackup {
+        SoftBackup { floor: self.floor }
+    }
+
     fn dqn(&self) -> DqnSettings {
         DqnSettings {
             decisions: self.decisions,
@@ -85,16 +92,18 @@ impl TrafficSettings {
         TrafficLearner {
             law: LawReader::new(&self.law, spaces.actions),
             temperature: self.temperature,
+            soft: self.soft(),
             observation: spaces.observation,
-            dqn: dqn.learning_from(&imitation, KINDS).under_law(),
+            dqn: dqn.learning_from(&imitation, KINDS).under_law(self.soft()),
         }
     }
 
     /// Refuses a law for other observations or actions.
     pub fn fits(&self, spaces: &Spaces) -> Result<(), BundleError> {
-        let own = match self.law.factors.is_empty() {
-            true => spaces.actions,
-            false => self.law.actions(),
+        let own = if self.law.factors.is_empty() {
+            spaces.actions
+        } else {
+            self.law.actions()
         };
         expect_sizes("the law's number of actions", &[own], &[spaces.actions])?;
         // An observation may have more signals than the law reads.
@@ -112,6 +121,7 @@ impl LearnerKind for TrafficSettings {
         self.dqn().check()?;
         self.law.check()?;
         within("temperature", self.temperature, 1e-6, 1e6)?;
+        within("floor", self.floor, 1.0, 1000.0)?;
         within("share", self.share, 0.0, 0.9)?;
         within("starts", self.seeding.starts as f64, 0.0, 1e6)?;
         within("simulations", self.seeding.simulations as f64, 0.0, 1e12)
@@ -180,6 +190,7 @@ impl LawReader {
 struct TrafficLearner {
     law: LawReader,
     temperature: f64,
+    soft: SoftBackup,
     observation: usize,
     dqn: Dqn,
 }
@@ -263,6 +274,7 @@ impl Learner for TrafficLearner {
         Box::new(TrafficPolicy {
             law: self.law.clone(),
             temperature: self.temperature,
+            soft: self.soft,
             observation: self.observation,
             net: self.dqn.network().clone(),
         })
@@ -273,7 +285,8 @@ impl Learner for TrafficLearner {
         put_law(&self.law.law, &mut bundle);
         let sizes = [self.observation, self.law.actions].map(|it| it as u64);
         bundle.put("law/sizes", &[2], sizes.to_vec());
-        bundle.put("law/temperature", &[1], vec![self.temperature]);
+        let numbers = vec![self.temperature, self.soft.floor];
+        bundle.put("law/numbers", &[2], numbers);
         bundle
     }
 
@@ -286,6 +299,7 @@ impl Learner for TrafficLearner {
 struct TrafficPolicy {
     law: LawReader,
     temperature: f64,
+    soft: SoftBackup,
     observation: usize,
     net: Mlp,
 }
@@ -294,9 +308,11 @@ impl TrafficPolicy {
     fn load(bundle: &TensorFile) -> Result<TrafficPolicy, BundleError> {
         let sizes = bundle.get::<u64>("law/sizes", &[2])?;
         let [observation, actions] = [sizes[0] as usize, sizes[1] as usize];
+        let numbers = bundle.get::<f64>("law/numbers", &[2])?;
         let settings = TrafficSettings {
             law: law_of(bundle)?,
-            temperature: bundle.one("law/temperature")?,
+            temperature: numbers[0],
+            floor: numbers[1],
             ..TrafficSettings::default()
         };
         let damaged = |error: ConfigError| BundleError::Mismatch {
@@ -318,6 +334,7 @@ impl TrafficPolicy {
         Ok(TrafficPolicy {
             law: LawReader::new(&settings.law, actions),
             temperature: settings.temperature,
+            soft: settings.soft(),
             observation,
             net,
         })
@@ -329,7 +346,8 @@ impl TrafficPolicy {
         let logs = &features[features.len() - self.law.actions..];
         let mut probabilities = Vec::new();
         self.net.evaluate(&features, |values| {
-            tilted(logs, values, temperature, &mut probabilities);
+            self.soft
+                .tilted(logs, values, temperature, &mut probabilities);
         });
         probabilities
     }
@@ -365,8 +383,10 @@ impl Policy for TrafficPolicy {
     fn value(&self, obs: &[f32]) -> f32 {
         let features = self.law.features(obs);
         let logs = &features[features.len() - self.law.actions..];
-        let value = self.net.evaluate(&features, |values| backup(logs, values));
-        decades(value)
+        let backup = |values: &[f32]| self.soft.backup(logs, values);
+        let log = self.soft.log_value(self.net.evaluate(&features, backup));
+        // Decades, which a reader compares more easily than a number of many zeros.
+        (log / std::f64::consts::LN_10) as f32
     }
 }
 
@@ -377,11 +397,6 @@ pub struct ActionOdds {
     pub law: Vec<f64>,
     /// Probabilities with which the policy draws.
     pub own: Vec<f64>,
-}
-
-/// Returns the decadic logarithm of V.
-fn decades(value: f32) -> f32 {
-    (log_value(value) / std::f64::consts::LN_10) as f32
 }
 
 fn put_law(law: &TrafficLaw, bundle: &mut TensorFile) {

@@ -144,8 +144,8 @@ impl TrafficLaw {
                 return fail(format!("has a row in factor {at} that is no distribution"));
             }
         }
-        // The comparison also refuses NaN.
-        if !self.factors.is_empty() && !(self.decision_s > 0.0) {
+        let is_time = self.decision_s > 0.0;
+        if !self.factors.is_empty() && !is_time {
             return fail(format!("has decisions of {} s", self.decision_s));
         }
         Ok(())
@@ -184,8 +184,8 @@ pub fn interrupted<'a>(
     decision_s: f64,
 ) -> Vec<f64> {
     let mut next = transitions.to_vec();
-    // `max` turns an undefined rate into 0.
-    let bounded = |rate: &f64| rate.max(0.0).min(1e9);
+    // `max` turns an undefined rate into 0, which `clamp` would keep.
+    let bounded = |rate: &f64| f64::min(rate.max(0.0), 1e9);
     let all: f64 = rates_per_s.iter().map(bounded).sum();
     if all <= 0.0 {
         return next;

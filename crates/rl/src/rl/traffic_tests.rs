@@ -9,8 +9,8 @@ use super::traffic_law::{LawFactor, LawOnset, TrafficLaw};
 use super::{End, Env, Policy, Spaces, Step};
 
 const DECISIONS: usize = 7;
-/// Gaps of the starts. A gap of 6 can only be closed by breaking the rule.
-const GAPS: [i32; 3] = [2, 3, 6];
+/// Gaps of the starts. A gap of 7 can only be closed by breaking the rule.
+const GAPS: [i32; 4] = [2, 3, 6, 7];
 
 struct Following {
     spaces: Spaces,
@@ -154,7 +154,7 @@ fn trained() -> Box<dyn Policy> {
 fn the_learned_law_is_the_law_given_a_success() {
     let policy = trained();
     let mut obs = vec![0.0; 5];
-    for (index, gap) in GAPS.iter().enumerate().take(2) {
+    for (index, gap) in GAPS.iter().enumerate().take(3) {
         let all = sequences(&*policy, index as u64);
         let sum = |of: &dyn Fn(&Sequence) -> f64| all.iter().map(of).sum::<f64>();
         assert!((sum(&|it| it.law) - 1.0).abs() < 1e-9);
@@ -163,7 +163,6 @@ fn the_learned_law_is_the_law_given_a_success() {
         let exact = sum(&success);
         let distance = 0.5 * sum(&|it| (it.own - success(it) / exact).abs());
         let succeeds = sum(&|it| if it.succeeds { it.own } else { 0.0 });
-        Following::new().reset(0, &mut obs);
         let mut env = Following::new();
         env.reset(index as u64, &mut obs);
         let found = libm::pow(10.0, f64::from(policy.value(&obs)));
@@ -172,7 +171,7 @@ fn the_learned_law_is_the_law_given_a_success() {
         );
         eprintln!("{said}");
         // The traffic itself hardly ever succeeds.
-        assert!(exact < 0.02 && succeeds > 0.9, "{said}");
+        assert!(exact < 0.04 && succeeds > 0.9, "{said}");
         assert!(distance < 0.12, "{said}");
         assert!((found / exact - 1.0).abs() < 0.3, "{said}");
     }
@@ -182,9 +181,8 @@ fn the_learned_law_is_the_law_given_a_success() {
 fn a_start_without_a_lawful_success_has_no_value() {
     let policy = trained();
     let mut obs = vec![0.0; 5];
-    Following::new().reset(2, &mut obs);
     let mut env = Following::new();
-    env.reset(2, &mut obs);
+    env.reset(3, &mut obs);
     let v = policy.value(&obs);
     assert!(v < -9.0, "{v}");
     assert_eq!(policy.drawn_at(), Some(1.0));

@@ -28,7 +28,7 @@ use crate::testbench::{Aftermath, Replay, play};
 use crate::world::{Change, Scenario, TrainingEgos, TrainingGoal};
 
 /// Runs from natural starts, from which the rates of an ado trained as traffic are estimated.
-const TRAFFIC_RUNS: u64 = 2000;
+const TRAFFIC_RUNS: u64 = 4000;
 /// Counterexamples of the closing evaluation that a run directory keeps.
 const KEPT_EPISODES: usize = 5;
 

@@ -1,50 +1,62 @@
 //! Experience of an episode under a law of actions.
 
 use crate::rl::End;
-use crate::rl::nn::Mlp;
 use crate::rl::replay::{EpisodeBuffer, Transition};
-use crate::rl::soft_backup;
+use crate::rl::soft_backup::SoftBackup;
 
-/// Returns the law's scaled logarithms, with which an observation ends.
-pub(super) fn logs<'a>(net: &Mlp, obs: &'a [f32]) -> &'a [f32] {
-    &obs[obs.len() - net.outputs()..]
+/// Returns the law's scaled logarithms of so many actions, with which an observation ends.
+pub(super) fn logs(obs: &[f32], actions: usize) -> &[f32] {
+    &obs[obs.len() - actions..]
 }
 
-/// Passes the transitions of an episode to `take`.
-///
-/// The reward of a transition is a lower bound of its value: that of the actions which the
-/// episode took after it, and −1 without a success. A success is found long before all ways
-/// to it are known, and the bound hands its size to all earlier decisions at once (He et al.
-/// 2017). It holds where equal actions have equal results, and is too high by the luck of an
-/// episode where they have not.
-pub(super) fn transitions(
-    net: &Mlp,
-    buffer: &EpisodeBuffer,
-    end: End,
-    mut take: impl FnMut(Transition<'_>),
-) {
-    let width = net.inputs();
-    let row = |t: usize| &buffer.observations[t * width..(t + 1) * width];
-    let total: f32 = buffer.rewards.iter().sum();
-    let mut bound = if total > 0.0 { 0.0 } else { -1.0 };
-    // Backwards, since a bound is made from the later one.
-    for t in (0..buffer.actions.len()).rev() {
-        let is_last = t + 1 == buffer.actions.len();
-        if !is_last {
-            let action = buffer.actions[t + 1];
-            bound = soft_backup::along(logs(net, row(t + 1))[action], bound);
+/// Episode whose observations end with the law of the actions.
+#[derive(Clone, Copy)]
+pub(super) struct LawfulEpisode<'a> {
+    pub(super) buffer: &'a EpisodeBuffer,
+    pub(super) end: End,
+    /// Length of an observation.
+    pub(super) width: usize,
+    /// Number of actions.
+    pub(super) actions: usize,
+}
+
+impl LawfulEpisode<'_> {
+    /// Passes the transitions of an episode to `take`.
+    ///
+    /// The reward of a transition is a lower bound of its value: that of the actions which the
+    /// episode took after it, and −1 without a success. A success is found long before all ways
+    /// to it are known, and the bound hands its size to all earlier decisions at once (He et al.
+    /// 2017). It holds where equal actions have equal results, and is too high by the luck of an
+    /// episode where they have not.
+    pub(super) fn transitions(self, law: SoftBackup, mut take: impl FnMut(Transition<'_>)) {
+        let LawfulEpisode {
+            buffer,
+            end,
+            width,
+            actions,
+        } = self;
+        let row = |t: usize| &buffer.observations[t * width..(t + 1) * width];
+        let total: f32 = buffer.rewards.iter().sum();
+        let mut bound = if total > 0.0 { 0.0 } else { -1.0 };
+        // Backwards, since a bound is made from the later one.
+        for t in (0..buffer.actions.len()).rev() {
+            let is_last = t + 1 == buffer.actions.len();
+            if !is_last {
+                let action = buffer.actions[t + 1];
+                bound = law.along(logs(row(t + 1), actions)[action], bound);
+            }
+            take(Transition {
+                observation: row(t),
+                action: buffer.actions[t],
+                reward: bound,
+                next: row(t + 1),
+                discount: if is_last && end != End::Truncated {
+                    0.0
+                } else {
+                    1.0
+                },
+            });
         }
-        take(Transition {
-            observation: row(t),
-            action: buffer.actions[t],
-            reward: bound,
-            next: row(t + 1),
-            discount: if is_last && end != End::Truncated {
-                0.0
-            } else {
-                1.0
-            },
-        });
     }
 }
 
@@ -55,7 +67,7 @@ mod tests {
     #[test]
     fn a_success_bounds_the_values_of_all_decisions_before_it() {
         // An observation is a number and the logarithms of two actions.
-        let net = Mlp::zeros(&[3, 4, 2]);
+        let law = SoftBackup { floor: 30.0 };
         let log = |p: f64| (0.1 * libm::log(p)) as f32;
         let mut buffer = EpisodeBuffer::default();
         buffer.begin(&[0.0, log(0.5), log(0.5)]);
@@ -63,7 +75,15 @@ mod tests {
         buffer.note(1, true, 0.7, &[2.0, 0.0, 0.0]);
         let mut bounds = Vec::new();
         let take = |it: Transition<'_>| bounds.push((it.observation[0], it.reward, it.discount));
-        transitions(&net, &buffer, End::Terminated, take);
+        fn episode(buffer: &EpisodeBuffer, end: End) -> LawfulEpisode<'_> {
+            LawfulEpisode {
+                buffer,
+                end,
+                width: 3,
+                actions: 2,
+            }
+        }
+        episode(&buffer, End::Terminated).transitions(law, take);
         let first = (libm::log(0.1) / 30.0) as f32;
         assert_eq!(bounds[0], (1.0, 0.0, 0.0));
         assert!((bounds[1].1 - first).abs() < 1e-6 && bounds[1].2 == 1.0);
@@ -71,7 +91,7 @@ mod tests {
         buffer.rewards[1] = -1.0;
         let mut bounds = Vec::new();
         let take = |it: Transition<'_>| bounds.push((it.reward, it.discount));
-        transitions(&net, &buffer, End::Truncated, take);
+        episode(&buffer, End::Truncated).transitions(law, take);
         assert_eq!(bounds, [(-1.0, 1.0); 2]);
     }
 }

@@ -4,7 +4,6 @@ use super::lawful::logs;
 use super::{Dqn, DqnWorkspace};
 use crate::rl::learner::linear;
 use crate::rl::nn::{UsedUnits, argmax};
-use crate::rl::soft_backup;
 
 /// First step size of an extension, as a share of the configured size.
 const AGAIN: f64 = 0.3;
@@ -123,11 +122,11 @@ impl Dqn {
         let judges = self.target.forward(&batch.nexts, rows, there);
         let rows = picks.chunks_exact(stride).zip(judges.chunks_exact(stride));
         for (at, (&i, (pick, judge))) in batch.lasting.iter().zip(rows).enumerate() {
-            if self.lawful {
+            if let Some(law) = self.law {
                 let width = self.online.inputs();
                 let next = &batch.nexts[at * width..(at + 1) * width];
                 // The reward is a lower bound of the value, not a part of it.
-                let value = soft_backup::backup(logs(&self.online, next), &judge[..actions]);
+                let value = law.backup(logs(next, actions), &judge[..actions]);
                 batch.rewards[i] = batch.rewards[i].max(value);
             } else {
                 batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
@@ -152,7 +151,7 @@ impl Dqn {
             batch.errors.push(error);
             // The batch ends with the transitions of successes. Under a law, the value of
             // another action than the one shown is no worse a value.
-            let is_shown = own <= i && !self.lawful;
+            let is_shown = own <= i && self.law.is_none();
             if let Some(successes) = self.shown.as_ref().filter(|_| is_shown) {
                 let row = i * stride..i * stride + actions;
                 let gradient = &mut gradients[row.clone()];
