@@ -39,6 +39,8 @@ def train(
     plant: str | None = None,
     from_run: Path | None = None,
     bank: Sequence[Path] = (),
+    traffic: Path | None = None,
+    temperature: float | None = None,
     resume: bool = False,
     starts: int = 300,
     jobs: int | None = None,
@@ -63,6 +65,10 @@ def train(
         plant: the physics to train in.
         from_run: a run whose policy is fine-tuned.
         bank: runs and kept failures, of any ego, to learn from.
+        traffic: declared traffic that the ado is trained as, given that the ego
+            fails: a file with `Traffic(…)`, or `"world"` for the world's own.
+        temperature: of an ado of traffic: 1, the default, as the traffic drives
+            given that the ego fails, and towards 0 the surest lawful actions.
         resume: continue an interrupted training in `output`.
         starts: test starts of the closing evaluation.
         jobs: threads, by default one per core, and 1 if Python plays.
@@ -91,6 +97,8 @@ def train(
         "plant": plant,
         "from_run": None if from_run is None else os.fspath(from_run),
         "bank": [os.fspath(path) for path in bank],
+        "traffic": None if traffic is None else os.fspath(traffic),
+        "temperature": temperature,
         "resume": resume,
         "starts": starts,
     }

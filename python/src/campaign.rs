@@ -10,6 +10,7 @@ use brakecheck::evaluation::{
     Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, policy_for, untrained,
 };
 use brakecheck::experiment::{check_repeatability, consent, on_plant, test_starts};
+use brakecheck::risk::RiskTraffic;
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{AdversaryId, Row, RunDir};
 use brakecheck::search::{
@@ -70,6 +71,9 @@ pub(crate) struct TrainOptions {
     from_run: Option<PathBuf>,
     per_ado: Option<String>,
     bank: Vec<PathBuf>,
+    /// A file of declared traffic, or `world` for the world's own.
+    traffic: Option<String>,
+    temperature: Option<f64>,
     resume: bool,
     starts: usize,
 }
@@ -126,8 +130,23 @@ pub(crate) fn train_ado<'py>(
         .map(RunDir::open)
         .transpose()
         .map_err(failed)?;
+    let traffic =
+        match options.traffic.as_deref() {
+            None => None,
+            Some("world") => Some(RiskTraffic::of_world(&world).map_err(failed)?.ok_or_else(
+                || {
+                    wrong(
+                        "the world declares no traffic",
+                        "name a file, or add `traffic: Traffic(…)` to the world",
+                    )
+                },
+            )?),
+            Some(file) => Some(RiskTraffic::read(&world, file).map_err(failed)?),
+        };
     let found = running.watched(py, move |watch| {
         let request = TrainRequest {
+            traffic: traffic.as_ref(),
+            temperature: options.temperature,
             seed: options.seed,
             decisions: options.decisions,
             learner: options.learner.as_deref(),

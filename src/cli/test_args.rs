@@ -158,7 +158,7 @@ fn ado_group() -> impl TypedValueParser<Value = AdoGroup> {
 }
 
 /// Reads a temperature, which divides values by neither zero nor infinity.
-fn temperature(text: &str) -> Result<f64, String> {
+pub(super) fn temperature(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>();
     value
         .ok()

@@ -8,6 +8,8 @@ use super::failure::Failure;
 use super::headings::ADOS;
 use super::terminal;
 use crate::experiment::{EgoUnderTest, in_named_traffic};
+use crate::risk::RiskTraffic;
+use crate::ron_file::{file_text, first_word};
 use crate::world::Scenario;
 
 /// Traffic model, and limits on how rare the driving of ados may become.
@@ -28,7 +30,42 @@ fn rate(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Word for the laws that the world declares itself.
+const OF_WORLD: &str = "world";
+
 impl TrafficArgs {
+    /// Returns the laws that ados are trained by, if `--traffic` names declared traffic.
+    ///
+    /// # Errors
+    /// The laws cannot be read, do not fit the world, or stand beside a limit.
+    pub(super) fn laws(&self, world: &Scenario) -> Result<Option<RiskTraffic>, Failure> {
+        let Some(name) = &self.traffic else {
+            return Ok(None);
+        };
+        let laws = if name == OF_WORLD {
+            RiskTraffic::of_world(world)?.ok_or_else(|| {
+                Failure::input(
+                    format!("`{}` declares no traffic", world.name()),
+                    "name a file, or add `traffic: Traffic(…)` to the world",
+                )
+            })?
+        } else {
+            let text = file_text(Path::new(name)).unwrap_or_default();
+            // Any other file is a model of real drivers.
+            if first_word(&text).is_none_or(|word| &text[word] != "Traffic") {
+                return Ok(None);
+            }
+            RiskTraffic::read(world, name)?
+        };
+        if !self.natural.is_empty() {
+            return Err(Failure::input(
+                "declared traffic has laws of its own, and `--natural` limits another model",
+                "leave out one of the two",
+            ));
+        }
+        Ok(Some(laws))
+    }
+
     /// Returns the world in the declared traffic, without the limits.
     ///
     /// # Errors

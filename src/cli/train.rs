@@ -16,14 +16,18 @@ use super::headings::{EGO, LEARNING, TEST};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
 use super::terminal::{self, Common};
+use super::test_args::temperature;
 use super::traffic_args::TrafficArgs;
 use super::verdict::verdict;
 use super::{league, population, progress, table};
 use crate::population::{DistinctRequest, LeagueRequest};
+use crate::risk::RiskTraffic;
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{AdversaryId, Row, RunDir, TrainingEnd};
+use crate::run_dir::{AdversaryId, RunDir, TrainingEnd};
 use crate::sim::PlantKind;
-use crate::training::{PerAdoMode, TrainRequest, TrainSession, TrainingOutcome};
+use crate::training::{
+    Closing, OptionClash, PerAdoMode, SessionError, TrainRequest, TrainSession, TrainingOutcome,
+};
 use crate::world::{Scenario, TrainingEgos};
 
 #[derive(Args, Debug)]
@@ -45,6 +49,9 @@ pub(super) struct TrainArgs {
     /// Reward severe or distinct failures, instead of the world's `goals`.
     #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL", help_heading = LEARNING)]
     goals: Vec<TrainingGoal>,
+    /// Draw actions of an ado of declared traffic at T: 1 as people drive, near 0 the surest.
+    #[arg(long, value_name = "T", value_parser = temperature, help_heading = LEARNING)]
+    temperature: Option<f64>,
     /// Egos to train against: the world's own, or its family under `train_against`.
     #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "EGOS", help_heading = EGO)]
     against: TrainingEgos,
@@ -95,21 +102,38 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     refuse_program("train", &args.program)?;
     let world = load_world(&args.world, &args.common)?;
     args.traffic.one_rate("train")?;
-    let world = args.traffic.limited(world)?;
+    let laws = args.traffic.laws(&world)?;
+    let world = match &laws {
+        Some(_) => world,
+        None => args.traffic.limited(world)?,
+    };
     // A refused stream must leave no run directory, and a refused training no stream.
     args.live.admit(args.common.json)?;
     // Before the first decision, because an odd world wastes the whole training.
     note_warnings(&args.world, &world);
+    let given = Given {
+        args,
+        laws: laws.as_ref(),
+    };
     match (args.distinct, args.league) {
+        (None, None) => train_one(given, &world),
+        _ if laws.is_some() => Err(SessionError::Options(OptionClash::TrafficAndMany).into()),
         (Some(members), _) => train_population(args, &world, members as usize),
         (None, Some(rounds)) => train_league(args, &world, rounds as usize),
-        (None, None) => train_one(args, &world),
     }
 }
 
+/// Arguments, with the traffic that they name.
+#[derive(Clone, Copy)]
+struct Given<'a> {
+    args: &'a TrainArgs,
+    laws: Option<&'a RiskTraffic>,
+}
+
 /// Trains one ado and evaluates it.
-fn train_one(args: &TrainArgs, world: &Scenario) -> Result<Exit, Failure> {
-    let mut session = session(args, world)?;
+fn train_one(given: Given<'_>, world: &Scenario) -> Result<Exit, Failure> {
+    let args = given.args;
+    let mut session = session(given, world)?;
     let title = format!("training in {}", world.name);
     let live = args.live.open(&title, Streamed::Training)?;
     let bar = progress::bar(&args.common, "");
@@ -138,7 +162,7 @@ fn train_one(args: &TrainArgs, world: &Scenario) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
-    show(args, &session, &trained, &closing.rows)?;
+    show(args, &session, &trained, &closing)?;
     // The rows are printed first, so a full disk does not cost them.
     session.keep(&closing)?;
     if !args.common.json {
@@ -200,15 +224,21 @@ fn request<'a>(
         plant: plant_in(world, args.plant).filter(|_| !is_stale),
         from,
         bank: &args.bank,
+        traffic: None,
+        temperature: args.temperature,
     }
 }
 
 /// Begins a training or goes on with one.
-fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> {
+fn session(given: Given<'_>, world: &Scenario) -> Result<TrainSession, Failure> {
+    let args = given.args;
     let path = output(args, world);
     // The source run is opened first, so a damaged run leaves no new directory.
     let from = source(args)?;
-    let request = request(args, world, from.as_ref());
+    let request = TrainRequest {
+        traffic: given.laws,
+        ..request(args, world, from.as_ref())
+    };
     Ok(if args.resume {
         TrainSession::resume(world, &path, &request)?
     } else {
@@ -260,8 +290,9 @@ fn show(
     args: &TrainArgs,
     session: &TrainSession,
     trained: &TrainingOutcome,
-    rows: &[Row],
+    closing: &Closing,
 ) -> Result<(), Failure> {
+    let rows = &closing.rows;
     if !args.common.json {
         let mut answer = table::rows(rows);
         // What was trained is the question, also where a baseline does better.
@@ -270,6 +301,12 @@ fn show(
         }
         // A stream may occupy stdout, so the table yields to it.
         args.live.data(&answer.text(args.answer))?;
+        if let Some(traffic) = &closing.traffic {
+            traffic
+                .in_words()
+                .iter()
+                .for_each(|line| terminal::note(line));
+        }
         note_end(trained);
         return Ok(());
     }
@@ -287,6 +324,7 @@ fn show(
         "calibration": trained.done.calibration,
         "ended": trained.done.ended,
         "warning": trained.warning(),
+        "traffic": closing.traffic,
         "rows": rows,
     }))
 }

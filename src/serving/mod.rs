@@ -16,6 +16,7 @@ use std::io::{self, BufRead, Read, Write};
 use std::path::PathBuf;
 
 use indexmap::IndexMap;
+use rand::RngExt;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
@@ -24,6 +25,7 @@ use crate::run_dir::{RunDir, RunError};
 use crate::scene::World;
 use crate::scene::drive::{Actions, PhaseAction};
 use crate::search::AdoPlayer;
+use crate::testbench::draws;
 use crate::world::Scenario;
 use description::with_derived;
 use live::{LiveEpisode, ResetRequest};
@@ -42,6 +44,12 @@ pub struct ServedAdo {
     ///
     /// They determine `time` and `time_left` if the simulator omits them.
     decisions: u64,
+    /// Joint action before the last one, and the last one.
+    ///
+    /// They determine `A.action` and `A.action_before` if the simulator omits them.
+    last: [usize; 2],
+    /// Episodes that have begun, by which drawn actions differ.
+    begun: u64,
     /// Episode that the simulator moves and brakecheck judges.
     live: Option<LiveEpisode>,
     /// Directory for the counterexamples among them.
@@ -153,9 +161,11 @@ impl ServedAdo {
 
     fn new(world: Scenario, player: ServedPlayer) -> ServedAdo {
         ServedAdo {
-            world,
             player,
             decisions: 0,
+            begun: 0,
+            last: [world.spaces().neutral; 2],
+            world,
             live: None,
             keep: None,
         }
@@ -278,6 +288,8 @@ impl ServedAdo {
     fn reset(&mut self, request: &Value) -> Result<Value, String> {
         // Cleared first, so that a refused request leaves no episode to go on with.
         self.decisions = 0;
+        self.last = [self.world.spaces().neutral; 2];
+        self.begun += 1;
         self.live = None;
         let request = ResetRequest::parse(request)?;
         let Some(live) = LiveEpisode::begin(&self.world, &request, &self.player)? else {
@@ -310,10 +322,27 @@ impl ServedAdo {
         Ok(Value::Object(answer))
     }
 
+    /// Returns signals with the last actions of the ados, as they were answered.
+    fn with_actions(&self, signals: &IndexMap<String, Value>) -> IndexMap<String, Value> {
+        let mut all = signals.clone();
+        let World::Drive(drive) = self.world.world() else {
+            return all;
+        };
+        let mut unit = 1;
+        for (name, actions, _) in drive.spec().action_sets() {
+            for (signal, joint) in ["action_before", "action"].iter().zip(self.last) {
+                let own = joint / unit % actions.len();
+                all.entry(format!("{name}.{signal}")).or_insert(json!(own));
+            }
+            unit *= actions.len();
+        }
+        all
+    }
+
     fn decide(&mut self, signals: &IndexMap<String, Value>) -> Result<Value, String> {
         let policy = self.player.policy()?;
         let world = self.world.world();
-        let signals = with_derived(&self.world, signals)?;
+        let signals = with_derived(&self.world, &self.with_actions(signals))?;
         let clock = world.clock();
         let passed_s = self.decisions as f64 * clock.decision_s;
         let mut obs = Vec::with_capacity(world.observed().len());
@@ -335,8 +364,16 @@ impl ServedAdo {
         if !missing.is_empty() {
             return Err(format!("the ado also observes {}", missing.join(", ")));
         }
-        let action = policy.act(&obs);
+        let action = match policy.drawn_at() {
+            None => policy.act(&obs),
+            Some(temperature) => {
+                // A number per decision of an episode, so that a conversation can be repeated.
+                let mut rng = draws(self.begun, self.decisions);
+                policy.sample(&obs, temperature, &mut || rng.random::<f64>())
+            }
+        };
         self.decisions += 1;
+        self.last = [self.last[1], action];
         let value = policy.value(&obs);
         Ok(json!({
             "action": action,

@@ -74,7 +74,7 @@ impl ServedPlayer {
     ) -> (JointActions, Option<bool>) {
         let mut found = None;
         let mut actions = match self {
-            ServedPlayer::Trained(policy) => JointActions::Policy(Arc::clone(policy)),
+            ServedPlayer::Trained(policy) => JointActions::trained(policy),
             ServedPlayer::Neutral => JointActions::neutral(spaces),
             ServedPlayer::Random => JointActions::random(spaces),
             ServedPlayer::Search(ego) => {

@@ -42,6 +42,7 @@ mod settings;
 mod several_ados;
 mod stdin;
 mod stl;
+mod traffic;
 mod watching;
 
 use std::path::{Path, PathBuf};

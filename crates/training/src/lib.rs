@@ -26,6 +26,7 @@ use brakecheck_crashes::crashes;
 use brakecheck_ego::ego;
 use brakecheck_experiment::{adversary, experiment, run_dir, search};
 use brakecheck_files::{content_hash, ron_file, run_files};
+use brakecheck_risk::risk;
 use brakecheck_rl::rl;
 use brakecheck_scene::{rulebook, scene, testbench};
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::evaluation::{EvaluationError, SweepError};
 use crate::experiment::{EgoError, TrafficError, unknown_ego_help};
 use crate::openx::OpenXError;
 use crate::population::{LeagueError, PopulationError};
-use crate::risk::RiskTrafficError;
+use crate::risk::{RiskTrafficError, TrafficTrainingError};
 use crate::rl::ConfigError;
 use crate::ron_file::{LoadError, ScenarioError, guessed};
 use crate::run_dir::{KeptError, RunError};
@@ -80,13 +80,28 @@ impl From<TrafficError> for Failure {
 
 impl From<RiskTrafficError> for Failure {
     fn from(error: RiskTrafficError) -> Failure {
+        Failure::from(&error)
+    }
+}
+
+impl From<&TrafficTrainingError> for Failure {
+    fn from(error: &TrafficTrainingError) -> Failure {
+        match (error, error.help()) {
+            (TrafficTrainingError::World(error), _) => Failure::from(error),
+            (_, help) => Failure::plain(Exit::Input, error.to_string(), help.map(str::to_owned)),
+        }
+    }
+}
+
+impl From<&RiskTrafficError> for Failure {
+    fn from(error: &RiskTrafficError) -> Failure {
         match error {
             RiskTrafficError::File(LoadError::Io { .. }) => Failure::input(
                 error.to_string(),
                 "name a traffic file (examples/traffic has some), or `motorway`",
             ),
-            RiskTrafficError::File(error) => Failure::from(&error),
-            RiskTrafficError::Model(error) => Failure::from(error),
+            RiskTrafficError::File(error) => Failure::from(error),
+            RiskTrafficError::Model(error) => Failure::input(error.to_string(), error.help()),
             RiskTrafficError::Grid { .. } => Failure::input(
                 error.to_string(),
                 "name a driving world; `brakecheck eval` measures grids on all starts",
@@ -405,7 +420,7 @@ macro_rules! from_input {
 from_input! {
     FindError: Ego, Change, Kept;
     BankError: Run, Kept;
-    SessionError: Ego, Run, Train, Config, Kept, Bank;
+    SessionError: Ego, Run, Train, Config, Kept, Bank, Declared, Traffic;
     PopulationError: Session, Run, Ego;
     EvaluationError: Ego, Adversary, Search, Theorems, Train, Kept, Run;
     LeagueError: Session, Train, Run, Ego;

@@ -3,8 +3,6 @@
 //! It has no clock. Equal setups and equal inputs give equal bits, so that the way back is
 //! the same episode played again up to a sample.
 
-use std::sync::Arc;
-
 use super::error::DriveError;
 use super::frame::{DriveFrame, DriveOutcome};
 use super::hand::Hand;
@@ -70,7 +68,7 @@ impl DrivenEpisode {
             AdoPlayer::Random => JointActions::random(spaces),
             AdoPlayer::Trained => {
                 let policy = sandbox.trained().ok_or(DriveError::NotTrained)?;
-                JointActions::Policy(Arc::clone(policy))
+                JointActions::trained(policy)
             }
             AdoPlayer::Search => {
                 let found = sandbox.searched(&ego, setup)?;

@@ -7,6 +7,7 @@ use crate::rl::{Policy, Spaces};
 use crate::run_dir::{AdversaryId, Stored};
 use crate::testbench::{
     Actor, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay, SampledPolicy,
+    trained_actor,
 };
 use crate::world::{Scenario, TrainingEgos};
 
@@ -87,15 +88,16 @@ impl Ado<'_> {
     pub fn actor(&self, spaces: &Spaces, run: u64) -> Box<dyn Actor + '_> {
         let actions = spaces.actions;
         match *self {
-            Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
+            Ado::Trained(policy, _) => trained_actor(policy, run),
+            Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
             Ado::Sampled(policy, _, temperature) => {
                 Box::new(SampledPolicy::new(policy, temperature, run))
             }
             Ado::Without(policy, _, ado) => {
-                Box::new(SomeAdos::new(policy, spaces, |name| name == ado))
+                Box::new(SomeAdos::new(policy, run, spaces, |name| name == ado))
             }
             Ado::Alone(policy, _, ado) => {
-                Box::new(SomeAdos::new(policy, spaces, |name| name != ado))
+                Box::new(SomeAdos::new(policy, run, spaces, |name| name != ado))
             }
             Ado::Composed | Ado::Neutral => Box::new(Constant(spaces.neutral)),
             Ado::Random => Box::new(Random::new(actions)),

@@ -2,11 +2,11 @@
 
 use crate::rl::{Policy, Spaces};
 use crate::scene::Start;
-use crate::testbench::Actor;
+use crate::testbench::{Actor, trained_actor};
 
 /// Actor of a joint policy in which some ados play their actions without effect.
 pub(super) struct SomeAdos<'a> {
-    policy: &'a dyn Policy,
+    all: Box<dyn Actor + 'a>,
     idle: Vec<IdleAdo>,
 }
 
@@ -19,8 +19,11 @@ struct IdleAdo {
 
 impl<'a> SomeAdos<'a> {
     /// Creates the actor in which the ados of these names are idle.
+    ///
+    /// `run` is the number of the draw, if the policy draws its actions.
     pub(super) fn new(
         policy: &'a dyn Policy,
+        run: u64,
         spaces: &Spaces,
         is_idle: impl Fn(&str) -> bool,
     ) -> SomeAdos<'a> {
@@ -37,7 +40,10 @@ impl<'a> SomeAdos<'a> {
             }
             unit *= part.actions;
         }
-        SomeAdos { policy, idle }
+        SomeAdos {
+            all: trained_actor(policy, run),
+            idle,
+        }
     }
 
     fn of_some(&self, joint: usize) -> usize {
@@ -49,14 +55,18 @@ impl<'a> SomeAdos<'a> {
 }
 
 impl Actor for SomeAdos<'_> {
-    fn begin(&mut self, _seed: u64, _start: &Start) {}
+    fn begin(&mut self, seed: u64, start: &Start) {
+        self.all.begin(seed, start);
+    }
 
     fn act(&mut self, obs: &[f32]) -> usize {
-        self.of_some(self.policy.act(obs))
+        let joint = self.all.act(obs);
+        self.of_some(joint)
     }
 
     fn act_among(&mut self, obs: &[f32], allowed: &[bool]) -> usize {
-        self.of_some(self.policy.act_among(obs, allowed))
+        let joint = self.all.act_among(obs, allowed);
+        self.of_some(joint)
     }
 }
 
@@ -95,7 +105,7 @@ mod tests {
         let joint = |digits: [usize; 3]| digits[0] + 2 * digits[1] + 6 * digits[2];
         let policy = Always(joint([0, 2, 3]));
         let acts =
-            |is_idle: &dyn Fn(&str) -> bool| SomeAdos::new(&policy, &spaces, is_idle).act(&[]);
+            |is_idle: &dyn Fn(&str) -> bool| SomeAdos::new(&policy, 0, &spaces, is_idle).act(&[]);
         assert_eq!(acts(&|_| false), joint([0, 2, 3]));
         assert_eq!(acts(&|name| name == "b"), joint([0, 0, 3]));
         assert_eq!(acts(&|name| name != "b"), joint([1, 2, 2]));

@@ -10,6 +10,7 @@ use crate::preventability::Preventability;
 use crate::scene::AfterContact;
 use crate::severity::{Impact, InjuryRisk};
 use crate::testbench::Episode;
+use crate::world::EncounterRate;
 
 /// Facts about a counterexample: severity, size, cause and robustness.
 ///
@@ -41,6 +42,9 @@ pub struct About {
     /// Rarity of the ados' driving among real drivers. `None` if none drives a vehicle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub naturalness: Option<Naturalness>,
+    /// Likelihood in the traffic that the ado was trained as. `None` for other ados.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<TrafficLikelihood>,
     /// Number of similar counterexamples, including itself.
     ///
     /// `None` if they were not compared.
@@ -51,6 +55,45 @@ pub struct About {
     /// `None` for a stock ego, whose runs are not counted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ego_runs: Option<EgoRuns>,
+}
+
+/// Likelihood of a crash in declared traffic.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrafficLikelihood {
+    /// Origin of the traffic.
+    pub source: String,
+    /// Decadic logarithm of the probability of the ados' actions, from their start.
+    pub log10_probability: f64,
+    /// Kind of failure: the contact, and the ados' manoeuvre.
+    pub kind: String,
+    /// Probability of this kind per run of the traffic, with all rules kept.
+    pub per_run: f64,
+    /// 95 % interval of `per_run`, if the kinds found are all.
+    pub interval: [f64; 2],
+    /// Effective number of failures behind it.
+    pub ess: f64,
+    /// Encounters like a run, if the traffic declares them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<EncounterRate>,
+}
+
+impl Display for TrafficLikelihood {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let [lo, hi] = self.interval;
+        write!(
+            f,
+            "in the traffic “{}”, actions of probability 10^{:.1}; this kind has {:.2e} per run \
+             (95 %: {lo:.2e} … {hi:.2e})",
+            self.source, self.log10_probability, self.per_run
+        )?;
+        match self.exposure {
+            Some(rate) => {
+                let all = self.per_run * rate.encounters();
+                write!(f, ", {all:.2e} {}", rate.unit())
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 /// Runs of an ego for the facts about one counterexample.
@@ -500,6 +543,7 @@ impl Display for About {
         lines.extend(self.why.as_ref().map(ToString::to_string));
         lines.extend(self.preventability.as_ref().map(ToString::to_string));
         lines.extend(self.naturalness.as_ref().map(ToString::to_string));
+        lines.extend(self.traffic.as_ref().map(ToString::to_string));
         lines.extend(self.shrunk.as_ref().map(ToString::to_string));
         lines.extend(self.persistence.as_ref().map(ToString::to_string));
         lines.extend(self.ego_runs.as_ref().map(|runs| match &self.shrunk {

@@ -53,7 +53,7 @@ pub use crate::run_files::{OtherProgram, RunDifference, RunError};
 pub use crate::world::RunsOnDisk;
 pub use about::{
     About, Answer, DecisiveSpan, Effort, EgoRuns, LastChance, NoAnswer, NotAsked, Persistence,
-    Severity, Shrunk, Variation, Why,
+    Severity, Shrunk, TrafficLikelihood, Variation, Why,
 };
 pub use adversary_id::keys as adversary_keys;
 pub use adversary_id::{AdversaryId, SearchSettings};

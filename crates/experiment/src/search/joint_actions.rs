@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
@@ -12,7 +14,7 @@ use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::rl::{Policy, Spaces};
 use crate::run_dir::AdversaryId;
 use crate::scene::Start;
-use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
+use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom, draws};
 
 /// Most action switches of the search's sequence.
 const SWITCHES_OF_EPISODE: usize = 2;
@@ -53,13 +55,35 @@ pub enum JointActions {
     Constant(usize),
     /// A trained policy.
     Policy(Arc<dyn Policy>),
+    /// A trained policy that draws its actions.
+    Drawn(Box<DrawnPolicy>),
     /// Random actions, each held for a while.
     Random(Box<HeldRandom>),
     /// One action per decision, of which the last is held.
     Sequence(Vec<usize>),
 }
 
+/// Trained policy that draws its actions.
+pub struct DrawnPolicy {
+    policy: Arc<dyn Policy>,
+    temperature: f64,
+    rng: ChaCha8Rng,
+}
+
 impl JointActions {
+    /// Returns the actions of a trained policy.
+    pub fn trained(policy: &Arc<dyn Policy>) -> JointActions {
+        let policy = Arc::clone(policy);
+        match policy.drawn_at() {
+            None => JointActions::Policy(policy),
+            Some(temperature) => JointActions::Drawn(Box::new(DrawnPolicy {
+                policy,
+                temperature,
+                rng: draws(0, 0),
+            })),
+        }
+    }
+
     /// Returns the neutral action throughout.
     pub fn neutral(spaces: &Spaces) -> JointActions {
         JointActions::Constant(spaces.neutral)
@@ -91,8 +115,11 @@ impl JointActions {
 
     /// Begins an episode.
     pub fn begin(&mut self, noise: u64, start: &Start) {
-        if let JointActions::Random(random) = self {
-            random.begin(noise, start);
+        match self {
+            JointActions::Random(random) => random.begin(noise, start),
+            // As the first draw of an evaluation.
+            JointActions::Drawn(drawn) => drawn.rng = draws(noise, 0),
+            _ => {}
         }
     }
 
@@ -102,6 +129,7 @@ impl JointActions {
             (JointActions::Constant(action), _) => *action,
             (JointActions::Policy(policy), Some(allowed)) => policy.act_among(obs, allowed),
             (JointActions::Policy(policy), None) => policy.act(obs),
+            (JointActions::Drawn(drawn), _) => drawn.act(obs),
             (JointActions::Random(random), _) => random.act(obs),
             // As kept sequences: the last action is held.
             (JointActions::Sequence(actions), _) => {
@@ -115,6 +143,7 @@ impl JointActions {
     pub fn value(&self, obs: &[f32]) -> Option<f32> {
         match self {
             JointActions::Policy(policy) => Some(policy.value(obs)),
+            JointActions::Drawn(drawn) => Some(drawn.policy.value(obs)),
             _ => None,
         }
     }
@@ -130,10 +159,18 @@ impl JointActions {
     /// Returns the name of the player in kept files.
     pub fn adversary(&self) -> AdversaryId {
         match self {
-            JointActions::Policy(_) => AdversaryId::Trained,
+            JointActions::Policy(_) | JointActions::Drawn(_) => AdversaryId::Trained,
             JointActions::Random(_) => AdversaryId::Hold,
             JointActions::Sequence(_) => AdversaryId::SEARCH,
             JointActions::Constant(_) => AdversaryId::Neutral,
         }
+    }
+}
+
+impl DrawnPolicy {
+    fn act(&mut self, obs: &[f32]) -> usize {
+        let rng = &mut self.rng;
+        let mut units = || rng.random::<f64>();
+        self.policy.sample(obs, self.temperature, &mut units)
     }
 }

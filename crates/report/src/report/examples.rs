@@ -61,7 +61,7 @@ pub(super) fn example(scenario: &Scenario, example: &Example, nth: usize, all: u
 fn known(scenario: &Scenario, example: &Example) -> Markup {
     let (about, episode) = (&example.about, &example.episode);
     let after = about.after_contact.as_ref();
-    let facts: [(&str, Option<String>); 8] = [
+    let facts: [(&str, Option<String>); 9] = [
         ("How bad", about.severity.as_ref().map(ToString::to_string)),
         ("After it", after.map(|after| after.sentences().join("; "))),
         ("Why", about.why.as_ref().map(ToString::to_string)),
@@ -72,6 +72,10 @@ fn known(scenario: &Scenario, example: &Example) -> Markup {
         (
             "How natural",
             about.naturalness.as_ref().map(ToString::to_string),
+        ),
+        (
+            "How likely",
+            about.traffic.as_ref().map(ToString::to_string),
         ),
         ("How small", about.shrunk.as_ref().map(ToString::to_string)),
         (

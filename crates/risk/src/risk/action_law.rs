@@ -1,6 +1,7 @@
 //! Law of the ados' joint action at every decision.
 
 use super::manoeuvre::Manoeuvre;
+use crate::rl::interrupted;
 use crate::stats::student_cdf;
 use crate::stl::BoundExpr;
 use brakecheck_driver_model::AccelerationModel;
@@ -14,6 +15,7 @@ pub(super) struct ActionLaw {
 /// Law of one ado's actions.
 #[derive(Clone, Debug)]
 pub(super) struct AdoLaw {
+    pub(super) name: String,
     pub(super) actions: usize,
     pub(super) neutral: usize,
     pub(super) kind: LawKind,
@@ -46,6 +48,8 @@ pub(super) struct MarkovLaw {
 
 #[derive(Clone, Debug)]
 pub(super) struct Onset {
+    /// Text of the rate.
+    pub(super) text: String,
     pub(super) rate_per_s: BoundExpr,
     pub(super) to: Vec<f64>,
 }
@@ -181,28 +185,13 @@ impl ActionLaw {
 
 impl MarkovLaw {
     pub(super) fn probabilities(&self, row: &[f64], last: usize) -> Vec<f64> {
-        let mut next = self.transitions[last].clone();
-        // `max` turns an undefined rate into 0.
         let rates: Vec<f64> = self
             .onsets
             .iter()
-            .map(|it| it.rate_per_s.eval(row).max(0.0))
-            .map(|rate| rate.min(1e9))
+            .map(|it| it.rate_per_s.eval(row))
             .collect();
-        let all: f64 = rates.iter().sum();
-        if all <= 0.0 {
-            return next;
-        }
-        // Rates are constant during a decision, so the wait for an event is exponential.
-        let none = libm::exp(-all * self.decision_s);
-        next.iter_mut().for_each(|it| *it *= none);
-        for (onset, rate) in self.onsets.iter().zip(&rates) {
-            // `expm1` keeps the digits of small probabilities.
-            let share = -libm::expm1(-all * self.decision_s) * rate / all;
-            let to = next.iter_mut().zip(&onset.to);
-            to.for_each(|(it, weight)| *it += share * weight);
-        }
-        next
+        let onsets = self.onsets.iter().map(|it| &it.to[..]);
+        interrupted(&self.transitions[last], &rates, onsets, self.decision_s)
     }
 }
 
@@ -215,13 +204,7 @@ impl FittedLaw {
     ) -> Vec<f64> {
         let count = self.accelerations_mps2.len();
         let along = if decisions.is_multiple_of(self.hold) {
-            let [b, a] = [before, last].map(|it| self.accelerations_mps2[it % count]);
-            let (centre, scale) = self.model.centre_and_scale([b, a]);
-            let below = |x: f64| student_cdf((x - centre) / scale, self.model.freedom);
-            self.cells
-                .iter()
-                .map(|[lo, hi]| below(*hi) - below(*lo))
-                .collect()
+            self.along([before, last].map(|it| it % count))
         } else {
             let mut same = vec![0.0; count];
             same[last % count] = 1.0;
@@ -234,5 +217,14 @@ impl FittedLaw {
         let aside = lateral.probabilities(row, last / count);
         let times = |share: &f64| along.iter().map(|it| it * share).collect::<Vec<f64>>();
         aside.iter().flat_map(times).collect()
+    }
+
+    /// Returns the law of the acceleration after two others, by their numbers.
+    pub(super) fn along(&self, [before, last]: [usize; 2]) -> Vec<f64> {
+        let [b, a] = [before, last].map(|it| self.accelerations_mps2[it]);
+        let (centre, scale) = self.model.centre_and_scale([b, a]);
+        let below = |x: f64| student_cdf((x - centre) / scale, self.model.freedom);
+        let cells = self.cells.iter();
+        cells.map(|[lo, hi]| below(*hi) - below(*lo)).collect()
     }
 }

@@ -49,6 +49,7 @@ impl LawBinder<'_, '_> {
                 },
             };
             ados.extend(law.map(|kind| AdoLaw {
+                name: name.clone(),
                 actions: set.len(),
                 neutral,
                 kind,
@@ -141,7 +142,11 @@ impl LawBinder<'_, '_> {
         let constants = &self.spec.constants;
         let expr: Result<Expr, _> = file.rate_per_s.parse();
         match expr.and_then(|expr| expr.bind(self.schema, constants)) {
-            Ok(rate_per_s) => Some(Onset { rate_per_s, to }),
+            Ok(rate_per_s) => Some(Onset {
+                text: file.rate_per_s.clone(),
+                rate_per_s,
+                to,
+            }),
             Err(error) => {
                 self.problems.stl(&place.to("rate_per_s"), &error);
                 None
@@ -321,6 +326,7 @@ mod tests {
         MarkovLaw {
             transitions: transitions(&file, 3).expect("fits"),
             onsets: vec![Onset {
+                text: "0.1 * v".to_owned(),
                 rate_per_s: rate.bind(&schema, &Default::default()).expect("sound"),
                 to: vec![1.0, 0.0, 0.0],
             }],
@@ -343,6 +349,7 @@ mod tests {
     #[test]
     fn a_joint_law_is_a_product_with_the_first_ado_as_the_lowest_digit() {
         let ado = |neutral| AdoLaw {
+            name: "ado".to_owned(),
             actions: 3,
             neutral,
             kind: LawKind::Markov(markov()),
@@ -548,6 +555,7 @@ mod tests {
     #[test]
     fn a_memory_is_read_as_one_hot_codes_of_what_a_law_depends_on() {
         let markov_ado = AdoLaw {
+            name: "one".to_owned(),
             actions: 3,
             neutral: 1,
             kind: LawKind::Markov(markov()),
@@ -564,6 +572,7 @@ mod tests {
             ados: vec![
                 markov_ado,
                 AdoLaw {
+                    name: "other".to_owned(),
                     actions: 2,
                     neutral: 1,
                     kind: LawKind::Fitted(fitted),
@@ -652,6 +661,7 @@ mod tests {
     fn onsets_share_their_probability_by_their_rates_and_their_weights() {
         let schema = Schema::new(0.5, [Signal::real("v", "m/s", "speed")]).expect("sound");
         let onset = |rate: &str, to: &[f64]| Onset {
+            text: rate.to_owned(),
             rate_per_s: rate
                 .parse::<Expr>()
                 .and_then(|rate| rate.bind(&schema, &Default::default()))

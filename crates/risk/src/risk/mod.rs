@@ -40,6 +40,8 @@ mod start_tree;
 #[cfg(test)]
 mod tests;
 mod traffic;
+mod traffic_crashes;
+mod training_world;
 #[cfg(test)]
 mod two_modes;
 mod value_network;
@@ -54,3 +56,5 @@ pub use report::{EgoRisk, ModeRisk, RiskBounds, RiskCost, RiskReadings, RiskRepo
 pub use request::{RiskRequest, RiskSettings};
 pub use run_faults::RunFaults;
 pub use traffic::{RiskTraffic, RiskTrafficError};
+pub use traffic_crashes::{TrafficCrash, TrafficCrashes};
+pub use training_world::TrafficTrainingError;

@@ -13,7 +13,7 @@ use crate::ron_file::{
     parse_ron,
 };
 use crate::scene::drive::DriveWorld;
-use crate::world::{DeclaredTrafficFile, EncounterRate, Scenario};
+use crate::world::{AdoLawFile, DeclaredTrafficFile, EncounterRate, FittedFile, Scenario};
 use brakecheck_driver_model::TrafficModel;
 
 /// Laws of the starts and of the ados' actions in a world.
@@ -30,6 +30,8 @@ pub struct RiskTraffic {
     pub uniform_axes: Vec<String>,
     pub(super) starts: StartLaw,
     pub(super) actions: ActionLaw,
+    /// Laws as a world file has them.
+    pub(super) file: DeclaredTrafficFile,
     /// SHA-256 of the text of the laws.
     pub(super) sha256: String,
 }
@@ -70,7 +72,7 @@ impl RiskTraffic {
         };
         let is_model = first_word(&text).is_none_or(|it| &text[it] == "TrafficModel");
         if is_model {
-            let laws = Laws::fitted(traffic_model(Some(name))?);
+            let laws = Laws::fitted(name, traffic_model(Some(name))?);
             return laws.bound(world, name, &text);
         }
         RiskTraffic::parse(world, name, &text)
@@ -109,14 +111,17 @@ struct Laws {
     /// Place of the file in the text.
     top: ValuePath,
     model: Option<Arc<TrafficModel>>,
+    /// Name of the model, if it has no file of laws.
+    name: Option<String>,
 }
 
 impl Laws {
-    fn fitted(model: Arc<TrafficModel>) -> Laws {
+    fn fitted(name: &str, model: Arc<TrafficModel>) -> Laws {
         Laws {
             file: None,
             top: ValuePath::top(),
             model: Some(model),
+            name: Some(name.to_owned()),
         }
     }
 
@@ -127,6 +132,7 @@ impl Laws {
             file: Some(file),
             top,
             model,
+            name: None,
         })
     }
 
@@ -144,6 +150,24 @@ impl Laws {
         };
         let bound = bind(world, driving.world(), self, text);
         Ok(bound.map_err(|problems| placed(name, text, problems))?)
+    }
+
+    /// Returns the laws in the form of a file.
+    ///
+    /// A model alone is fitted to every ado.
+    fn as_file(&self, driving: &DriveWorld) -> DeclaredTrafficFile {
+        let fitted = || {
+            let sets = driving.spec().action_sets();
+            let law = || AdoLawFile::Fitted(FittedFile { lateral: None });
+            DeclaredTrafficFile {
+                source: self.source(),
+                exposure: None,
+                model: self.name.clone(),
+                starts: Ordered::default(),
+                ados: Ordered(sets.map(|(name, ..)| (name.to_owned(), law())).collect()),
+            }
+        };
+        self.file.clone().unwrap_or_else(fitted)
     }
 
     fn source(&self) -> String {
@@ -199,6 +223,7 @@ fn bind(
         .map(|model| model.to_ron())
         .unwrap_or_default();
     Ok(RiskTraffic {
+        file: laws.as_file(driving),
         source: laws.source(),
         exposure: laws.file.as_ref().and_then(|file| file.exposure),
         uniform_axes: uniform.collect(),

@@ -132,16 +132,27 @@ impl Demonstrations {
         steps: usize,
         discount: f32,
     ) {
+        self.remember_with(index, buffer, |replay| {
+            let width = replay.observation();
+            let push = |transition: super::replay::Transition| replay.push(transition);
+            // A success counts as terminal, even if its episode was cut off.
+            buffer.n_step(width, steps, discount, Tail::Terminal, push);
+        });
+    }
+
+    /// Records an episode that succeeded, whose transitions `push` adds.
+    pub(super) fn remember_with(
+        &mut self,
+        index: u64,
+        buffer: &EpisodeBuffer,
+        push: impl FnOnce(&mut ReplayBuffer),
+    ) {
         let episode = Demonstration {
             index,
             actions: buffer.actions.clone(),
         };
         self.guides.remember(episode);
-        let replay = &mut self.replay;
-        let width = replay.observation();
-        let push = |transition: super::replay::Transition| replay.push(transition);
-        // A success counts as terminal, even if its episode was cut off.
-        buffer.n_step(width, steps, discount, Tail::Terminal, push);
+        push(&mut self.replay);
     }
 
     /// Returns the successes along which episodes begin.

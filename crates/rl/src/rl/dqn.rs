@@ -13,9 +13,11 @@
 //!
 //! Deviations: docs/background/learners.md.
 
+mod lawful;
 mod settings;
 mod update;
 
+use lawful::{LawfulEpisode, logs};
 pub use settings::{DqnSettings, Loss};
 
 use super::adam::Adam;
@@ -28,8 +30,16 @@ use super::learner::{
 };
 use super::nn::{Mlp, Tape, argmax, argmax_among, sample};
 use super::replay::{Batch, EpisodeBuffer, ReplayBuffer, Tail, Transition};
+use super::soft_backup::{self, SoftBackup};
 use super::starts::{EpisodeStart, StartPool};
+use super::traffic_law::log_of;
 use super::{End, Env, Losses, Policy, Spaces, Step};
+
+/// Temperatures of the episodes of a training under a law.
+///
+/// Half of them follow the law given a success, and the others find likelier successes or
+/// surer ones.
+const TEMPERATURES: [f64; 4] = [1.0, 1.0, 0.5, 0.1];
 
 /// Kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";
@@ -82,6 +92,8 @@ pub(super) struct Dqn {
     replay: ReplayBuffer,
     /// Successes, kept apart by learners from demonstrations.
     shown: Option<Demonstrations>,
+    /// Backup under the law of the actions, with which every observation then ends.
+    law: Option<SoftBackup>,
     starts: StartPool,
     dice: LearnerRng,
     tally: TrainingCounters,
@@ -101,6 +113,8 @@ struct RunningEpisode {
     holding: usize,
     /// Last action, and the greedy action in its place.
     last: (usize, usize),
+    /// Temperature at which actions are drawn under a law.
+    temperature: f64,
 }
 
 /// Refuses a network for other observations or actions.
@@ -115,6 +129,8 @@ struct DqnWorkspace {
     there: Tape,
     gradient: Vec<f32>,
     buffer: EpisodeBuffer,
+    /// Probabilities of actions under a law.
+    tilted: Vec<f64>,
 }
 
 impl Dqn {
@@ -171,6 +187,16 @@ impl Dqn {
         Dqn { kinds, ..self }
     }
 
+    /// Makes values follow the law of actions with which every observation ends.
+    ///
+    /// They are then those of [`soft_backup`], actions are drawn, and a success is worth 0.
+    pub(super) fn under_law(self, law: SoftBackup) -> Dqn {
+        Dqn {
+            law: Some(law),
+            ..self
+        }
+    }
+
     /// Restores the successes of a checkpoint and the extended budget.
     ///
     /// # Errors
@@ -185,12 +211,18 @@ impl Dqn {
         Ok(self)
     }
 
+    /// Returns the network of its values.
+    pub(super) fn network(&self) -> &Mlp {
+        &self.online
+    }
+
     fn around(config: &DqnSettings, spaces: &Spaces, online: Mlp, dice: LearnerRng) -> Dqn {
         let capacity = config.capacity.unwrap_or(usize::MAX - 1);
         let parameters = online.parameters().len();
         Dqn {
             kinds: [POLICY, CHECKPOINT],
             shown: None,
+            law: None,
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
@@ -206,6 +238,7 @@ impl Dqn {
                 there: online.tape(config.batch),
                 gradient: vec![0.0; parameters],
                 buffer: EpisodeBuffer::default(),
+                tilted: Vec::new(),
             },
             config: config.clone(),
             online,
@@ -213,6 +246,17 @@ impl Dqn {
     }
 
     fn remember(&mut self, buffer: &EpisodeBuffer, end: End) {
+        if let Some(law) = self.law {
+            let [width, actions] = self.online.ends();
+            let replay = &mut self.replay;
+            let episode = LawfulEpisode {
+                buffer,
+                end,
+                width,
+                actions,
+            };
+            return episode.transitions(law, |it| replay.push(it));
+        }
         // A truncated episode would go on, so its last return bootstraps.
         let tail = if end == End::Truncated {
             Tail::Open
@@ -253,15 +297,35 @@ impl Dqn {
         }
     }
 
+    /// Returns an action drawn from the law given a success.
+    fn drawn(&mut self, law: SoftBackup, obs: &[f32]) -> usize {
+        let logs = logs(obs, self.online.outputs());
+        let (tilted, temperature) = (&mut self.room.tilted, self.running.temperature);
+        self.online.evaluate(obs, |values| {
+            law.tilted(logs, values, temperature, tilted);
+        });
+        soft_backup::drawn(tilted, self.dice.unit())
+    }
+
     /// Returns the action of an exploring decision.
-    fn explored(&mut self, greedy: usize) -> usize {
+    fn explored(&mut self, obs: &[f32], greedy: usize) -> usize {
+        let (law, actions) = (self.law, self.online.outputs());
+        let cannot = |action: usize| law.is_some() && log_of(logs(obs, actions)[action]).is_none();
+        // An action that the law excludes is held no longer.
+        if self.running.holding > 0 && cannot(self.running.held) {
+            self.running.holding = 0;
+        }
         if self.running.holding == 0 && self.dice.unit() < self.exploration() {
             self.running.held = self.dice.below(self.online.outputs());
             self.running.holding = 1 + self.dice.below(self.config.hold);
         }
         let RunningEpisode { held, holding, .. } = self.running;
         self.running.holding = holding.saturating_sub(1);
-        if holding > 0 { held } else { greedy }
+        if holding > 0 && !cannot(held) {
+            held
+        } else {
+            greedy
+        }
     }
 
     /// Records an episode that has ended.
@@ -289,7 +353,21 @@ impl Dqn {
         let DqnSettings {
             steps, discount, ..
         } = self.config;
-        if let Some(shown) = &mut self.shown {
+        let Some(shown) = &mut self.shown else {
+            return;
+        };
+        if let Some(law) = self.law {
+            let [width, actions] = self.online.ends();
+            let episode = LawfulEpisode {
+                buffer,
+                end: End::Terminated,
+                width,
+                actions,
+            };
+            shown.remember_with(index, buffer, |replay| {
+                episode.transitions(law, |it| replay.push(it));
+            });
+        } else {
             shown.remember(index, buffer, steps, discount as f32);
         }
     }
@@ -303,8 +381,14 @@ impl Learner for Dqn {
 
     fn begin(&mut self, plan: &EpisodePlan, obs: &[f32]) {
         self.room.buffer.begin(obs);
+        // Drawn only under a law, so that other trainings keep their random numbers.
+        let temperature = match self.law {
+            Some(_) => TEMPERATURES[self.dice.below(TEMPERATURES.len())],
+            None => 0.0,
+        };
         self.running = RunningEpisode {
             start: plan.start,
+            temperature,
             ..RunningEpisode::default()
         };
     }
@@ -312,11 +396,14 @@ impl Learner for Dqn {
     fn act(&mut self, obs: &[f32], choice: Choice) -> usize {
         // Computed while exploring as well: an n-step return may continue over an
         // exploratory action that happens to be the greedy action.
-        let greedy = self.online.evaluate(obs, argmax);
+        let greedy = match self.law {
+            Some(law) => self.drawn(law, obs),
+            None => self.online.evaluate(obs, argmax),
+        };
         let action = match choice {
             Choice::Given(action) => action,
             Choice::Greedy => greedy,
-            Choice::Own => self.explored(greedy),
+            Choice::Own => self.explored(obs, greedy),
         };
         self.running.last = (action, greedy);
         action

@@ -12,7 +12,10 @@ use super::bundle::{BundleError, TensorFile};
 use super::learner::{
     Built, ConfigError, Learner, LearnerKind, Seeding, Shaped, expect_kind, expect_sizes, within,
 };
-use super::{DqfdSettings, DqnSettings, PartSpaces, Policy, PpoSettings, QTableSettings, Spaces};
+use super::{
+    DqfdSettings, DqnSettings, PartSpaces, Policy, PpoSettings, QTableSettings, Spaces,
+    TrafficSettings,
+};
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
@@ -84,6 +87,8 @@ learners! {
     Ppo(PpoSettings),
     /// A learner per ado, for worlds with several.
     PerAdo(PerAdoSettings),
+    /// The traffic that fails the ego, as `train --traffic` trains it.
+    Traffic(TrafficSettings),
     /// Example learner that repeats the most rewarded action.
     #[cfg(test)]
     Paid(super::example_learner::PaidSettings),
@@ -273,6 +278,14 @@ impl LearnerConfig {
     /// Returns whether it learns a policy per ado.
     pub fn is_per_ado(&self) -> bool {
         matches!(self.0, LearnerSettings::PerAdo(_))
+    }
+
+    /// Returns the settings of a learner of traffic that fails. `None` for another learner.
+    pub fn as_traffic(&self) -> Option<&TrafficSettings> {
+        match &self.0 {
+            LearnerSettings::Traffic(settings) => Some(settings),
+            _ => None,
+        }
     }
 
     /// Discount γ: a reward after t decisions counts γ^t times.

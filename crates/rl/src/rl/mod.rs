@@ -11,6 +11,7 @@
 //! | --- | --- | --- |
 //! | `dqn` | deep Q-learning, recipe R | Mnih 2015, van Hasselt 2016 |
 //! | `dqfd`, `demonstrations` | deep Q-learning from demonstrations | Hester 2018 |
+//! | `traffic`, `traffic_law`, `soft_backup` | the law of actions, given a success | Todorov 2009, Haarnoja 2017 |
 //! | `q_table` | tabular Q-learning | Watkins 1989 |
 //! | `ppo` | clipped policy gradients with GAE | Schulman 2017, 2016 |
 //! | `per_ado` | a learner per ado | Tan 1993 |
@@ -43,8 +44,13 @@ mod power;
 mod ppo;
 mod q_table;
 pub mod replay;
+mod soft_backup;
 mod starts;
 pub mod sum_tree;
+mod traffic;
+mod traffic_law;
+#[cfg(test)]
+mod traffic_tests;
 mod transpose;
 
 pub use bundle::{BundleError, Data, Element, TensorFile};
@@ -60,6 +66,8 @@ pub use list::{fine_tuner, load_policy, load_policy_for};
 pub use per_ado::policy_of_part;
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
+pub use traffic::{ActionOdds, TrafficSettings};
+pub use traffic_law::{LawFactor, LawOnset, TrafficLaw, interrupted};
 
 use serde::{Deserialize, Serialize};
 
@@ -145,6 +153,18 @@ pub trait Policy: Send + Sync {
     /// draws from [0, 1). By default the greedy action is returned.
     fn sample(&self, obs: &[f32], _temperature: f64, _units: &mut dyn FnMut() -> f64) -> usize {
         self.act(obs)
+    }
+
+    /// Returns the temperature at which its actions are drawn. `None`: it plays the best one.
+    ///
+    /// A policy that imitates traffic is no single action per state.
+    fn drawn_at(&self) -> Option<f64> {
+        None
+    }
+
+    /// Returns the probabilities of all actions. `None` for a policy without a law.
+    fn odds(&self, _obs: &[f32]) -> Option<ActionOdds> {
+        None
     }
 
     /// Returns V(s), the expected return from here (Theorems 1 and 2).

@@ -66,10 +66,10 @@ impl LearnerKind for PerAdoSettings {
             within("rounds", f64::from(rounds), 1.0, 1e6)?;
         }
         for learner in std::iter::once(&*self.learner).chain(self.ados.values()) {
-            if let LearnerSettings::PerAdo(_) = learner {
+            if let LearnerSettings::PerAdo(_) | LearnerSettings::Traffic(_) = learner {
                 return Err(ConfigError {
                     field: "learner",
-                    why: "is `PerAdo` inside `PerAdo`".to_owned(),
+                    why: format!("is `{}` inside `PerAdo`", learner.name()),
                     help: "give the learner of one ado, such as `Dqn()`".to_owned(),
                 });
             }

@@ -36,6 +36,16 @@ impl Actor for PolicyActor<'_> {
     }
 }
 
+/// Returns the actor of a trained policy, which draws its actions if the policy does.
+///
+/// `draw` is the number of the draw of an episode's actions.
+pub fn trained_actor(policy: &dyn Policy, draw: u64) -> Box<dyn Actor + '_> {
+    match policy.drawn_at() {
+        Some(temperature) => Box::new(SampledPolicy::new(policy, temperature, draw)),
+        None => Box::new(PolicyActor(policy)),
+    }
+}
+
 /// A trained policy whose actions are drawn: the better, the likelier.
 pub struct SampledPolicy<'a> {
     policy: &'a dyn Policy,
@@ -53,7 +63,7 @@ impl<'a> SampledPolicy<'a> {
             policy,
             temperature,
             draw,
-            rng: seed::generator("sampled policy", &[]),
+            rng: draws(0, draw),
         }
     }
 }
@@ -61,13 +71,18 @@ impl<'a> SampledPolicy<'a> {
 impl Actor for SampledPolicy<'_> {
     fn begin(&mut self, seed: u64, _start: &Start) {
         // Draws of one start differ, and are the same on any number of threads.
-        self.rng = seed::generator("sampled policy", &[seed, self.draw]);
+        self.rng = draws(seed, self.draw);
     }
 
     fn act(&mut self, obs: &[f32]) -> usize {
         let mut units = || self.rng.random::<f64>();
         self.policy.sample(obs, self.temperature, &mut units)
     }
+}
+
+/// Returns the random numbers of a draw of a policy's actions in an episode.
+pub fn draws(seed: u64, draw: u64) -> ChaCha8Rng {
+    seed::generator("sampled policy", &[seed, draw])
 }
 
 /// Drawing of a policy's actions, several times per start.

@@ -21,7 +21,8 @@ use rand::Rng;
 
 pub use actors::HOLD_DECISIONS;
 pub use actors::{
-    Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy, Sampling,
+    Actor, Constant, HeldRandom, PolicyActor, Random, Replay, SampledPolicy, Sampling, draws,
+    trained_actor,
 };
 pub use episode::{Aftermath, Episode, NoisyStart, play};
 pub use faults::{Complaint, FaultCount, FaultLog};

@@ -15,7 +15,7 @@ use super::manifest::{ArchiveSummary, PopulationOrigin};
 use crate::experiment::Watch;
 use crate::rl::Demonstration;
 use crate::run_dir::{KnownFailures, RunDifference, RunDir, RunError};
-use crate::training::{TrainRequest, TrainSession, TrainingOutcome};
+use crate::training::{OptionClash, SessionError, TrainRequest, TrainSession, TrainingOutcome};
 use crate::world::Scenario;
 
 /// Failures of a training that enter the archive, evenly spread over the training.
@@ -75,6 +75,10 @@ pub fn train_distinct(
     // An archive holds failures of one ego, so the ego must not vary.
     if !request.training.against.is_nominal() {
         return Err(PopulationError::Family);
+    }
+    // A law has no preference for cells that no other member has reached.
+    if request.training.traffic.is_some() {
+        return Err(SessionError::Options(OptionClash::TrafficAndMany).into());
     }
     let (dir, first) = if resume {
         resumed(world, path, request)?

@@ -3,6 +3,7 @@
 use super::bank::BankError;
 use super::train_loop::TrainError;
 use crate::experiment::EgoError;
+use crate::risk::{RiskTrafficError, TrafficTrainingError};
 use crate::rl::ConfigError;
 use crate::ron_file::guessed;
 use crate::run_dir::{KeptError, RunError};
@@ -56,6 +57,12 @@ pub enum SessionError {
     /// Goals that the world cannot have.
     #[error("{}", .0.what)]
     Goals(ChangeError),
+    /// Traffic that the world declares and that cannot be read.
+    #[error(transparent)]
+    Declared(#[from] RiskTrafficError),
+    /// Ados that cannot be trained as traffic.
+    #[error(transparent)]
+    Traffic(#[from] TrafficTrainingError),
     /// Bank of episodes that cannot be used.
     #[error(transparent)]
     Bank(#[from] BankError),
@@ -92,6 +99,15 @@ pub enum OptionClash {
     /// Family beside a plant.
     #[error("`--plant` is for training against one ego")]
     FamilyAndPlant,
+    /// Traffic beside another learner, or beside goals.
+    #[error("`--traffic` brings the learner, and a law has no goals")]
+    TrafficAndLearner,
+    /// Traffic beside a family or a population.
+    #[error("`--traffic` trains one ado against one ego")]
+    TrafficAndMany,
+    /// Temperature without traffic.
+    #[error("`--temperature` requires `--traffic`")]
+    Temperature,
     /// All egos at once.
     #[error("`--ego all` names many egos, and an ado is trained against one")]
     AllEgos,
@@ -106,6 +122,15 @@ impl OptionClash {
             OptionClash::FamilyAndLearner => "leave it out: a family names its own learner, `wide`",
             OptionClash::FamilyAndPlant => {
                 "leave it out: a family names its plants under `train_against`"
+            }
+            OptionClash::TrafficAndLearner => {
+                "leave out `--learner`, `--per-ado` and `--goal`, or `--traffic`"
+            }
+            OptionClash::TrafficAndMany => {
+                "leave out `--against`, `--distinct` and `--league`, or `--traffic`"
+            }
+            OptionClash::Temperature => {
+                "name declared traffic, or draw the actions of an evaluation: `eval --temperature`"
             }
             OptionClash::AllEgos => "name one of them; `--against wide` trains against a family",
         }
@@ -146,7 +171,9 @@ impl SessionError {
             }
             SessionError::Goals(error) => return error.help.clone(),
             SessionError::Ego(error) => return error.help(),
-            SessionError::Run(_)
+            SessionError::Traffic(error) => return error.help().map(str::to_owned),
+            SessionError::Declared(_)
+            | SessionError::Run(_)
             | SessionError::Train(_)
             | SessionError::Config(_)
             | SessionError::Kept(_) => return None,

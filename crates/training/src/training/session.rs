@@ -9,21 +9,26 @@ use super::error::{OptionClash, SessionError};
 use super::per_ado_mode::PerAdoMode;
 use super::train_loop::{TrainError, TrainingOutcome, steps, train};
 use crate::adversary::Ado;
+use crate::crashes::description;
 use crate::crashes::save_crashes::keep_first;
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, check_repeatability, consent, consent_to_family, on_plant,
 };
-use crate::rl::{LearnerConfig, Policy};
+use crate::risk::{RiskTraffic, TrafficCrashes};
+use crate::rl::{LearnerConfig, Policy, TrafficSettings};
 use crate::run_dir::{
-    Beginning, ChangedEgo, KnownFailures, RequestedTraining, Row, RunDir, RunError, bind_programs,
-    trained_naturally,
+    About, Beginning, ChangedEgo, Counterexample, KeptError, KnownFailures, RequestedTraining, Row,
+    RunDir, RunError, bind_programs, file_name, make_dir, trained_naturally,
 };
 use crate::search::{
     Adversary, BASELINES, Experiment, ExperimentCell, GUIDED_BUDGET, Guided, GuidingPolicy, Search,
 };
 use crate::sim::PlantKind;
+use crate::testbench::{Aftermath, Replay, play};
 use crate::world::{Change, Scenario, TrainingEgos, TrainingGoal};
 
+/// Runs from natural starts, from which the rates of an ado trained as traffic are estimated.
+const TRAFFIC_RUNS: u64 = 4000;
 /// Counterexamples of the closing evaluation that a run directory keeps.
 const KEPT_EPISODES: usize = 5;
 
@@ -54,6 +59,10 @@ pub struct TrainRequest<'a> {
     pub from: Option<&'a RunDir>,
     /// Runs and kept counterexamples, of any ego, to learn from.
     pub bank: &'a [PathBuf],
+    /// Traffic that the ados are trained as, given that the ego fails.
+    pub traffic: Option<&'a RiskTraffic>,
+    /// Temperature at which such ados draw their actions, 1 by default.
+    pub temperature: Option<f64>,
 }
 
 /// Training with its run directory.
@@ -67,6 +76,8 @@ pub struct TrainSession {
 pub struct Closing {
     /// Rows of the trained ado and the baselines.
     pub rows: Vec<Row>,
+    /// Crashes and rates of an ado that was trained as traffic.
+    pub traffic: Option<TrafficCrashes>,
     trained: ExperimentCell,
 }
 
@@ -142,15 +153,19 @@ impl TrainSession {
     /// # Errors
     /// There is no run, or it was begun as another training.
     pub fn resume(
-        world: &Scenario,
+        given: &Scenario,
         path: &Path,
         request: &TrainRequest<'_>,
     ) -> Result<TrainSession, SessionError> {
-        let world = request.world(world)?;
+        let world = request.world(given)?;
         // The request is checked first, because an invalid one is no reason to lock the
         // run.
         let requested = request.ego(&world)?;
         let run = RunDir::resume(path)?;
+        let world = match request.in_begun_traffic(given, &run)? {
+            Some(in_traffic) => request.world(&in_traffic)?,
+            None => world,
+        };
         let world = request.as_begun(world, &run)?;
         let begun = run.manifest();
         let ego = match request.ego {
@@ -246,7 +261,37 @@ impl TrainSession {
             // Below the ado's own row, with which it is compared.
             rows.insert(1, row);
         }
-        Ok(Some(Closing { rows, trained }))
+        let traffic = match self.traffic_crashes(&*policy, watch)? {
+            Some(crashes) => crashes,
+            None => return Ok(None),
+        };
+        Ok(Some(Closing {
+            rows,
+            traffic,
+            trained,
+        }))
+    }
+
+    /// Plays an ado that was trained as traffic from natural starts.
+    ///
+    /// The outer `None`: stopped. The inner one: the ado is no traffic.
+    fn traffic_crashes(
+        &self,
+        policy: &dyn Policy,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Option<TrafficCrashes>>, SessionError> {
+        let ego = self.ego.scenario();
+        if ego.learner.as_traffic().is_none() {
+            return Ok(Some(None));
+        }
+        // Bound to the world of the ego, whose starts are the same.
+        let Some(traffic) = RiskTraffic::of_world(ego)? else {
+            return Ok(Some(None));
+        };
+        watch.phase("playing natural starts");
+        // Seed 0, as the test starts: equal ados have equal rates.
+        let crashes = traffic.crashes_of(ego, policy, [TRAFFIC_RUNS, 0], watch);
+        Ok(crashes.map(Some))
     }
 
     /// Searches every start by the ado's proposals where its greedy actions do not succeed.
@@ -280,7 +325,31 @@ impl TrainSession {
     pub fn keep(&self, closing: &Closing) -> Result<(), SessionError> {
         self.run.save_report(&closing.rows)?;
         let episodes = self.run.path().join("episodes");
-        keep_first(&closing.trained, &episodes, KEPT_EPISODES)?;
+        match &closing.traffic {
+            Some(traffic) => self.keep_likeliest(traffic, &episodes)?,
+            None => keep_first(&closing.trained, &episodes, KEPT_EPISODES).map(|_| ())?,
+        }
+        Ok(())
+    }
+
+    /// Keeps the likeliest crash of the most frequent kinds, with their rates.
+    fn keep_likeliest(&self, traffic: &TrafficCrashes, dir: &Path) -> Result<(), KeptError> {
+        make_dir(dir)?;
+        let (scenario, name) = (self.ego.scenario(), self.ego.name());
+        let mut bench = scenario.bench();
+        for crash in traffic.likeliest.iter().take(KEPT_EPISODES) {
+            let (start, noise) = &crash.start;
+            let mut ado = Replay::holding(&crash.actions);
+            let episode = play(&mut bench, start, *noise, &mut ado, Aftermath::Play);
+            let (change, caption) = (self.ego.change(), "trained");
+            let mut kept = Counterexample::record(scenario, name, change, caption, &episode);
+            kept.about = Some(About {
+                traffic: Some(crash.likelihood.clone()),
+                ..description(scenario, &episode)
+            });
+            let stem = file_name(&format!("{name} {}", crash.likelihood.kind));
+            kept.save_as(dir, &stem, &episode.trace)?;
+        }
         Ok(())
     }
 
@@ -303,6 +372,8 @@ impl TrainSession {
 impl TrainRequest<'_> {
     /// Returns the world with the requested options.
     pub fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let in_traffic = self.in_traffic(world)?;
+        let world = in_traffic.as_ref().unwrap_or(world);
         let mut world = match self.plant {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
@@ -332,6 +403,45 @@ impl TrainRequest<'_> {
             Some(decisions) => world.training_for(decisions)?,
             None => world,
         })
+    }
+
+    /// Returns the world in which the ados are trained as traffic, if they are.
+    fn in_traffic(&self, world: &Scenario) -> Result<Option<Scenario>, SessionError> {
+        let refused = |clash: OptionClash| Err(SessionError::Options(clash));
+        let Some(traffic) = self.traffic else {
+            return match self.temperature {
+                Some(_) => refused(OptionClash::Temperature),
+                None => Ok(None),
+            };
+        };
+        if self.learner.is_some() || self.per_ado.is_some() || self.goals.is_some() {
+            return refused(OptionClash::TrafficAndLearner);
+        }
+        if !self.against.is_nominal() {
+            return refused(OptionClash::TrafficAndMany);
+        }
+        let defaults = TrafficSettings::default();
+        let settings = TrafficSettings {
+            temperature: self.temperature.unwrap_or(defaults.temperature),
+            ..defaults
+        };
+        Ok(Some(traffic.training_world(world, settings)?))
+    }
+
+    /// Returns the world in the traffic of a run that was begun in some.
+    fn in_begun_traffic(
+        &self,
+        world: &Scenario,
+        run: &RunDir,
+    ) -> Result<Option<Scenario>, SessionError> {
+        let begun = run.world()?;
+        let Some(settings) = begun.learner.as_traffic() else {
+            return Ok(None);
+        };
+        let (None, Some(traffic)) = (self.traffic, RiskTraffic::of_world(&begun)?) else {
+            return Ok(None);
+        };
+        Ok(Some(traffic.training_world(world, settings.clone())?))
     }
 
     fn against_family(&self, world: &Scenario) -> Result<Scenario, SessionError> {

@@ -283,6 +283,12 @@ fn assemble(
     let ego_spec = ego_spec.ok_or_else(Vec::new)?;
     spec.extra = language.published();
     let world = DriveWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
+    check::laws_fit(
+        &mut problems,
+        learners.values().chain([&learner]),
+        world.spaces(),
+    );
+    problems.done()?;
     let judging = Judging {
         judge: file.judge,
         counts: file.counts,

@@ -4,7 +4,7 @@ use indexmap::IndexMap;
 
 use super::{ChangeError, Scenario};
 use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
-use crate::rl::{LearnerConfig, LearnerSettings};
+use crate::rl::{LearnerConfig, LearnerSettings, Spaces};
 use crate::road::Road;
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
@@ -214,6 +214,20 @@ pub(super) fn learners(
         (name.clone(), config)
     });
     checked.collect()
+}
+
+/// Reports learners of traffic whose law has other actions or observations than the world.
+pub(super) fn laws_fit<'a>(
+    problems: &mut Problems,
+    learners: impl Iterator<Item = &'a LearnerConfig>,
+    spaces: &Spaces,
+) {
+    let laws = learners.filter_map(LearnerConfig::as_traffic);
+    for error in laws.filter_map(|settings| settings.fits(spaces).err()) {
+        let help = "train with `--traffic FILE.ron`, which writes the law of this world";
+        let place = ValuePath::top().to("learner");
+        problems.add(&place, error.to_string(), "its law", Some(help.to_owned()));
+    }
 }
 
 pub(super) fn range(problems: &mut Problems, path: &ValuePath, range: Range) {

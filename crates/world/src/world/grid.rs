@@ -120,6 +120,12 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     // Only used signals are published.
     spec.extra = language.published();
     let world = GridWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
+    check::laws_fit(
+        &mut problems,
+        learners.values().chain([&learner]),
+        world.spaces(),
+    );
+    problems.done()?;
     let judging = Judging {
         judge: file.judge,
         counts: file.counts,

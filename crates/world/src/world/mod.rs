@@ -52,6 +52,7 @@ mod starts;
 mod storyboards;
 mod structure;
 mod traffic;
+mod traffic_world;
 mod trained;
 mod turns;
 mod vacuous;
@@ -80,6 +81,7 @@ pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, Scenario};
 pub use scenario_kind::NotAGrid;
 pub use scenario_kind::{DriveScenario, GridScenario, ScenarioKind};
+pub use traffic_world::LawSignal;
 
 impl Scenario {
     /// Reads and checks a world file. `runs` finds the runs that it refers to.

@@ -331,7 +331,7 @@ impl Scenario {
     }
 
     /// Returns the driving world with a changed spec. Other worlds stay as they are.
-    fn redriven(&self, change: impl FnOnce(&mut DriveSpec)) -> Scenario {
+    pub(super) fn redriven(&self, change: impl FnOnce(&mut DriveSpec)) -> Scenario {
         let Some(scenario) = self.drive() else {
             return self.clone();
         };

@@ -1,5 +1,6 @@
 //! Update of the networks on a batch of the replay.
 
+use super::lawful::logs;
 use super::{Dqn, DqnWorkspace};
 use crate::rl::learner::linear;
 use crate::rl::nn::{UsedUnits, argmax};
@@ -123,8 +124,16 @@ impl Dqn {
         let picks = self.online.forward(&batch.nexts, rows, here);
         let judges = self.target.forward(&batch.nexts, rows, there);
         let rows = picks.chunks_exact(stride).zip(judges.chunks_exact(stride));
-        for (&i, (pick, judge)) in batch.lasting.iter().zip(rows) {
-            batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
+        for (at, (&i, (pick, judge))) in batch.lasting.iter().zip(rows).enumerate() {
+            if let Some(law) = self.law {
+                let width = self.online.inputs();
+                let next = &batch.nexts[at * width..(at + 1) * width];
+                // The reward is a lower bound of the value, not a part of it.
+                let value = law.backup(logs(next, actions), &judge[..actions]);
+                batch.rewards[i] = batch.rewards[i].max(value);
+            } else {
+                batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
+            }
         }
 
         // δ = Q(s, a) − y. The gradient of the Huber loss is δ clipped, that of the
@@ -143,8 +152,10 @@ impl Dqn {
             loss += batch.weights[i] * self.config.loss.value(error, huber);
             gradients[at] = batch.weights[i] * slope / size as f32;
             batch.errors.push(error);
-            // The batch ends with the transitions of successes.
-            if let Some(successes) = self.shown.as_ref().filter(|_| own <= i) {
+            // The batch ends with the transitions of successes. Under a law, the value of
+            // another action than the one shown is no worse a value.
+            let is_shown = own <= i && self.law.is_none();
+            if let Some(successes) = self.shown.as_ref().filter(|_| is_shown) {
                 let row = i * stride..i * stride + actions;
                 let gradient = &mut gradients[row.clone()];
                 successes.margin(&values[row], batch.actions[i], 1.0 / size as f32, gradient);

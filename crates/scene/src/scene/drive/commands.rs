@@ -94,7 +94,10 @@ impl DriveScene {
             };
             match (frozen.who, frozen.actions.choice(effective)) {
                 (SignalOwner::Light(i), Maneuver::Turn(turn)) => self.state.turn(i, turn),
-                (SignalOwner::Agent(i), choice) => self.chosen[i] = choice,
+                (SignalOwner::Agent(i), choice) => {
+                    self.chosen[i] = choice;
+                    self.state.note_action(i, effective);
+                }
                 // Invariant: a light's ado has a light's actions.
                 (SignalOwner::Light(_), _) => {}
             }

@@ -348,7 +348,8 @@ impl Frozen {
             return Some(self.neutral);
         }
         let obs = self.observation(scene);
-        let Some(temperature) = self.temperature else {
+        let drawn_at = self.temperature.or(self.policy.drawn_at());
+        let Some(temperature) = drawn_at else {
             return Some(self.policy.act(&obs));
         };
         let key = [noise, ado as u64, scene.sample as u64];

@@ -365,7 +365,9 @@ impl Scene for DriveScene {
         // road, then turns.
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             if let Drive::Ado { actions, .. } = &agent.drive {
-                self.chosen[i] = actions.choice(action % actions.len());
+                let own = action % actions.len();
+                self.chosen[i] = actions.choice(own);
+                self.state.note_action(i, own);
                 action /= actions.len();
             }
         }

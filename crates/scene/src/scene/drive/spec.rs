@@ -334,6 +334,24 @@ impl Agent {
         }
     }
 
+    /// Returns its actions, if it is an ado, trained or not.
+    pub fn actions(&self) -> Option<&Actions> {
+        match &self.drive {
+            Drive::Ado { actions, .. } | Drive::Trained(TrainedAdo { actions, .. }) => {
+                Some(actions)
+            }
+            Drive::Ego | Drive::Scripted(_) | Drive::Planned(_) => None,
+        }
+    }
+
+    /// Returns its action without effect, 0 if it has no actions.
+    pub fn neutral(&self) -> usize {
+        match &self.drive {
+            Drive::Ado { neutral, .. } | Drive::Trained(TrainedAdo { neutral, .. }) => *neutral,
+            Drive::Ego | Drive::Scripted(_) | Drive::Planned(_) => 0,
+        }
+    }
+
     /// Returns whether it moves with the world's own road, by wheel or on foot.
     ///
     /// Its place and heading are then those of traffic in lanes.

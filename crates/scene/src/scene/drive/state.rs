@@ -41,6 +41,8 @@ pub struct SceneState {
     friction: Option<f64>,
     /// Curvature of the next piece of road, if an ado lays it.
     pub next_curvature_per_m: f64,
+    /// Action before the last one, and the last one, of each agent that is an ado.
+    pub(super) actions: Vec<[usize; 2]>,
     /// Planned state of each agent. Empty if no agent has a plan.
     pub(super) planned: Vec<PlannedAt>,
     /// Parameters of the start, in file order.
@@ -65,6 +67,7 @@ impl SceneState {
             weather: None,
             friction: None,
             next_curvature_per_m: 0.0,
+            actions: vec![[0; 2]; agents],
             planned: Vec::new(),
             parameters: Vec::new(),
             touch: None,
@@ -101,6 +104,17 @@ impl SceneState {
         self.next_curvature_per_m = 0.0;
         self.touch = None;
         self.sample = 0;
+        // An ado begins as if it had taken its action without effect.
+        let agents = self.spec.agents.iter();
+        self.actions.clear();
+        self.actions
+            .extend(agents.map(|agent| [agent.neutral(); 2]));
+    }
+
+    /// Notes the action of a decision.
+    pub(super) fn note_action(&mut self, agent: usize, action: usize) {
+        let [_, last] = self.actions[agent];
+        self.actions[agent] = [last, action];
     }
 
     /// Returns the ground at this sample.
@@ -217,6 +231,7 @@ impl SceneState {
             weather: self.weather,
             friction: self.friction,
             next_curvature_per_m: self.next_curvature_per_m,
+            actions: self.actions.clone(),
             planned: self.planned.clone(),
             parameters: self.parameters.clone(),
             touch: self.touch,

@@ -32,8 +32,8 @@ use crate::experiment::{Watch, consent, consent_to_family};
 use crate::rl::Policy;
 use crate::run_dir::{Beginning, RequestedTraining, RunDifference, RunDir, RunError};
 use crate::stats::row_gains;
-use crate::training::TrainRequest;
 use crate::training::train_loop::train;
+use crate::training::{OptionClash, SessionError, TrainRequest};
 use crate::world::Scenario;
 use crate::world::family::EgoSample;
 use ego_response::EgoResponse;
@@ -132,6 +132,9 @@ fn scenario_of(world: &Scenario, request: &LeagueRequest<'_>) -> Result<Scenario
     // The league chooses egos and first policies by itself.
     if training.ego.is_some() || training.from.is_some() || !training.against.is_nominal() {
         return Err(LeagueError::Options);
+    }
+    if training.traffic.is_some() {
+        return Err(SessionError::Options(OptionClash::TrafficAndMany).into());
     }
     let world = training.leaving_out(world)?;
     // The structures are left out already and cannot be removed again.

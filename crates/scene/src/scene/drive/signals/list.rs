@@ -131,6 +131,18 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .only_if(keeps_to_a_plan)
         .within(|_, _| zero_to(FASTEST_MPS))
         .seen_in(0.0, 30.0),
+    Agent
+        .signal("action", "")
+        .is(|state, [a, _]| state.actions[a][1] as f64)
+        .about("number of its last action, from 0 on in the order of the world file; the one without effect before the first decision")
+        .only_if(acts)
+        .within(action_bounds),
+    Agent
+        .signal("action_before", "")
+        .is(|state, [a, _]| state.actions[a][0] as f64)
+        .about("number of the action before its last one")
+        .only_if(acts)
+        .within(action_bounds),
     Pair.signal("headway", "m")
         .is(|state, [a, b]| state.on_road_of(a, b).s_m - state.on_road[a].s_m)
         .about("distance along the road from {a} to {b}, front to front; negative if {b} is behind {a}")
@@ -374,6 +386,15 @@ fn curvature_bounds(spec: &DriveSpec) -> Interval {
     // A road that has turned by its limit is laid straight.
     let (lo, hi) = all.fold((0.0_f64, 0.0_f64), |(lo, hi), it| (lo.min(it), hi.max(it)));
     between(lo, hi)
+}
+
+fn acts(spec: &DriveSpec, [a, _]: [usize; 2]) -> bool {
+    spec.agents[a].actions().is_some()
+}
+
+fn action_bounds(spec: &DriveSpec, [a, _]: [usize; 2]) -> Interval {
+    let actions = spec.agents[a].actions();
+    zero_to(actions.map_or(0.0, |set| set.len().saturating_sub(1) as f64))
 }
 
 fn keeps_to_a_plan(spec: &DriveSpec, [a, _]: [usize; 2]) -> bool {

@@ -1,0 +1,368 @@
+//! Crashes of an ado that was trained as traffic, with their rates.
+
+use indexmap::IndexMap;
+use rand::{Rng, RngExt};
+use serde::Serialize;
+
+use super::pool::{RiskEstimate, Round, WeightedFailure, pooled};
+use super::run::draw;
+use super::traffic::RiskTraffic;
+use crate::experiment::{EpisodeLoop, FailureKind, Watch};
+use crate::rl::{ActionOdds, Policy};
+use crate::rulebook::Verdict;
+use crate::run_dir::TrafficLikelihood;
+use crate::scene::Start;
+use crate::scene::drive::Actions;
+use crate::seed::generator;
+use crate::testbench::{Aftermath, Testbench, draws};
+use crate::world::Scenario;
+
+/// Share of the decisions that a band of a law contains.
+const BAND: f64 = 0.99;
+/// Share of the law itself in the decisions of every second run.
+///
+/// Those runs also take ways to a failure that the ado hardly ever takes, without which its
+/// weights would miss them.
+const LAW: f64 = 0.05;
+
+/// Crashes of an ado that was trained as traffic, among runs from natural starts.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrafficCrashes {
+    /// Runs of the ado from starts inside X_init.
+    pub runs: usize,
+    /// Runs of the ado in which the ego failed with all rules kept.
+    pub failures: usize,
+    /// Probability of such a failure per run of the traffic itself. `None` without one.
+    pub risk: Option<RiskEstimate>,
+    /// Share of the ado's decisions whose acceleration is among the likeliest 99 % of the law.
+    pub usual: f64,
+    /// Likeliest crash of each kind, the most frequent kind first.
+    pub likeliest: Vec<TrafficCrash>,
+}
+
+/// Likeliest crash of a kind.
+#[derive(Clone, Debug, Serialize)]
+pub struct TrafficCrash {
+    /// Start and noise of its episode.
+    pub start: (Start, u64),
+    /// Joint actions up to the verdict.
+    pub actions: Vec<usize>,
+    /// Kind, its rate, and the probability of the actions.
+    pub likelihood: TrafficLikelihood,
+}
+
+/// Run of the ado from a natural start.
+struct TrafficRun {
+    start: (Start, u64),
+    actions: Vec<usize>,
+    /// True if a law wider than the ado's drew the actions.
+    is_wide: bool,
+    /// Logarithms of the probability of the actions: under the law, under the ado, and
+    /// under the wider law.
+    logs: [f64; 3],
+    usual: usize,
+    /// Kind of a failure with all rules kept.
+    kind: Option<String>,
+}
+
+impl TrafficCrashes {
+    /// Returns the rates in words, a line each.
+    pub fn in_words(&self) -> Vec<String> {
+        let mut lines = vec![format!(
+            "from natural starts: {} of {} runs fail, with {:.1} % of the accelerations among the \
+             likeliest 99 % of the traffic's",
+            self.failures,
+            self.runs,
+            100.0 * self.usual
+        )];
+        let kinds = self.likeliest.iter();
+        lines.extend(kinds.map(|crash| {
+            let likelihood = &crash.likelihood;
+            let rate = format!("{:.2e} per run", likelihood.per_run);
+            let hourly = likelihood.exposure.map_or_else(String::new, |exposure| {
+                let all = likelihood.per_run * exposure.encounters();
+                format!(", {all:.2e} {}", exposure.unit())
+            });
+            format!("{}: {rate}{hourly}", likelihood.kind)
+        }));
+        lines
+    }
+}
+
+impl RiskTraffic {
+    /// Plays an ado that was trained as this traffic, from natural starts.
+    ///
+    /// Every second run is drawn from a wider law than the ado's. A run has the weight of
+    /// its actions under the law of the traffic by those under both, so that rates are those
+    /// of the traffic itself. `None`: stopped, or the policy has no law.
+    pub fn crashes_of(
+        &self,
+        ego: &Scenario,
+        policy: &dyn Policy,
+        [runs, seed]: [u64; 2],
+        watch: &Watch<'_>,
+    ) -> Option<TrafficCrashes> {
+        let all: Vec<u64> = (0..runs).collect();
+        let player = TrafficPlayer {
+            traffic: self,
+            ego,
+            policy,
+            accelerations: accelerations(ego),
+        };
+        let worker = || ego.bench();
+        let played =
+            EpisodeLoop::counted(watch, all.len()).each(&all, worker, |bench, index, _| {
+                Some(player.run(bench, [seed, *index]))
+            });
+        if watch.stopped() {
+            return None;
+        }
+        let played: Vec<TrafficRun> = played.into_iter().flatten().flatten().collect();
+        Some(self.summary(&played))
+    }
+
+    fn summary(&self, played: &[TrafficRun]) -> TrafficCrashes {
+        let wide = played.iter().filter(|run| run.is_wide).count();
+        let draws = [played.len() - wide, wide];
+        let failures = played.iter().enumerate().filter_map(|(index, run)| {
+            Some(WeightedFailure {
+                index,
+                component: usize::from(run.is_wide),
+                weight: run.weight(draws),
+                mode: run.kind.clone()?,
+                lawful: true,
+                preventable: None,
+            })
+        });
+        let round = Round {
+            draws: draws.to_vec(),
+            failures: failures.collect(),
+            faults: Vec::new(),
+        };
+        let rounds = [round];
+        let mut likeliest: IndexMap<&str, &TrafficRun> = IndexMap::new();
+        for run in played {
+            let Some(kind) = &run.kind else {
+                continue;
+            };
+            let known = likeliest.entry(kind).or_insert(run);
+            if run.logs[0] > known.logs[0] {
+                *known = run;
+            }
+        }
+        let crash = |(kind, run): (&str, &TrafficRun)| {
+            let rate = pooled(&rounds, |failure| failure.mode == kind)?;
+            Some(TrafficCrash {
+                start: run.start.clone(),
+                actions: run.actions.clone(),
+                likelihood: TrafficLikelihood {
+                    source: self.source.clone(),
+                    log10_probability: run.logs[0] / std::f64::consts::LN_10,
+                    kind: kind.to_owned(),
+                    per_run: rate.probability,
+                    interval: rate.interval,
+                    ess: rate.ess,
+                    exposure: self.exposure,
+                },
+            })
+        };
+        let mut crashes: Vec<TrafficCrash> = likeliest.into_iter().filter_map(crash).collect();
+        crashes.sort_by(|a, b| b.likelihood.per_run.total_cmp(&a.likelihood.per_run));
+        let own = || played.iter().filter(|run| !run.is_wide);
+        let decisions: usize = own().map(|run| run.actions.len()).sum();
+        let usual: usize = own().map(|run| run.usual).sum();
+        TrafficCrashes {
+            runs: own().count(),
+            failures: own().filter(|run| run.kind.is_some()).count(),
+            risk: pooled(&rounds, |_| true),
+            usual: usual as f64 / decisions.max(1) as f64,
+            likeliest: crashes,
+        }
+    }
+}
+
+impl TrafficRun {
+    /// Returns the weight of the run among so many of the ado and of the wider law.
+    ///
+    /// It is the balance heuristic, by both laws and not by the one that drew the run.
+    fn weight(&self, draws: [usize; 2]) -> f64 {
+        let [law, own, wide] = self.logs;
+        let ratios = [own, wide].map(|log| libm::exp(log - law));
+        let pairs = draws.iter().zip(ratios);
+        let sum: f64 = pairs.map(|(draws, ratio)| *draws as f64 * ratio).sum();
+        draws.iter().sum::<usize>() as f64 / sum
+    }
+}
+
+/// Returns the law p √V, with a share of the law p itself.
+fn wider(odds: &ActionOdds) -> Vec<f64> {
+    // The ado draws by p V, of which this is the geometric mean with p.
+    let pairs = odds.law.iter().zip(&odds.own);
+    let roots: Vec<f64> = pairs.map(|(law, own)| libm::sqrt(law * own)).collect();
+    let sum: f64 = roots.iter().sum();
+    let pairs = odds.law.iter().zip(&roots);
+    pairs
+        .map(|(law, root)| LAW * law + (1.0 - LAW) * root / sum)
+        .collect()
+}
+
+/// Returns the group of every joint action: those of equal accelerations.
+///
+/// An action without an acceleration is a group of its own.
+fn accelerations(ego: &Scenario) -> Vec<usize> {
+    let sets: Vec<&Actions> = match ego.drive() {
+        Some(driving) => driving
+            .spec()
+            .action_sets()
+            .map(|(_, set, _)| set)
+            .collect(),
+        None => Vec::new(),
+    };
+    let key = |joint: usize| {
+        let mut rest = joint;
+        let each = sets.iter().map(|set| {
+            let own = rest % set.len();
+            rest /= set.len();
+            let bits = set.motion(own).map(|wish| wish.accel_mps2.to_bits());
+            bits.ok_or(own)
+        });
+        each.collect::<Vec<_>>()
+    };
+    let keys: Vec<_> = (0..ego.spaces().actions).map(key).collect();
+    let first = |own| keys.iter().position(|key| key == own).unwrap_or_default();
+    keys.iter().map(first).collect()
+}
+
+/// Player of an ado from natural starts.
+struct TrafficPlayer<'a> {
+    traffic: &'a RiskTraffic,
+    ego: &'a Scenario,
+    policy: &'a dyn Policy,
+    /// Group of every joint action.
+    accelerations: Vec<usize>,
+}
+
+impl TrafficPlayer<'_> {
+    /// Plays a run. `None`: its start is outside X_init, or the policy has no law.
+    fn run(&self, bench: &mut Testbench, key: [u64; 2]) -> Option<TrafficRun> {
+        let (starts, policy) = (&self.traffic.starts, self.policy);
+        let mut rng = generator("crashes of traffic", &key);
+        let shares: Vec<f64> = (0..starts.dimensions())
+            .map(|_| rng.random::<f64>())
+            .collect();
+        let noise = rng.next_u64();
+        let start = starts.start(&shares)?;
+        bench.begin(&start, noise, Aftermath::Play);
+        let mut dice = draws(noise, 0);
+        let mut obs = vec![0.0; bench.spaces().observation];
+        let mut run = TrafficRun {
+            start: (start, noise),
+            actions: Vec::new(),
+            is_wide: !key[1].is_multiple_of(2),
+            logs: [0.0; 3],
+            usual: 0,
+            kind: None,
+        };
+        while !bench.is_decided() {
+            bench.observe(&mut obs);
+            let odds = policy.odds(&obs)?;
+            let wide = wider(&odds);
+            let drawn = if run.is_wide { &wide } else { &odds.own };
+            let action = draw(drawn, dice.random::<f64>());
+            for (log, of) in run.logs.iter_mut().zip([&odds.law, &odds.own, &wide]) {
+                *log += libm::log(of[action]);
+            }
+            run.usual += usize::from(self.is_usual(&odds.law, action));
+            run.actions.push(action);
+            bench.decide(action);
+        }
+        if matches!(bench.verdict(), Some(Verdict::Counterexample { .. })) {
+            // Motion after the verdict only shows the contact.
+            let mut played = run.actions.clone();
+            while !bench.is_done() {
+                let last = played.last().copied().unwrap_or_default();
+                played.push(last);
+                bench.decide(last);
+            }
+            let episode = bench.episode(&run.start.0, noise, played);
+            let manoeuvres = self.manoeuvres(&run.actions);
+            let after = match &manoeuvres[..] {
+                "" => String::new(),
+                symbols => format!(" after {symbols}"),
+            };
+            run.kind = Some(format!(
+                "{}{after}",
+                FailureKind::of(self.ego, &episode).in_words()
+            ));
+        }
+        Some(run)
+    }
+
+    /// Returns the phases of the ados in symbols, as kinds of failure have them.
+    fn manoeuvres(&self, actions: &[usize]) -> String {
+        let law = &self.traffic.actions;
+        let mut memory = law.begin();
+        actions.iter().for_each(|it| law.note(&mut memory, *it));
+        memory.manoeuvre_in_symbols()
+    }
+
+    /// Returns whether an acceleration is among the likeliest that have 99 % of a law together.
+    fn is_usual(&self, law: &[f64], action: usize) -> bool {
+        let mut grouped = vec![0.0; law.len()];
+        for (group, p) in self.accelerations.iter().zip(law) {
+            grouped[*group] += p;
+        }
+        is_usual(&grouped, self.accelerations[action])
+    }
+}
+
+fn is_usual(law: &[f64], action: usize) -> bool {
+    let likelier: f64 = law.iter().filter(|p| **p > law[action]).sum();
+    likelier < BAND
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wider_law_takes_every_action_of_the_traffic() {
+        let odds = ActionOdds {
+            law: vec![0.99, 0.01, 0.0],
+            own: vec![0.01, 0.99, 0.0],
+        };
+        let wide = wider(&odds);
+        assert!((wide.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        assert!(wide[0] > 0.5 && wide[1] > 0.4 && wide[2] == 0.0, "{wide:?}");
+        // An ado that never takes an action leaves it to the share of the law.
+        let odds = ActionOdds {
+            law: vec![0.5, 0.5],
+            own: vec![1.0, 0.0],
+        };
+        assert!((wider(&odds)[1] - 0.025).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_run_weighs_its_law_by_both_that_drew() {
+        let run = |logs: [f64; 3]| TrafficRun {
+            start: (Start(Vec::new()), 0),
+            actions: Vec::new(),
+            is_wide: false,
+            logs: logs.map(libm::log),
+            usual: 0,
+            kind: None,
+        };
+        let weight = run([0.1, 0.5, 0.3]).weight([1, 1]);
+        assert!((weight - 0.1 / 0.4).abs() < 1e-12, "{weight}");
+        // The ado never takes these actions, and the weight stays finite.
+        let weight = run([0.1, 0.0, 0.05]).weight([1, 1]);
+        assert!((weight - 4.0).abs() < 1e-12, "{weight}");
+    }
+
+    #[test]
+    fn usual_actions_are_the_likeliest_that_have_nearly_all_of_a_law() {
+        let law = [0.9, 0.095, 0.005, 0.0];
+        let usual = [0, 1, 2, 3].map(|action| is_usual(&law, action));
+        assert_eq!(usual, [true, true, false, false]);
+    }
+}
