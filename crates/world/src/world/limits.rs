@@ -2,7 +2,6 @@
 //!
 //! The limits are far above the needs of any world. Beyond them a check or a
 //! physics step would take minutes, without a hint at the cause.
-//! `docs/reference/files.md` lists them.
 
 use crate::ron_file::Ordered;
 use crate::ron_file::Problems;
@@ -45,13 +44,6 @@ pub(super) const ACTIONS: Limit = at_most(1000, "an ado", "actions");
 pub(super) const STEPS: Limit = at_most(1000, "a script", "steps");
 pub(super) const STL_BYTES: Limit = at_most(16 * 1024, "a formula", "bytes");
 pub(super) const ALLOWED: Limit = at_most(100, "a world", "allowed warnings");
-
-/// All limits, for the table in the documentation.
-#[cfg(test)]
-const ALL: [Limit; 19] = [
-    AGENTS, ROADS, BODIES, REUSE, LEARNERS, SIGNALS, FORMULAS, CONSTANTS, PARAMETERS, AXES,
-    STRUCTURES, PIECES, POINTS, OBSERVED, RULES, ACTIONS, STEPS, STL_BYTES, ALLOWED,
-];
 
 /// Reports a number above its limit at the value under `path`.
 pub(super) fn within(problems: &mut Problems, path: &ValuePath, count: usize, limit: Limit) {
@@ -210,20 +202,6 @@ fn actions(actions: &Actions) -> usize {
         Actions::Deviate(added) => {
             let lateral = added.lateral_mps.len();
             added.accelerations.len().saturating_mul(lateral)
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_limit_is_in_the_documents() {
-        let page = include_str!("../../../../docs/reference/files.md");
-        for Limit { most, of, what } in ALL {
-            let row = format!("| {what} of {of} | {most} |");
-            assert!(page.contains(&row), "docs/reference/files.md lacks `{row}`");
         }
     }
 }
