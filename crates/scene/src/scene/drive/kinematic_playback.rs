@@ -24,6 +24,7 @@ impl DriveScene {
 
     /// Returns the row of signals, which takes the memory of `self.row`.
     fn published(&mut self) -> Vec<f64> {
+        // Taken out and put back, because publishing borrows the whole scene.
         let mut row = std::mem::take(&mut self.row);
         row.resize(self.layout.schema.len(), 0.0);
         self.publish_into(&mut row);
@@ -59,6 +60,7 @@ impl DriveScene {
             return;
         }
         self.run_story();
+        // A handle, because the loop below borrows the plans mutably.
         let layout = Arc::clone(&self.layout);
         // The end is computed from the sample number, so rounding errors do not
         // add up.
@@ -140,6 +142,8 @@ impl DriveScene {
             let Some(run) = run else {
                 continue;
             };
+            // The plan has run to the end of the sample, and the contact cuts
+            // it short.
             let arrived = run.planned(self.layout.network.course_of(i), time_s);
             let planned = &mut self.state.planned[i];
             let (ahead_m, left_m) = (

@@ -344,6 +344,7 @@ impl PlanRun {
 
     /// Returns whether a lateral motion may be faster than the body, now or later.
     fn may_lag(&self, swing: &Swing, time_s: f64) -> bool {
+        // The body may slow down before the lateral motion ends.
         let slowest_mps = self.ramp.speed_mps(time_s).min(self.ramp.to_mps);
         swing.over.is_some() || slowest_mps < swing.most_mps()
     }
@@ -559,6 +560,8 @@ impl PlanConstants {
     /// slow body turns slowly and a standing one not at all.
     fn turned(&self, from_rad: f64, to_rad: f64, way_m: f64) -> f64 {
         let turn_rad = wrapped(to_rad - from_rad);
+        // The rear follows the front, so the turn is at most the way over the
+        // lever.
         let most_rad = way_m.abs() / self.lever_m;
         if turn_rad.abs() <= most_rad {
             to_rad

@@ -63,6 +63,8 @@ impl DriveScene {
         let piece = ado.piece(course, self.state.next_curvature_per_m);
         let layout = Arc::new(self.layout.with_piece(piece)?);
         self.state.change_roads(&layout.spec, &layout.network);
+        // An ego knows the road by its briefing, so a new piece needs a new
+        // one.
         self.controller.brief(&layout.briefing());
         self.layout = layout;
         Ok(())
@@ -85,6 +87,7 @@ impl DriveWorld {
         Arc::make_mut(&mut layout.spec).remove_laid_pieces();
         let mut laid = ado.listed as f64;
         for (&count, &curvature_per_m) in pieces.iter().zip(curvatures) {
+            // The column repeats its count until another piece is laid.
             if count <= laid {
                 continue;
             }

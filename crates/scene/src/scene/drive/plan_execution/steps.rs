@@ -88,6 +88,7 @@ impl PlanRun {
         let profile = self.profile.front().map(|it| it.begins_s);
         let ramp = Some(self.ramp.ends_s());
         let changes = [Some(step_s), ramp, profile, along, beside, swing, law, leg];
+        // Only later instants: `settle` has dealt with the present one.
         let later = changes
             .into_iter()
             .flatten()
