@@ -165,6 +165,7 @@ impl Family {
 
     fn draw_plant(&self, rng: &mut impl Rng) -> PlantKind {
         let total: u32 = self.plants.iter().map(|(_, weight)| weight).sum();
+        // `random_range` panics on an empty range.
         let mut left = rng.random_range(0..total.max(1));
         for &(plant, weight) in &self.plants {
             if left < weight {
@@ -263,6 +264,7 @@ impl Family {
                 return false;
             }
         }
+        // Parameters of another kind of controller have no nominal values.
         if controller.controller.kind() == base.controller.controller.kind() {
             for own in controller.parameters() {
                 let nominal = parameter(&base.controller, own.name);
