@@ -158,6 +158,7 @@ fn agents_of(spec: &DriveSpec) -> impl Iterator<Item = Option<usize>> {
     let agents = spec.agents.iter().enumerate();
     let ados = agents.filter(|(_, agent)| matches!(agent.drive, Drive::Ado { .. }));
     let users = ados.map(|(i, _)| Some(i));
+    // Sets of lights and surroundings follow those of the road users.
     users.chain(std::iter::repeat(None))
 }
 

@@ -186,6 +186,7 @@ impl RunsJudge {
         if new.stop.is_none() && self.is_uneventful(new) {
             return None;
         }
+        // Taken out and put back, because judging borrows the whole judge.
         let mut row = std::mem::take(&mut self.row);
         let decided = (0..new.count).find_map(|i| {
             new.columns.read_row(i, &mut row);

@@ -20,6 +20,8 @@ impl DriveScene {
         }
         // A copy, because the recorded episode ends at the contact.
         let mut plant = self.state.plant.fork();
+        // The kinematic plant resolves no collisions, so rapier takes its
+        // bodies over.
         if !plant.collide(contact.pair) {
             plant = self.handed_over();
             plant.collide(contact.pair);

@@ -33,6 +33,7 @@ impl DriveScene {
 
     /// Lets the actions of the storyboard begin that were due since the last sample.
     fn run_story(&mut self) {
+        // Only formulas read a row, and publishing one costs time.
         if !self.layout.story_formulas.is_empty() {
             let row = self.published();
             if let Some(story) = &mut self.story {

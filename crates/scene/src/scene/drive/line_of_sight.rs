@@ -153,6 +153,7 @@ pub(super) fn visible<'a>(
     let on_wheels = |i: &usize| !spec.agents[*i].body.is_on_foot();
     let sees = |seen: usize| {
         let points = boxes[seen].points();
+        // A single visible point suffices.
         points.into_iter().any(|point| {
             // A body does not hide itself, and the eye lies on the ego's box.
             let mut third = (0..boxes.len()).filter(|&i| i != ego && i != seen);

@@ -351,6 +351,7 @@ impl PlanRun {
 
     /// Advances between two instants at which no law begins or ends.
     fn move_on(&mut self, course: &Course, from_s: f64, to_s: f64) -> Driven {
+        // Without a lag the whole interval has a closed form.
         let Some(mut swing) = self.swing.filter(|it| self.may_lag(it, from_s)) else {
             let way_m = self.ramp.way_m(from_s, to_s);
             let aside_m = self

@@ -55,6 +55,8 @@ impl DriveScene {
             return Ok(());
         };
         let course = self.layout.network.main();
+        // The road must reach beyond every road user, and not beyond the ego
+        // alone.
         let fronts_m = self.state.on_road.iter().map(|at| at.s_m);
         let foremost_m = fronts_m.fold(f64::NEG_INFINITY, f64::max);
         if foremost_m + ado.ahead_m <= course.end_s_m() {

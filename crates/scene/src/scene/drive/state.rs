@@ -79,6 +79,7 @@ impl SceneState {
         self.spec = Arc::clone(spec);
         self.network = Arc::clone(network);
         let surface = surface_of(spec, network);
+        // A plane that stays a plane needs no new ground.
         if surface.is_some() || self.surface.is_some() {
             self.plant.lay(surface.as_ref());
         }

@@ -21,6 +21,7 @@ pub(super) fn surface_of(spec: &DriveSpec, network: &RoadNetwork) -> Option<Grou
     if spec.plant == PlantKind::Kinematic || !spec.has_slopes() {
         return None;
     }
+    // No body drives off the surface within the horizon.
     let reach_m = reach_m(spec);
     let mut mesh = SurfaceMesh::default();
     for (road, course) in network.courses().iter().enumerate() {

@@ -256,6 +256,8 @@ impl PlanRun {
             let grows_mps = match distance {
                 DistanceOrTime::Seconds(time_s) if step_s > 0.0 => {
                     let way_m = time_s * (paces_mps[1] - paces_mps[0]);
+                    // A headway that grows makes the leader faster and the
+                    // follower slower.
                     if leads {
                         way_m / step_s
                     } else {

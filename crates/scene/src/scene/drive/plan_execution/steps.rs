@@ -44,6 +44,7 @@ impl PlanRun {
                 }
                 PlanPhase::Acts { .. } if self.acts_until_s() <= time_s + SAME_S => {
                     let ends_s = self.acts_until_s();
+                    // A walk ends in a stand, whatever its next step is.
                     if let Some(MotionLaw::Walk { .. }) = self.steps[self.step].does.first() {
                         self.ramp = SpeedRamp::steady(0.0);
                     }
