@@ -124,6 +124,7 @@ impl Family {
     pub fn draw(&self, world: &str, key: StartKey) -> EgoSample {
         if !self.mixture.is_empty() {
             let shares: Vec<f64> = self.mixture.iter().map(|(share, _)| *share).collect();
+            // A stream of its own, so that a mixture changes no other draw.
             let at = pick(&shares, &mut key.generator(world, "mixture"));
             return self.mixture[at].1.clone();
         }
