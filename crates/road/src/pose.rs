@@ -100,6 +100,7 @@ impl Pose {
 impl Placement {
     /// Returns the placement of a body without pitch and roll.
     pub fn upright(centre_m: [f64; 3], heading_rad: f64) -> Placement {
+        // A unit quaternion has half the angle of its rotation.
         let (sin, cos) = libm::sincos(0.5 * heading_rad);
         Placement::from_parts(centre_m, [0.0, 0.0, sin, cos])
     }
@@ -123,6 +124,7 @@ impl Placement {
         // Heights of the ends of the body's axes, of length 1.
         let [ahead_z, left_z, up_z] =
             [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| (self.rotation * axis).z);
+        // Rounding may exceed 1, where the arcsine is no number.
         let pitch_rad = -libm::asin(ahead_z.clamp(-1.0, 1.0));
         (pitch_rad, libm::atan2(left_z, up_z))
     }

@@ -108,6 +108,7 @@ impl Rulebook {
         let Some(priority) = own.map(|rule| rule.priority).min() else {
             return Some(self.reward.lawful(0.0));
         };
+        // Only the ado's own rules count, so that it pays for no other ado.
         let rules = self.rules.iter().filter(of_ado);
         let forfeited = rules.clone().filter(|rule| priority <= rule.priority);
         Some(self.reward.foul(forfeited.count(), rules.count()))
@@ -148,6 +149,7 @@ impl Rulebook {
         // later sample.
         if spec_lost && self.first_not_kept(&mut ended).is_none() {
             let by = -ended(None);
+            // Strict, as in `lawful`: a robustness of 0 is no success.
             if by > 0.0 {
                 return Some(Verdict::Counterexample { by });
             }
@@ -174,6 +176,8 @@ impl Rulebook {
 
     /// Returns the more important of a lost rule and rule `i`, which is lost as well.
     fn more_important(&self, broken: Option<usize>, i: usize) -> Option<usize> {
+        // Strict, so that the first of equal ranks stays, as `min_by_key` has
+        // it.
         let outranks = |b: usize| self.rules[i].priority < self.rules[b].priority;
         if broken.is_none_or(outranks) {
             Some(i)

@@ -369,5 +369,7 @@ fn overlap(ego: &Party<'_>, ego_side: Side, other: &Party<'_>, other_side: Side)
     let (its_m, its_half_m) = other.face(other_side, ego);
     let common_m =
         (own_m + own_half_m).min(its_m + its_half_m) - (own_m - own_half_m).max(its_m - its_half_m);
+    // The faces of a corner contact may not overlap at all, which gives a
+    // negative share.
     (common_m / ego.body.width_m.min(other.body.width_m)).clamp(0.0, 1.0)
 }

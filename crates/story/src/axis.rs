@@ -23,6 +23,7 @@ impl AxisSpan {
         on_axis: impl Fn(&Pose) -> f64,
     ) -> AxisSpan {
         if !freespace {
+            // The reference point has no extent, so both ends are the same.
             let at_m = on_axis(&front.ahead(-size.front_m));
             return AxisSpan {
                 least_m: at_m,
@@ -31,6 +32,8 @@ impl AxisSpan {
         }
         let half_m = 0.5 * size.width_m;
         let corners = [
+            // The axis may be that of a bent road, so every corner is
+            // measured.
             (0.0, half_m),
             (0.0, -half_m),
             (-size.length_m, half_m),
@@ -52,6 +55,8 @@ impl AxisSpan {
 
     /// Returns the distance to another span, 0 if they overlap.
     pub fn distance_m(&self, other: &AxisSpan) -> f64 {
+        // Only one of both is positive if there is a gap, and none if they
+        // overlap.
         let ahead_m = other.least_m - self.most_m;
         let behind_m = self.least_m - other.most_m;
         ahead_m.max(behind_m).max(0.0)

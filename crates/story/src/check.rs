@@ -99,6 +99,7 @@ fn resolved(
     names: &StoryNames,
     values: &[f64],
 ) -> Option<CheckedStoryboard> {
+    // Problems of other parts of the world may already be listed.
     let before = problems.len();
     let mut check = Check {
         problems,
@@ -127,6 +128,8 @@ fn resolved(
         formulas,
         ..
     } = check;
+    // Any mistake of this storyboard leaves it unusable, as the callers
+    // assume.
     (problems.len() == before).then_some(CheckedStoryboard {
         elements,
         conditions,
@@ -147,6 +150,7 @@ impl CheckedStoryboard {
         let Some(open) = &self.open else {
             return Ok(Arc::clone(self));
         };
+        // The source text is gone, so only the statement of a problem is used.
         let mut problems = Problems::new("");
         let top = ValuePath::top();
         let found = resolved(&mut problems, &top, &open.board, &open.names, values);
@@ -245,6 +249,8 @@ impl Check<'_, '_> {
         for (i, variable) in board.variables.iter().enumerate() {
             let at = path.to("variables").at(i);
             let value = self.number(&at.to("value"), &variable.value, -MOST);
+            // Pushed even after a mistake, so that later numbers keep their
+            // places.
             self.first.push(value);
             if self.variables[..i].contains(&variable.name) {
                 let what = format!("a second variable `{}`", variable.name);
@@ -265,6 +271,7 @@ impl Check<'_, '_> {
                 let what = format!("a second performance of `{}`", of.entity);
                 self.wrong(&at.to("entity"), what, "write one");
             }
+            // An unknown agent counts as number 0, which may not exist.
             if let Some(known) = self.limits.get_mut(agent) {
                 *known = limits;
             }
@@ -291,6 +298,7 @@ impl Check<'_, '_> {
             }
             self.elements[parent].children.push(number);
         }
+        // Exactly at the limit, so that the problem is reported once.
         if number == MOST_PARTS {
             let what = format!("more than {MOST_PARTS} elements");
             self.wrong(path, what, "split the world");
@@ -458,6 +466,8 @@ impl Check<'_, '_> {
                 number += 1;
                 for (k, event) in maneuver.events.iter().enumerate() {
                     self.trigger_of_event(&maneuvers.to("events").at(k), event, number);
+                    // An event is followed by its actions, which have no
+                    // triggers.
                     number += 1 + event.actions.len();
                 }
             }
@@ -467,6 +477,8 @@ impl Check<'_, '_> {
 
     fn trigger_of_event(&mut self, path: &ValuePath, event: &StoryEvent, number: usize) {
         let start = self.trigger(&path.to("start_trigger"), &event.start_trigger);
+        // Without a trigger an event would wait for ever after its first
+        // execution.
         if event.start_trigger.is_empty() && event.maximum_execution_count > 1 {
             let what = "an event without a trigger executes more than once".to_owned();
             let help = "write its `start_trigger`";

@@ -29,6 +29,7 @@ struct AgentAhead {
 
 /// Compares a number, which may be undefined.
 pub(crate) fn compared(number: Option<f64>, with: &ValueComparison) -> Expressed {
+    // An undefined number fulfils no comparison, not even `NotEqualTo`.
     let holds = number.is_some_and(|it| with.holds(it));
     let asks_equal = matches!(
         with.rule,
@@ -52,6 +53,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
     ) -> Expressed {
         let each = agents.iter().map(|agent| self.agent(*agent, is));
         let is_all = rule == TriggeringRule::All;
+        // `All` begins true and `Any` false, the neutral values of both.
         let first = Expressed {
             holds: is_all,
             key: 0,
@@ -108,6 +110,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
             }
             AgentQuantity::Way => {
                 let before = self.view.motion(agent, self.since_s).pose;
+                // Ways are summed up to `since_s`, and the rest is added here.
                 let now = self.motion(agent).pose;
                 Some(self.ways_m.get(agent)? + apart_m(&before, &now))
             }
@@ -135,6 +138,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 // Whichever of the two is behind approaches the other.
                 let ahead = self.ahead(agent, other, measured, freespace);
                 let seen = ahead.or_else(|| self.ahead(other, agent, measured, freespace))?;
+                // A pair that keeps its distance has no time to collision.
                 let closing_mps = seen.own_mps - seen.other_mps;
                 (closing_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / closing_mps)
             }
@@ -241,6 +245,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         // Along a road an agent may drive against its stations.
         let towards = match system {
             CoordinateSystem::Entity => 1.0,
+            // The sign alone counts: a slight turn must not shorten distances.
             CoordinateSystem::Road => libm::cos(self.at(agent, agent).heading_rad).signum(),
         };
         let is_ahead = towards * (its.middle_m() - own.middle_m()) > 0.0;

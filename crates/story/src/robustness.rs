@@ -31,9 +31,12 @@ impl SampledRobustness {
     pub fn change_s(&self) -> Option<f64> {
         let now = self.now;
         let before = self.before.filter(|it| it.holds() != now.holds())?;
+        // An infinite robustness has no zero on its line, so the change is at
+        // the sample.
         if !before.rho.is_finite() || !now.rho.is_finite() {
             return Some(now.at_s);
         }
+        // The line through both values is 0 at this share.
         let share = -before.rho / (now.rho - before.rho);
         Some(before.at_s + (now.at_s - before.at_s) * share)
     }

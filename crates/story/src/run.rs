@@ -138,6 +138,8 @@ impl StoryRun {
             board,
             stage,
             changes,
+            // The first call has no beginning, so the storyboard starts at its
+            // instant.
             now_s: begun_s.unwrap_or(to_s),
             run: self,
         };
@@ -163,6 +165,7 @@ impl StoryRun {
             ElementState::StandbyState => run.life == Life::Standby,
             ElementState::RunningState => run.life == Life::Running,
             ElementState::CompleteState => run.life == Life::Complete,
+            // Exact equality: a transition counts at the very instant of its record.
             transition => run.transitions_s[place_of(transition)] == Some(at_s),
         }
     }
@@ -235,6 +238,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     fn go_to(&mut self, at_s: f64) {
         for (agent, way_m) in self.run.ways_m.iter_mut().enumerate() {
             let before = self.stage.motion(agent, self.now_s).pose;
+            // The distance between looks is a chord, short enough for a bend
+            // of a road.
             *way_m += apart_m(&before, &self.stage.motion(agent, at_s).pose);
         }
         self.now_s = at_s;
@@ -366,8 +371,11 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     fn begin_parts(&mut self, number: usize) {
         let board = self.board;
         for child in &board.elements[number].children {
+            // A parent that starts again counts the executions of its parts
+            // anew.
             self.run.elements[*child].executions = 0;
             self.run.elements[*child].triggered_s = None;
+            // Old checks of a stop trigger could stop the element at once.
             self.watch_anew(&board.elements[*child].stop);
             if board.elements[*child].start.is_empty() {
                 self.start(*child);
@@ -410,6 +418,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
 
     fn end(&mut self, number: usize) {
         let element = &self.board.elements[number];
+        // Released before the record, because it decides between end and stop.
         let was_taken = self.release(number);
         // An action that another one took over has not ended by itself.
         self.record(
@@ -430,6 +439,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
 
     fn stop(&mut self, number: usize) {
         let element = &self.board.elements[number];
+        // Agents stop while the element still owns them.
         self.stop_agents(number);
         self.release(number);
         for child in &element.children {

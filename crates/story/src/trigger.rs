@@ -55,6 +55,7 @@ impl ConditionRun {
             self.holds_since_s = at_s;
         }
         self.seen = Some(now);
+        // Several checks of one instant start from the same earlier value.
         if self.checked_s < at_s {
             self.earlier = self.value;
         }
@@ -69,6 +70,8 @@ impl ConditionRun {
             (edge, Some(before)) => is_edge(edge, before, value).then_some(ConditionOutcome::Pulse),
         };
         self.value = Some(value);
+        // An edge is delayed as a level is, because the delay is that of the
+        // condition.
         let due_s = at_s + condition.delay_s;
         self.waiting.extend(outcome.map(|outcome| (due_s, outcome)));
         self.pass_on(at_s);
@@ -100,6 +103,7 @@ impl ConditionRun {
     /// Returns the next instant at which it changes by itself.
     pub fn next_s(&self, condition: &CheckedCondition) -> f64 {
         let waits_s = self.waiting.front().map_or(f64::INFINITY, |it| it.0);
+        // Otherwise the end of the hold would fall between two looks unseen.
         let is_held = self.seen.is_some_and(|seen| seen.holds) && self.value == Some(false);
         let held_s = if is_held {
             self.holds_since_s + condition.held_s

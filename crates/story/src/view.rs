@@ -42,6 +42,7 @@ impl AgentMotion {
             from + (to - from) * end + lasts_s * (leave * from_v + arrive * to_v)
         };
         let mix = |from: f64, to: f64| from + (to - from) * share;
+        // The shorter way around, because headings are wrapped.
         let turn_rad = crate::road::wrapped(to.pose.heading_rad - self.pose.heading_rad);
         AgentMotion {
             pose: Pose {

@@ -42,6 +42,8 @@ pub(crate) fn self_overlap_m(curve: PlaneCurve<'_>, turn_rad: f64, width_m: f64)
     // Narrower cells would only cost time.
     let near_m = width_m.max(LEAST_WIDTH_M);
     let length_m = curve.length_m;
+    // A file can state a curve of any length, so the number of samples is
+    // bounded.
     let apart_m = (length_m / MOST_SAMPLES).max(0.25 * near_m);
     // Beyond this all places share the last cell, whose neighbours are still numbers.
     let cell = |at_m: f64| (at_m / near_m).floor().clamp(-1e15, 1e15) as i64;
@@ -180,6 +182,7 @@ fn arc_to(ahead_m: f64, left_m: f64) -> Bend {
             per_m: 0.0,
         };
     }
+    // Circle that begins along x and meets the place: κ = 2 y / (x² + y²).
     let per_m = 2.0 * left_m / square;
     Bend {
         // Below this the quotient only has the error of both numbers.

@@ -98,10 +98,13 @@ impl Blockers {
     /// Returns all problems as one error, each once and in the order of the file.
     pub fn none(self) -> Result<(), ImportError> {
         let mut all = self.0;
+        // If all of them follow, the cause is reported elsewhere, and none is
+        // dropped.
         if all.iter().any(|error| !error.follows) {
             all.retain(|error| !error.follows);
         }
         let mut known = BTreeSet::new();
+        // A fault of a shared part is found once for each of its users.
         all.retain(|it| known.insert((it.what.clone(), it.file.clone(), it.element.clone())));
         let line = |error: &ImportError| error.element.as_ref().map_or(0, |it| it.1);
         all.sort_by(|a, b| (&a.file, line(a)).cmp(&(&b.file, line(b))));

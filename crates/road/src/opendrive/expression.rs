@@ -23,6 +23,7 @@ pub(crate) fn evaluate(
         depth: 0,
     };
     let result = cursor.sum()?;
+    // Blanks behind the expression are no error.
     cursor.blank();
     match cursor.rest.is_empty() {
         true if result.is_finite() => Ok(result),

@@ -82,9 +82,11 @@ impl RoadMap {
         let mut next = Some((at.road.clone(), at.driven(), Some(at.s_m)));
         let mut left_m = along.reach_m;
         let mut parts = 0;
+        // The way begins on that road, so a route may name it first.
         let mut route = along.via.iter().skip_while(|id| **id == at.road).peekable();
         while let Some((id, driven, from_m)) = next.take() {
             let road = self.road(asks, &id)?;
+            // A road that is named several times in a row is one visit.
             while route.next_if(|wanted| **wanted == id).is_some() {}
             let (stretches, end_lane) = through(road, &id, driven, from_m);
             // Roads without a length, or nearly so, may link to each other in a circle.
@@ -142,6 +144,8 @@ impl RoadMap {
                 wanted.is_some_and(|wanted| link.id == wanted || self.leads_to(link, wanted))
             };
             match &possible[..] {
+                // A single connection needs no route. Several without a
+                // fitting one end the way.
                 [one] => *one,
                 several => *several.iter().find(leads)?,
             }
@@ -301,6 +305,7 @@ fn through(
         let begins_m = sections.get(section).map_or(0.0, |it| it.s_m);
         let ends_m = sections.get(section + 1).map_or(road.length_m, |it| it.s_m);
         let to_m = if forward { ends_m } else { begins_m };
+        // Sections of equal stations have nothing between them.
         if at_m != to_m {
             stretches.push(LaneStretch {
                 road: id.to_owned(),
@@ -379,6 +384,7 @@ impl LaneStretch {
             let s_m = self.station_m((f64::from(part) + 0.5) * part_m);
             let middle = road.lanes.middle(self.section, s_m, self.lane);
             let slope = middle.map_or(0.0, |(_, slope)| slope);
+            // First term of √(1 + slope²) − 1, the extra length per length.
             0.5 * slope * slope * part_m
         });
         parts.sum()

@@ -153,6 +153,7 @@ impl RoadLanes {
         }
         let offset = begun(&self.offsets, s_m);
         let (mut t_m, mut slope) = (offset.at(s_m), offset.slope(s_m));
+        // The sign of 0 is 0, so lane 0 lies on the offset alone.
         let sign = f64::from(lane.signum());
         // All lanes between the reference line and the lane add up, driven or
         // not.
@@ -234,6 +235,8 @@ impl RoadLanes {
         }
         // Constant polynomials may still step, where one begins.
         let begins = self.sections.iter().enumerate().flat_map(|(i, section)| {
+            // The last section has no end: places just behind the road count
+            // as on it.
             let ends_m = self.sections.get(i + 1).map_or(f64::INFINITY, |it| it.s_m);
             let widths = section.lanes.iter().flat_map(|lane| &lane.widths);
             let begins = widths

@@ -37,6 +37,8 @@ impl Pose {
         Pose {
             x_m: at_m.x,
             y_m: at_m.y,
+            // Wrapped, because the difference of two wrapped angles may exceed
+            // half a turn.
             heading_rad: wrapped(other.heading_rad - self.heading_rad),
         }
     }

@@ -77,6 +77,7 @@ pub(crate) fn pieces_of(
         let shape = geometry.only()?;
         let length_m = plain.number_in(geometry, "length", 0.0..=MOST_ROAD_M)?;
         let before = pieces.last().map(ReferenceSegment::end);
+        // Files round, so the first station may lie just below 0.
         let s_m = plain.number_in(geometry, "s", -MEET_M..=MOST_ROAD_M)?;
         let place = |name: &str, most: f64| plain.number_in(geometry, name, -most..=most);
         let start = Pose {

@@ -89,6 +89,8 @@ pub struct RoadMap {
 impl ImportedRoad {
     /// Returns the height at a station and an offset to the left of the reference line.
     pub fn height_m(&self, s_m: f64, t_m: f64) -> f64 {
+        // `t_m` is measured in the plane, so the tangent counts and not the
+        // sine.
         let bank_rad = begun(&self.lanes.banks, s_m).at(s_m);
         begun(&self.heights_m, s_m).at(s_m) + libm::tan(bank_rad) * t_m
     }
@@ -107,6 +109,8 @@ impl RoadMap {
                 continue;
             };
             pieces += road.pieces.len();
+            // Counted while reading, so that a hostile file stops before its
+            // arcs fill the memory.
             if pieces > MOST_PIECES {
                 let what = format!("the roads have more than {MOST_PIECES} lines and arcs so far");
                 let help = "cut out the roads that the scenario uses";
@@ -124,6 +128,7 @@ impl RoadMap {
         }
         let junctions = blockers.keep(Junctions::of(root));
         let controllers = blockers.keep(controllers(root));
+        // All roads are read first, so that one message names their problems.
         blockers.none()?;
         Ok(RoadMap {
             roads,
@@ -246,6 +251,7 @@ impl RoadMap {
                 });
             here.min_by(|(a, _), (b, _)| a.partial_cmp(b).unwrap_or(Ordering::Equal))
         };
+        // Refused roads are left out: their geometry is not that of the file.
         let known = self.roads.iter().filter(|(_, road)| road.refused.is_none());
         let found = known
             .filter_map(|(id, road)| on_lane(id, road))
@@ -313,6 +319,7 @@ impl ImportedRoad {
             is_left_hand: road.raw("rule") == Some("LHT"),
             refused,
         };
+        // After the rest, because it needs the widths and the geometry.
         line.overlaps_itself = line.comes_back();
         Ok(line)
     }
@@ -357,6 +364,8 @@ impl ImportedRoad {
     fn nearest(&self, spot: &Pose) -> Option<(f64, f64)> {
         let beside = self.pieces.iter().filter_map(|piece| {
             let (along_m, left_m) = piece.sees(spot);
+            // The tolerance keeps a place on a joint, which rounding may set
+            // between both pieces.
             let is_beside = (-MEET_M..=piece.length_m + MEET_M).contains(&along_m);
             is_beside.then_some((piece.s_m + along_m, left_m))
         });
@@ -434,6 +443,7 @@ impl ImportedRoad {
             .filter(|it| it.drives && it.id * lane > 0)
             .filter_map(|it| Some((it.id, self.lanes.width_m(s_m, it.id)?)))
             .collect();
+        // The outermost lane comes first, as lane 0 of a world does.
         side.sort_by_key(|(id, _)| -id.abs());
         side
     }
@@ -447,6 +457,7 @@ impl ImportedRoad {
     fn piece(&self, s_m: f64) -> &ReferenceSegment {
         // Pieces that are out of order are refused, so any of them will do.
         let begun = self.pieces.partition_point(|it| it.s_m <= s_m);
+        // Before the first station the first piece counts.
         &self.pieces[begun.saturating_sub(1)]
     }
 

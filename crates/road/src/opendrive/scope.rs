@@ -30,6 +30,7 @@ impl ParameterScope {
         outer: &ParameterScope,
         set: &[(String, String)],
     ) -> Result<ParameterScope, ImportError> {
+        // Inner declarations hide outer ones without a change of these.
         let mut scope = outer.clone();
         let declarations = node
             .into_iter()
@@ -100,6 +101,7 @@ impl ParameterScope {
     /// Returns an error for a fraction, and for a number beyond all lanes.
     pub fn lane(&self, node: &XmlNode, name: &str) -> Result<i32, ImportError> {
         let value = self.number(node, name)?;
+        // A comparison of the fraction with 0 excludes NaN as well.
         if value.fract() == 0.0 && value.abs() <= MOST_LANE {
             // A whole number of this size has the same value as an integer.
             return Ok(value as i32);
@@ -209,6 +211,7 @@ pub const RULES: &str =
 /// Parses a finite number.
 pub fn number(text: &str) -> Option<f64> {
     let value: f64 = text.trim().parse().ok()?;
+    // Rust parses `inf` and `nan`, which no file of these formats may contain.
     value.is_finite().then_some(value)
 }
 

@@ -32,6 +32,8 @@ impl XmlParts for GrowingTree {
         let node = XmlNode {
             name: tag.name.to_owned(),
             attributes: attributes
+                // The text of the reader is borrowed, and the tree lives
+                // longer.
                 .map(|(name, value)| ((*name).to_owned(), value.to_string()))
                 .collect(),
             children: Vec::new(),
@@ -40,6 +42,8 @@ impl XmlParts for GrowingTree {
             place: tag.place as usize,
             file: Rc::clone(&self.file),
         };
+        // Counted before the element is kept, so that memory is bounded while
+        // reading.
         self.items += 1 + node.attributes.len();
         if self.items > MAX_ITEMS {
             let what = format!("it has more than {MAX_ITEMS} elements and attributes");

@@ -183,6 +183,8 @@ impl RoadMap {
             let parts = (stretch.length_m() / most_m).ceil();
             for part in 0..parts as usize {
                 let ends = [part, part + 1].map(|it| it as f64 / parts * stretch.length_m());
+                // Arcs measure the length, so that stations agree with those
+                // of `lane_way`.
                 let [start, end] = ends.map(|along_m| stretch.pose(road, along_m, left_m));
                 let [first, second] = pair_of(start, end);
                 let begins_m = way_m;
@@ -234,6 +236,7 @@ impl WayPart<'_> {
     /// Station on the way of a station on the road, if the part contains it.
     fn station_m(&self, road_m: f64) -> Option<f64> {
         let [from_m, to_m] = self.on_road_m;
+        // A part that is driven backwards divides two negative lengths.
         let share = (road_m - from_m) / (to_m - from_m);
         let is_on = (0.0..=1.0).contains(&share);
         is_on.then_some(self.on_way_m[0] + share * self.length_m())
@@ -252,6 +255,7 @@ impl WayPart<'_> {
         let includes = |validity: &XmlNode| {
             let from = plain.number(validity, "fromLane")?;
             let to = plain.number(validity, "toLane")?;
+            // Files state the two ends of a validity in either order.
             Ok((from.min(to)..=from.max(to)).contains(&lane))
         };
         let lanes = signal

@@ -115,6 +115,8 @@ impl CorneredWay {
             .iter()
             .map(|spot| {
                 let away = corners.last().map(|last| last.sees(spot));
+                // Two corners take their cuts from one side, so a shorter side
+                // has no line left.
                 if away.is_none_or(|it| 4.0 * CORNER_M < libm::hypot(it.x_m, it.y_m)) {
                     corners.push(*spot);
                 }
@@ -145,6 +147,7 @@ impl CorneredWay {
                 return Err(asks.refused("a way that turns back at a place is not read", help));
             }
             let turns = turn_rad.abs() > SAME_RAD;
+            // The fillet of this radius begins `CORNER_M` before the place.
             let radius_m = CORNER_M / libm::tan(0.5 * turn_rad.abs());
             let next_cut_m = if turns { CORNER_M } else { 0.0 };
             let line_m = length_m - cut_m - next_cut_m;
@@ -164,6 +167,7 @@ impl CorneredWay {
                     per_m,
                 });
             }
+            // The middle of the arc is nearest to the place.
             stations.push(at_m + line_m + 0.5 * arc_m);
             at_m += line_m + arc_m;
             cut_m = next_cut_m;
@@ -240,6 +244,7 @@ impl OnWay {
             self.ends_m - first.s_m
         };
         let ahead_m = other.ends_m.min(left_m);
+        // At least one step, so that both ends are compared.
         let steps = (ahead_m / STEP_M).ceil().max(1.0) as usize;
         let keeps = (0..=steps).all(|step| {
             let along_m = ahead_m * step as f64 / steps as f64;
@@ -260,6 +265,7 @@ impl OnWay {
     ///
     /// Returns an error of the point if the place is not on the path.
     pub fn move_on(&mut self, asks: &XmlNode, by_m: f64) -> Result<(), ImportError> {
+        // A millimetre of tolerance, because distances of a file are rounded.
         let left_m = self.ends_m - self.along_m;
         if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
             let what = format!("it is {by_m} m along a way that has {left_m} m");
@@ -301,6 +307,8 @@ impl Spiral {
                 self.from_per_m, self.to_per_m, self.length_m
             ));
         }
+        // Equal curvatures are one arc, and the change by which is divided
+        // below is 0.
         if self.from_per_m == self.to_per_m || self.length_m == 0.0 {
             return Ok(vec![Bend {
                 length_m: self.length_m,

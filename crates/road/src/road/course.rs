@@ -342,6 +342,7 @@ impl Course {
 
     /// Returns the last leg that has begun at a station.
     fn begun(&self, s_m: f64) -> Option<&Leg> {
+        // Stations grow along the legs, so bisection finds the last one begun.
         let begun = self.legs.partition_point(|leg| leg.from_s_m <= s_m);
         self.legs.get(begun.checked_sub(1)?)
     }
@@ -358,6 +359,7 @@ impl Course {
             return self.curvature_per_m(s_m);
         }
         let heading_rad = |s_m| self.pose(s_m, 0.0).heading_rad;
+        // Wrapped, because headings jump by a full turn on a circle.
         wrapped(heading_rad(s_m + way_m) - heading_rad(s_m)) / way_m
     }
 

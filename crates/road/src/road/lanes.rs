@@ -184,6 +184,8 @@ impl Road {
     /// Returns the lane of a lateral position, clamped to the road.
     #[inline]
     pub fn lane_at(&self, lateral_m: f64) -> usize {
+        // The percept asks at every sample, and a single lane needs no
+        // division.
         if self.lanes() == 1 {
             return 0;
         }

@@ -98,6 +98,7 @@ impl RoadNetwork {
     /// Empty for an unknown agent, and for agents on the same road.
     pub fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
         let agents = self.travellers.len();
+        // An unknown agent has no crossing, where an index would panic.
         let known = a < agents && b < agents;
         let found = known.then(|| self.crossings.get(a * agents + b)).flatten();
         let Some(found) = found.filter(|_| !self.share_road(a, b)) else {
@@ -196,6 +197,8 @@ impl TravelLine<'_> {
                 to_m = middle_m
             }
         }
+        // The side from which the path comes, so that the point lies before
+        // the change.
         let there = other.course.pose(from_m, other.lateral_m);
         let at = self.course.locate(&there);
         let turn_rad = |direction| match direction {

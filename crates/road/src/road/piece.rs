@@ -69,6 +69,7 @@ impl Bend {
 
     /// Returns equal parts that turn by less than half a circle each.
     pub fn parts(self) -> impl Iterator<Item = Bend> {
+        // At least one part, because a line does not turn.
         let parts = (self.turn_rad() / PART_RAD).ceil().max(1.0);
         let part = Bend {
             length_m: self.length_m / parts,

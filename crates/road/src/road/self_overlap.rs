@@ -33,6 +33,8 @@ impl Course {
         let from_m = extent.stations_m.start.max(-RUN_OUT_M);
         let to_m = extent.stations_m.end.min(self.end_s_m() + RUN_OUT_M);
         let (right_m, left_m) = (extent.borders_m.start, extent.borders_m.end);
+        // Lanes may overlap where the course does not, so four offsets are
+        // examined.
         let across_m = [right_m, 0.0, 0.5 * (right_m + left_m), left_m];
         // Narrower than any crossing of two such roads.
         let step_m = (0.5 * (left_m - right_m))

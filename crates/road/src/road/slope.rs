@@ -67,6 +67,8 @@ impl RoadProfile<'_> {
     /// Returns the change of the rise per length at a station, negative on a crest.
     pub fn curvature_per_m(&self, s_m: f64) -> f64 {
         if self.vertical_curve_m == 0.0 {
+            // Without vertical curves a grade changes at once and has no
+            // curvature between.
             return 0.0;
         }
         let half_m = 0.5 * self.vertical_curve_m;
@@ -106,6 +108,8 @@ impl RoadProfile<'_> {
 
     /// Returns the grade at a station, without vertical curves.
     fn grade_at(&self, s_m: f64) -> f64 {
+        // From the last one back: of two grades at one station the later one
+        // counts.
         let begun = self.grades.iter().rev().find(|it| it.from_s_m <= s_m);
         begun.or(self.grades.first()).map_or(0.0, |it| it.rise)
     }
@@ -125,6 +129,8 @@ impl RoadProfile<'_> {
             if way_m <= 0.0 && i > 0 {
                 break;
             }
+            // The area needs the height at the station of the grade, so it
+            // changes first.
             all.area_m2 += all.height_m * way_m + 0.5 * grade.rise * way_m * way_m;
             all.height_m += grade.rise * way_m;
         }

@@ -128,12 +128,16 @@ fn offsets_m(course: &Course, profile: &RoadProfile, borders_m: &Range<f64>) -> 
         .windows(2)
         .any(|it| it[0].slope != it[1].slope);
     let mut offsets_m = vec![least_m];
+    // Without bends and twists one facet spans the width, which keeps the mesh
+    // small.
     if is_bent || is_twisted {
         let strips = ((left_m - right_m) / STRIP_M).ceil().max(1.0);
         let strip_m = (left_m - right_m) / strips;
         offsets_m.extend((0..=strips as usize).map(|i| right_m + i as f64 * strip_m));
     }
     offsets_m.push(most_m);
+    // A bend may cut the shoulder to nothing, which would leave a strip
+    // without an area.
     offsets_m.dedup();
     offsets_m
 }

@@ -56,6 +56,8 @@ impl<'a> AdoTrack<'a> {
 
     fn behaviour(&self, samples: usize) -> Option<DrivingBehaviour> {
         let speeds = self.own[3].get(..samples)?;
+        // The model knows accelerations as means over `DECISION_S`, whatever
+        // the sample.
         let stretch = samples_in(DECISION_S, self.sample_s);
         let at: Vec<f64> = speeds.iter().step_by(stretch).copied().collect();
         let is_with_ego = self.world.spec().agents[self.agent].is_with_road();
@@ -113,6 +115,7 @@ impl<'a> AdoTrack<'a> {
             if self.is_in_lane_of(own, ego) && !self.is_in_lane_of(&before[0], ego) {
                 let gap_m = self.gap_m(&now).filter(|gap_m| *gap_m <= CUT_IN_GAP_M);
                 found.extend(gap_m.map(|gap_m| CutInState {
+                    // Alongside the gap is negative and counts as none.
                     gap_m: gap_m.max(0.0),
                     closing_mps: self.egos[3][sample] - self.own[3][sample],
                     lateral_mps: (now[0].lateral_m - before[0].lateral_m) / self.sample_s,

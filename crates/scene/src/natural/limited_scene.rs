@@ -72,6 +72,8 @@ impl LimitedScene {
     fn allowed_of(&self, agent: usize, actions: &Actions, neutral: usize) -> Vec<bool> {
         let ado = self.ados.iter().find(|ado| ado.agent == agent);
         let allows = |action: usize| match (ado, actions.motion(action)) {
+            // The neutral action is always allowed, so that no ado is left
+            // without one.
             _ if action == neutral => true,
             (Some(ado), Some(wish)) => self.allows(ado, wish),
             // Nothing is known about people on foot.
@@ -131,8 +133,11 @@ impl LimitedScene {
         }
         // The crossing comes at the end of the decision at the latest.
         let now_mps = seen.1 - own.1;
+        // An ado that accelerates only widens the gap, so the worst case
+        // counts braking.
         let then_mps = now_mps - accel_mps2.min(0.0) * decision_s;
         Some(CutInState {
+            // The gap may grow until then, and the smaller one is the worse.
             gap_m: gap_m.min(gap_m - then_mps * decision_s).max(0.0),
             closing_mps: then_mps,
             lateral_mps: left_mps,
@@ -153,6 +158,7 @@ fn agents_of(spec: &DriveSpec) -> impl Iterator<Item = Option<usize>> {
     let agents = spec.agents.iter().enumerate();
     let ados = agents.filter(|(_, agent)| matches!(agent.drive, Drive::Ado { .. }));
     let users = ados.map(|(i, _)| Some(i));
+    // Sets of lights and surroundings follow those of the road users.
     users.chain(std::iter::repeat(None))
 }
 

@@ -56,6 +56,7 @@ impl VehicleMeter {
     ) -> bool {
         let mut left = samples_in(decision_s, self.sample_s);
         let (mut meter, mut from_mps, mut speed_mps) = (self.meter, self.from_mps, self.speed_mps);
+        // A decision begins within a stretch, whose rest is driven first.
         let mut samples = self.stretch - self.samples;
         loop {
             // A braking vehicle stops and does not reverse.

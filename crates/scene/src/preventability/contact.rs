@@ -72,6 +72,7 @@ pub(super) fn reason_against(world: &DriveWorld, motion: &Motion) -> Option<NotA
     if libm::sin(turned_rad).abs() > ALONG {
         return Some(NotApplicable::Crossing);
     }
+    // Oncoming by its heading, or because it drives backwards.
     if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {
         return Some(NotApplicable::Oncoming);
     }

@@ -48,6 +48,7 @@ pub(super) struct LaneRecord {
 impl LaneRecord {
     /// Returns the ego and the others at every sample, in order.
     pub(super) fn rows(&self) -> impl Iterator<Item = (LaneBody, &[LaneBody])> {
+        // `chunks_exact` panics on 0, the width of an empty record.
         let rows = self.bodies.chunks_exact(self.width.max(1));
         rows.filter_map(|row| row.split_first().map(|(ego, others)| (*ego, others)))
     }

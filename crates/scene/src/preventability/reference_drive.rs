@@ -103,6 +103,8 @@ pub(super) struct ReplayRows {
 impl ReplayRows {
     pub(super) fn begin(recorded: &Trace, from: usize, most: usize) -> ReplayRows {
         let mut trace = recorded.clone();
+        // The sample of the takeover is that of the record, and the replay
+        // follows it.
         trace.truncate(from + 1);
         ReplayRows {
             row: vec![0.0; trace.schema().signals().len()],
@@ -112,6 +114,7 @@ impl ReplayRows {
     }
 
     pub(super) fn push(&mut self, scene: &DriveScene) {
+        // A replay may outlast the horizon, behind which nothing is judged.
         if self.trace.len() < self.most {
             scene.publish(&mut self.row);
             // An invalid row ends the part that can be judged.

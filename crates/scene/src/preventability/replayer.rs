@@ -132,6 +132,7 @@ impl Replayer {
         let samples = self.world.spec().clock.samples().max(after);
         // The last sample of a contact shows the instant of contact, not a full sample.
         let partial = usize::from(motion.contact.is_some());
+        // The start is there even if a contact ends the first sample.
         let recorded = motion.len().saturating_sub(partial).max(1);
         let world = self.world.at_start(&motion.start);
         let body = |sample: usize, i: usize| world.lane_body(i, &motion.at(sample)[i].state);

@@ -81,6 +81,7 @@ impl RunsMonitor {
             return None;
         };
         let numbers = part_of(numbers, monitor.numbers(), run);
+        // Kept, because a decisive sample takes the whole batch back.
         before.copy_from_slice(numbers);
         monitor.push_all(numbers, columns, count, work)
     }
@@ -106,6 +107,7 @@ impl RunsMonitor {
                 let count = monitor.numbers();
                 monitor.ended(&numbers[run * count..][..count], sample + 1)
             }
+            // `finish` consumes a monitor, and further samples may follow.
             RunsMonitor::General(monitors) => monitors[run].clone().finish(),
         }
     }
@@ -151,6 +153,8 @@ impl RunsJudge {
     ///
     /// `None` if the rulebook judges whole traces.
     pub fn new(rulebook: &Rulebook, samples: usize, runs: usize) -> Option<RunsJudge> {
+        // Other judges need the whole trace, and other counts the motion of
+        // the bodies.
         let fits = rulebook.judge == JudgeKind::UntilViolation && rulebook.counts.is_violation();
         let rules = rulebook
             .rules
@@ -182,6 +186,7 @@ impl RunsJudge {
         if new.stop.is_none() && self.is_uneventful(new) {
             return None;
         }
+        // Taken out and put back, because judging borrows the whole judge.
         let mut row = std::mem::take(&mut self.row);
         let decided = (0..new.count).find_map(|i| {
             new.columns.read_row(i, &mut row);
@@ -217,6 +222,8 @@ impl RunsJudge {
             }
         }
         if !calm {
+            // `all` stops at the first rule that may be lost, so later rules
+            // have read nothing.
             let read = self.rules.iter_mut().take(read);
             read.for_each(|rule| rule.take_back(new.run));
         }

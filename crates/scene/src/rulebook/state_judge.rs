@@ -100,6 +100,7 @@ impl StateJudge {
             JudgeKind::UntilContact if broken.is_some() => broken.map(|rule| rulebook.foul(rule)),
             JudgeKind::UntilContact | JudgeKind::WholeRun => stop.map(|_| whole(rulebook, ended)),
         };
+        // After the verdict, which needs the true margins.
         self.merge(state);
         verdict
     }

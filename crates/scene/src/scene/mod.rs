@@ -86,6 +86,7 @@ impl Axis {
     /// An axis of one value has only the first bin.
     pub fn bin(&self, value: f64, bins: usize) -> usize {
         let width = self.hi - self.lo;
+        // A fixed quantity has a single bin, and a width of 0 must not divide.
         if width <= 0.0 {
             return 0;
         }

@@ -129,6 +129,7 @@ impl Testbench {
 
     /// Returns the record of the episode played from `start` under `actions`.
     pub fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+        // The record of an undecided episode is no result.
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
         let mut scratch = Scratch::default();
         // Robustness is that of the judged samples, as in the verdict: the

@@ -151,6 +151,8 @@ impl FaultLog {
         state.add(start, fault);
         let invalid: u64 = state.faults.iter().map(|fault| fault.count).sum();
         let never_ran = invalid == state.episodes;
+        // With an allowed share single faults are expected, unless no episode
+        // ever ran.
         let patient = self.0.allowed > 0.0 && !never_ran;
         // A program that cannot be started will not start later either.
         if fault.kind == FaultKind::CannotStart || (streak >= PATIENCE && !patient) {

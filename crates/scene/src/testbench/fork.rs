@@ -49,6 +49,7 @@ impl Testbench {
             advances: self.advances,
             aftermath: self.aftermath,
             recording: self.recording.clone(),
+            // It is built again on first use.
             replayer: None,
             limit: self.limit.clone(),
             played: self.played.clone(),

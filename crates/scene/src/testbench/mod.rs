@@ -97,6 +97,7 @@ impl Testbench {
             decisions: 0,
             advances: 0,
             aftermath: Aftermath::Skip,
+            // Reference drivers replay the motion, so their worlds record it.
             recording: MotionRecorder::enabled(matches!(
                 rulebook.counts,
                 Counts::Preventable { .. }
@@ -371,9 +372,12 @@ impl Testbench {
     fn take(&mut self, outcome: StepOutcome) {
         self.advances += 1;
         let stop = match outcome {
+            // The sample that is recorded below is the last one.
             StepOutcome::Going if self.samples_left() == 1 => Some(Stop::Horizon),
             StepOutcome::Going => None,
             StepOutcome::Contact(touch) => {
+                // Before `push_motion`, which notes the contact with the
+                // sample.
                 self.contact = Some(touch);
                 Some(Stop::Contact)
             }

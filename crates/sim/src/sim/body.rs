@@ -103,6 +103,8 @@ impl Body {
     /// # Errors
     /// The first syntax error with its position, or the first value out of range.
     pub fn parse(text: &str) -> Result<Body, BodyError> {
+        // With these extensions a body file writes optional fields without
+        // `Some`.
         let extensions = Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES;
         let options = ron::Options::default().with_default_extension(extensions);
         let body: Body = options.from_str(text)?;
@@ -225,6 +227,8 @@ fn restitution() -> f64 {
 }
 
 fn is_restitution(value: &f64) -> bool {
+    // Exact equality, so that a written body omits the field only if it reads
+    // back alike.
     *value == restitution()
 }
 

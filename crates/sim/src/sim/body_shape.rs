@@ -89,6 +89,8 @@ impl BodyShape {
         let least_m = size.length_m.min(size.width_m).min(size.height_m);
         match self {
             BodyShape::Box => Ok(()),
+            // A larger radius would leave the core of the shape with a
+            // negative size.
             BodyShape::Rounded { corner_radius_m } => within(
                 "shape.corner_radius_m",
                 *corner_radius_m,
@@ -107,6 +109,7 @@ impl BodyShape {
 
 fn validate_parts(parts: &[BodyPart], size: &BodyDimensions) -> Result<(), InvalidBody> {
     within("shape.parts", parts.len() as f64, 1.0, MOST as f64)?;
+    // Reversed infinities, so that the first part sets every bound.
     let mut whole: Bounds = [(f64::INFINITY, f64::NEG_INFINITY); 3];
     for part in parts {
         let bounds = part.validate()?;
@@ -130,6 +133,8 @@ fn validate_parts(parts: &[BodyPart], size: &BodyDimensions) -> Result<(), Inval
             return Err(InvalidBody { field, value, want });
         }
     }
+    // A part may hover above the ground, as a car's body does, but never reach
+    // below it.
     within("shape.parts, lowest", up.0, 0.0, size.height_m)
 }
 

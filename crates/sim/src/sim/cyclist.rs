@@ -61,6 +61,7 @@ impl Cyclist {
 impl BodyModel for Cyclist {
     fn validate(&self, size: &BodyDimensions) -> Result<(), InvalidBody> {
         within("wheelbase_m", self.wheelbase_m, 0.1, size.length_m)?;
+        // Within this overhang the rear axle lies inside the body.
         let room_m = size.length_m - self.wheelbase_m;
         within("front_overhang_m", self.front_overhang_m, 0.0, room_m)?;
         within("wheel_radius_m", self.wheel_radius_m, 0.05, size.height_m)?;

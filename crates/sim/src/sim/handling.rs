@@ -86,6 +86,7 @@ impl Tyres {
         let wetness = (5.0 * (1.0 - friction)).min(5.0 * (friction - 0.2));
         let above_mps = (speed_mps.abs() - WET_REFERENCE_MPS).max(0.0);
         let loss = wetness.clamp(0.0, 1.0) * self.wet_loss_s_per_m * above_mps;
+        // Far above 50 km/h the linear loss would exceed all of the friction.
         1.0 - loss.min(MOST_WET_LOSS)
     }
 }

@@ -53,6 +53,7 @@ impl VehicleLimits {
         VehicleLimits {
             grip_mps2: ground.friction * vehicle.grip * GRAVITY_MPS2,
             power_w_per_kg: vehicle.power_w / body.mass_kg,
+            // Curvature of the bicycle model: κ = tan δ / L.
             lock_per_m: libm::tan(vehicle.max_steer_rad) / vehicle.wheelbase_m,
             drag_per_m: 0.5 * AIR_KG_PER_M3 * vehicle.drag_area_m2 / body.mass_kg,
             rolling_mps2: vehicle.rolling_resistance * GRAVITY_MPS2,
@@ -71,6 +72,7 @@ impl VehicleLimits {
     /// Changes the external acceleration.
     pub(super) fn set_push(&mut self, push: Push) {
         self.push = push;
+        // The ground is set again, because the load share changes the grip.
         self.set_ground(self.ground);
     }
 
@@ -118,6 +120,7 @@ impl VehicleLimits {
             // At rest the brakes hold, and the throttle must overcome the resistance.
             // A push alone moves nothing.
             let pushed_mps2 = if tyre_mps2 > 0.0 { push_mps2 } else { 0.0 };
+            // Resistance alone must not push a standing vehicle backwards.
             ((tyre_mps2 - resistance_mps2 + pushed_mps2).max(0.0), false)
         };
         let rest_after_s = if stops {
@@ -151,6 +154,7 @@ impl VehicleLimits {
         if demand * demand <= lateral_squared {
             return locked;
         }
+        // Tyre use at the limit may round the rest below 0, which has no root.
         let circle = lateral_squared.max(0.0).sqrt() / speed_squared;
         locked.clamp(-circle, circle)
     }
@@ -171,10 +175,13 @@ impl VehicleLimits {
             (wanted, speed_mps)
         };
         let after = before + along * dt_s;
+        // Below the power limit no square root is needed.
         if along <= 0.0 || along * after <= self.power_w_per_kg {
             return wanted;
         }
         let reachable = (before * before + 2.0 * self.power_w_per_kg * dt_s).sqrt();
+        // Near the limit the mean power of the step allows more than the
+        // command wants.
         let powered = ((reachable - before) / dt_s).min(along);
         if speed_mps < 0.0 { -powered } else { powered }
     }

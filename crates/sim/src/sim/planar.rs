@@ -159,6 +159,8 @@ impl SizedRect<'_> {
     /// Returns the clearance along the four face normals (the separating axes).
     pub(super) fn separations(&self, other: &SizedRect) -> [Separation; 4] {
         let (a, b) = (self.rect, other.rect);
+        // Bodies keep sine and cosine of their headings, so no angle is
+        // computed here.
         let (dx, dy) = (b.x_m - a.x_m, b.y_m - a.y_m);
         // Relative heading. The projections below need only its absolute values.
         let cos = (a.cos * b.cos + a.sin * b.sin).abs();
@@ -291,6 +293,7 @@ impl Face {
 pub(super) fn far_apart(a: &SizedRect, b: &SizedRect, reach_m: f64) -> bool {
     let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
     let radii = a.extent.radius_m + b.extent.radius_m + reach_m;
+    // Squares are compared, which needs no square root.
     radii * radii < dx * dx + dy * dy
 }
 

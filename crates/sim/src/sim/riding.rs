@@ -69,6 +69,8 @@ impl CyclistLimits {
 
     /// Changes the external acceleration. Wind from the side is balanced by the lean.
     pub(super) fn set_push(&mut self, push: Push) {
+        // Wheels lose load on a slope, so the grip is recomputed from the
+        // friction.
         self.push_mps2 = push.along_mps2;
         self.grip_mps2 = self.friction * GRAVITY_MPS2 * push.load_share;
     }
@@ -94,6 +96,8 @@ impl CyclistLimits {
             f64::INFINITY
         };
         let circle = self.grip_mps2 * self.grip_mps2 - tyre_mps2 * tyre_mps2;
+        // Equal steps that fill `dt_s` exactly, so that no short step is left
+        // at the end.
         let steps = libm::ceil(dt_s / STEP_S).max(1.0);
         RideStep {
             drive: DriveStep {
@@ -102,6 +106,8 @@ impl CyclistLimits {
                 rest_after_s,
             },
             curvature_per_m,
+            // The acceleration along the heading has priority, as with
+            // vehicles.
             lateral_mps2: self.cyclist.max_lateral_mps2.min(circle.max(0.0).sqrt()),
             lean_rate_mps3: self.cyclist.lean_rate_mps3,
             balance_mps: self.cyclist.balance_mps,
@@ -113,11 +119,13 @@ impl CyclistLimits {
     ///
     /// The rider brakes to keep the top speed, and stands on a foot at rest.
     fn pushed_mps2(&self, tyre_mps2: f64, speed_mps: f64, dt_s: f64) -> f64 {
+        // Without a push the acceleration keeps its exact bits.
         if self.push_mps2 == 0.0 || dt_s <= 0.0 {
             return tyre_mps2;
         }
         let net_mps2 = tyre_mps2 + self.push_mps2;
         if speed_mps <= 0.0 {
+            // The push must not roll a standing rider backwards.
             return if tyre_mps2 > 0.0 {
                 net_mps2.max(0.0)
             } else {
@@ -153,6 +161,8 @@ impl RideStep {
     pub(super) fn begin(&self, ride: Ride) -> Ride {
         let most_per_m = self.most_per_m(ride.speed_mps);
         Ride {
+            // After braking or a change of the ground the old curvature may be
+            // out of reach.
             curvature_per_m: ride.curvature_per_m.clamp(-most_per_m, most_per_m),
             ..ride
         }
@@ -164,6 +174,8 @@ impl RideStep {
         let mut steps = 0.0;
         while from_s < after_s {
             steps += 1.0;
+            // A product instead of a sum, so that rounding does not
+            // accumulate.
             let to_s = (steps * self.step_s).min(after_s);
             ride = self.integrate(start.speed_mps, &ride, from_s, to_s);
             from_s = to_s;
@@ -175,6 +187,8 @@ impl RideStep {
     pub(super) fn bounds(&self, start: &Ride, arm_m: f64, dt_s: f64) -> RideBounds {
         let (v0, v1) = (start.speed_mps, self.drive.speed_mps(start.speed_mps, dt_s));
         let top_mps = v0.max(v1);
+        // Below the balance speed the lean counts as at that speed, as in
+        // `leaned`.
         let least_mps = v0.min(v1).max(self.balance_mps);
         let (now, wanted) = (
             start.curvature_per_m.abs() * self.square(v0),
@@ -202,6 +216,8 @@ impl RideStep {
     /// Integrates one step between two times of the `advance`.
     fn integrate(&self, start_mps: f64, ride: &Ride, from_s: f64, to_s: f64) -> Ride {
         let speed_mps = self.drive.speed_mps(start_mps, to_s);
+        // The cyclist may come to rest within this step, and then moves no
+        // farther.
         let moving_s = to_s.min(self.drive.rest_after_s) - from_s.min(self.drive.rest_after_s);
         let length_m = 0.5 * (ride.speed_mps + speed_mps) * moving_s;
         let curvature_per_m = self.leaned(ride, speed_mps, to_s - from_s);

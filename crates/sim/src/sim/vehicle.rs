@@ -81,6 +81,8 @@ impl Vehicle {
 
     /// Returns the compression of the suspension under the body's own weight.
     pub fn sag_m(&self) -> f64 {
+        // A linear spring of frequency f compresses by g / (2πf)² under its
+        // load.
         let omega_per_s = core::f64::consts::TAU * self.suspension_hz;
         GRAVITY_MPS2 / (omega_per_s * omega_per_s)
     }

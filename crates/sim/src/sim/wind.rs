@@ -55,6 +55,8 @@ impl Wind {
         // The speed of the body through the air.
         let against_mps = state.speed_mps - air.x;
         let still_mps = state.speed_mps;
+        // Products with the absolute value keep the sign of each speed, also
+        // in a tail wind.
         let along = still_mps * still_mps.abs() - against_mps * against_mps.abs();
         let side_area_m2 = SIDE_COEFFICIENT * body.length_m * body.height_m;
         (

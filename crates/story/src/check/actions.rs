@@ -65,6 +65,7 @@ impl Check<'_, '_> {
         ) {
             return;
         }
+        // An unknown actor counts as number 0, which may not exist.
         for actor in actors.all().filter(|it| *it < self.names.agents.len()) {
             let name = &self.names.agents[actor];
             let lanes = self.names.lanes[actor];

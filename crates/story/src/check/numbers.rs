@@ -27,6 +27,7 @@ impl Check<'_, '_> {
                 (*value, format!("{value}, a value of `{name}`,"))
             }
         };
+        // The range excludes NaN, which compares with nothing.
         if !(least..=MOST).contains(&value) {
             let help = format!("write a number from {least} to {MOST}");
             self.wrong(path, format!("{caption} is out of bounds"), &help);

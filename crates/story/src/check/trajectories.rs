@@ -22,6 +22,7 @@ impl Check<'_, '_> {
     ) -> Option<Arc<TrajectoryPath>> {
         let before = self.problems.len();
         let checked = self.trajectory(path, trajectory);
+        // A curve of wrong numbers would only report the same mistakes again.
         if self.problems.len() > before {
             return None;
         }

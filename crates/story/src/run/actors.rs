@@ -24,6 +24,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             .start
             .iter()
             .filter(|group| group.iter().all(is_true));
+        // Only groups that hold have started the act. Agents of others do not
+        // count.
         let mut found = Vec::new();
         for number in groups.flatten() {
             let CheckedExpression::Agents { agents, is, .. } = &self.board.conditions[*number].is
@@ -38,6 +40,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             };
             found.extend(agents.iter().filter(|it| instant.agent(**it, is).holds));
         }
+        // Sorted, so that agents act in the order of their numbers.
         found.sort_unstable();
         found.dedup();
         self.run.triggering[number] = found;
@@ -48,6 +51,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         let mut all = actors.named.clone();
         if let Some(act) = actors.triggering_of {
             let more = self.run.triggering[act].iter();
+            // Named actors act once, even if they trigger as well.
             all.extend(more.filter(|it| !actors.named.contains(it)));
         }
         all

@@ -28,6 +28,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     }
 
     fn earlier(&self, next_s: f64, other_s: f64) -> f64 {
+        // An end in the past is handled already, and would stop time.
         if self.now_s < other_s {
             next_s.min(other_s)
         } else {
@@ -43,6 +44,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
                 at_s,
             };
             let now = self.run.expressed(&*self.stage, condition, look);
+            // Without an earlier key there is nothing to differ from.
             run.key().is_none_or(|key| key == now.key)
         };
         if is_same(next_s) {
@@ -64,6 +66,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
                 to_s = middle_s;
             }
         }
+        // The later end, where the expression has certainly changed.
         to_s
     }
 
@@ -74,6 +77,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             let starts = run.life == Life::Standby;
             let lives = starts || run.life == Life::Running;
             let start = element.start.iter().filter(move |_| starts);
+            // A stop trigger also counts while its element waits.
             let stop = element.stop.iter().filter(move |_| lives);
             start.chain(stop).flatten().copied()
         })

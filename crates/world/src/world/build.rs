@@ -233,6 +233,7 @@ fn assemble(
             family_check::family(&mut problems, &place, family, &spec, &file.reuse.0)
         });
     }
+    // The checks below read a spec that is complete only without a mistake.
     let is_sound = problems.is_empty();
 
     // Formulas are bound to all available signals first. Then only used signals

@@ -27,6 +27,7 @@ const MAX_PLACE_M: f64 = 1e7;
 
 /// Reports a number outside of `lo ..= hi`.
 pub(super) fn within(problems: &mut Problems, path: &ValuePath, value: f64, lo: f64, hi: f64) {
+    // The range excludes NaN, which a comparison with its ends would let pass.
     if !(lo..=hi).contains(&value) {
         let what = format!("{value} is outside of {lo} ..= {hi}");
         problems.add(path, what, "out of range", None);
@@ -101,6 +102,7 @@ pub(super) fn clock(problems: &mut Problems, path: &ValuePath, clock: &Clock) {
             problems.add(&path.to(field), what, "no multiple", help);
         }
     }
+    // A step of exactly 0.02 s passes, whatever its rounding.
     if 0.02 + 1e-9 < clock.sample_s / f64::from(clock.substeps.max(1)) {
         let what = format!(
             "a physics step of {} s is longer than 0.02 s",
@@ -272,6 +274,8 @@ pub(super) fn free_name(problems: &mut Problems, path: &ValuePath, name: &str, t
 
 /// Checks the world's name, after which files are named.
 pub(super) fn world_name(problems: &mut Problems, path: &ValuePath, name: &str) {
+    // Files are named after the world, so its name contains no path and no
+    // space.
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
         let what = format!("`{name}` cannot name a world");
@@ -352,6 +356,7 @@ pub(super) fn script(problems: &mut Problems, path: &ValuePath, script: &Script)
             Vec::new()
         }
     };
+    // Two entries at one time would leave their order open.
     if !times.is_sorted_by(|a, b| a < b) || times.iter().any(|at_s| *at_s < 0.0) {
         let what = "the times of a script rise from 0 on".to_owned();
         problems.add(path, what, "out of order", None);

@@ -85,6 +85,8 @@ pub(super) fn default_goals(
 ) -> Vec<TrainingGoal> {
     let signals = rulebook.spec.signals();
     let mut names = signals.iter().map(|at| schema.signals()[*at].name.as_str());
+    // Severity belongs to contacts, so only a specification about them gets
+    // the goal.
     let is_of_contacts =
         names.any(|name| matches!(name.rsplit('.').next(), Some("gap" | "contact")));
     let is_default_learner = learner.name() == LearnerConfig::default().name();

@@ -42,6 +42,7 @@ fn affordable_samples(scenario: &Scenario) -> usize {
     // Counted without the stage, whose roads are drawn up to their crossings.
     let driving = scenario.drive().map(|it| it.spec().agents.len());
     let agents = driving.unwrap_or_else(|| scenario.bench().stage().agents.len());
+    // Pairs of bodies make a sample's cost grow with the square of the agents.
     TRIED_SAMPLES / (agents / FEW_AGENTS).max(1).pow(2)
 }
 
@@ -111,6 +112,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
             return;
         }
         bench.begin(&start, 0, Aftermath::Skip);
+        // An empty trace means that the first row was refused.
         if bench.trace().is_empty() {
             // One example suffices: the other starts probably have the same cause.
             let what = "a signal is not finite at the start".to_owned();
@@ -199,6 +201,7 @@ impl GroundRectangle {
         let sides = || self.half_m.into_iter().chain(other.half_m);
         sides().all(|axis| {
             let reach: f64 = sides().map(|side| axis.dot(&side).abs()).sum();
+            // Strict, so that bodies which only touch may start.
             axis.dot(&apart).abs() < reach
         })
     }
@@ -330,6 +333,8 @@ fn excluding(scenario: &Scenario, i: usize, j: usize, tries: usize) -> (Oddity, 
 
 /// Kept rules of some runs to the horizon. The last run may have kept all.
 fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
+    // Without rules, and judged as a whole, no run ends before its horizon or
+    // a contact.
     let lawless = Rulebook {
         rules: Vec::new(),
         judge: JudgeKind::WholeRun,

@@ -146,6 +146,7 @@ fn with_whole_delay(sensors: Sensors, clock: &Clock) -> Sensors {
 pub(super) fn check_geometry(problems: &mut Problems, spec: &DriveSpec, entries: &[usize]) {
     let top = ValuePath::top();
     for spec in spec.extreme_roads() {
+        // A mistake at one end usually recurs at others.
         if !problems.is_empty() {
             return;
         }

@@ -124,6 +124,7 @@ impl Family {
     pub fn draw(&self, world: &str, key: StartKey) -> EgoSample {
         if !self.mixture.is_empty() {
             let shares: Vec<f64> = self.mixture.iter().map(|(share, _)| *share).collect();
+            // A stream of its own, so that a mixture changes no other draw.
             let at = pick(&shares, &mut key.generator(world, "mixture"));
             return self.mixture[at].1.clone();
         }
@@ -165,6 +166,7 @@ impl Family {
 
     fn draw_plant(&self, rng: &mut impl Rng) -> PlantKind {
         let total: u32 = self.plants.iter().map(|(_, weight)| weight).sum();
+        // `random_range` panics on an empty range.
         let mut left = rng.random_range(0..total.max(1));
         for &(plant, weight) in &self.plants {
             if left < weight {
@@ -263,6 +265,7 @@ impl Family {
                 return false;
             }
         }
+        // Parameters of another kind of controller have no nominal values.
         if controller.controller.kind() == base.controller.controller.kind() {
             for own in controller.parameters() {
                 let nominal = parameter(&base.controller, own.name);

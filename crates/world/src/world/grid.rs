@@ -191,6 +191,7 @@ fn moves(problems: &mut Problems, path: &ValuePath, ado: &GridAdoFile) {
     }
     for (i, step) in ado.moves.iter().enumerate() {
         let place = path.to("moves").at(i);
+        // Saturating, because the least integer has no absolute value.
         let far = (MAX_SIDE as i32) < step.0.saturating_abs().max(step.1.saturating_abs());
         if far {
             let what = format!("a move of ({}, {}) cells", step.0, step.1);

@@ -25,6 +25,7 @@ pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
             help: Some("replay it: `brakecheck replay FILE`".to_owned()),
         });
     }
+    // The reader of scenarios reports a text without any word.
     let Some(span) = first_word(text) else {
         return Ok(WorldKind::Scenario);
     };

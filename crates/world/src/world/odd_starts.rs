@@ -126,7 +126,9 @@ fn too_near(spec: &DriveSpec, obstacle: &Agent) -> Option<String> {
     let is_in_the_way = aside_m < 0.5 * (wide_m + ego.body.width_m);
     let grip_mps2 = spec.road.friction() * GRAVITY_MPS2;
     let fastest_mps = speed_mps.hi;
+    // Way of full braking: v² / (2 μ g).
     let stop_m = fastest_mps * fastest_mps / (2.0 * grip_mps2);
+    // Starts that overlap are an error of their own.
     (is_in_the_way && gap_m >= 0.0 && gap_m < stop_m).then(|| {
         format!(
             "`{}` may stand {gap_m:.1} m ahead of the ego, which needs {stop_m:.1} m to stop from {fastest_mps} m/s at the limit of the road",

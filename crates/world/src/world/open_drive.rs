@@ -161,6 +161,7 @@ fn raw(road: &OwnRoad) -> String {
 }
 
 fn lanes(road: &LaneRoad) -> String {
+    // `{:?}` writes numbers that read back bit for bit.
     let texts = road.pieces.iter().map(|piece| match piece {
         Piece::Line { length_m } => format!("Line(length_m: {length_m:?})"),
         Piece::Arc { length_m, radius_m } => {

@@ -83,6 +83,8 @@ fn curvature(
     reach_m: f64,
     piece_m: f64,
 ) {
+    // At the radius of the road its inner border would be a point, and an arc
+    // turns by half a circle at most.
     let most_per_m = (0.99 / reach_m).min(core::f64::consts::PI / piece_m);
     if !(0.0..=most_per_m).contains(&curvature_per_m.abs()) {
         let what = format!("a curvature of {curvature_per_m:?} per metre");

@@ -111,6 +111,7 @@ fn in_order(problems: &mut Problems, place: &ValuePath, what: &str, stations_m: 
         problems.add(place, what, "too many", Some(help));
     }
     for (i, pair) in stations_m.windows(2).enumerate() {
+        // The negation of this also refuses NaN.
         let is_increasing = pair[0] < pair[1];
         if !is_increasing {
             let what = format!(

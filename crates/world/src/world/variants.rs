@@ -88,6 +88,7 @@ impl Scenario {
     /// Returns an error for a goal that is repeated or cannot be reached in this world.
     pub fn training_towards(&self, goals: &[TrainingGoal]) -> Result<Scenario, ChangeError> {
         let spec = self.drive().map(DriveScenario::spec);
+        // Every agent but the ego has a body that can touch it.
         let others = spec.map(|spec| spec.agents.len().saturating_sub(1));
         if let Some((what, help)) = counting::against_goals(goals, others) {
             return Err(ChangeError {
@@ -206,6 +207,7 @@ impl Scenario {
     /// A world of the rigid plant has one on the kinematic plant. `None` where roads have
     /// grades or banks, whose crests the kinematic plant does not feel, and for other worlds.
     pub fn screening(&self) -> Option<Scenario> {
+        // The kinematic plant knows no surface, so it is no model of slopes.
         let is_level = self
             .drive()
             .is_some_and(|driving| !driving.spec().has_slopes());

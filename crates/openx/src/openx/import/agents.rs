@@ -145,6 +145,7 @@ fn deviating(name: &str, plan: PlanFile) -> AdoFile {
             accelerations: vec![-1.0, 0.0, 1.0],
             lateral_mps: vec![-0.3, 0.0, 0.3],
         }),
+        // The middle of the nine pairs above, which adds nothing.
         neutral: 4,
         observe: None,
         rulebook: vec![
@@ -168,6 +169,7 @@ fn ego_drive(concrete: &Concrete, speed_mps: f64) -> Actuated<ControllerSpec> {
             cruise_gain_per_s: 20.0,
             max_accel_mps2: 5.0,
             max_brake_mps2: 5.0,
+            // So large that no bend slows the ego down.
             side_accel_mps2: 1000.0,
             plan_brake_mps2: 0.0,
             preview_s: 0.0,

@@ -148,6 +148,7 @@ impl ImportedBody {
         let stated = self.name.clone();
         let mut number = 2;
         while let Some(other) = others.clone().find(|it| it.name == self.name) {
+            // An equal body is the same entry of the world.
             if other.body == self.body {
                 break;
             }

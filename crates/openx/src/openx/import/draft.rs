@@ -269,6 +269,7 @@ pub(super) fn worlds(
 ) -> Result<Option<Vec<ImportedWorld>>, ron::Error> {
     let mut groups: Vec<DraftGroup> = Vec::new();
     for (index, draft) in drafts {
+        // A full list still takes drafts that share one of its worlds.
         let is_full = groups.len() == MOST_WORLDS;
         let group = groups.iter_mut().find(|group| group.fits(&draft));
         match group {

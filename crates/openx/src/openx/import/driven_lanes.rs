@@ -48,6 +48,7 @@ pub fn driven_lanes(path: &Path, files: Files<'_>) -> Result<Vec<DrivenLanes>, I
             .iter()
             .map(|it: &DrivenLanes| it.right_lane_m.len())
             .sum();
+        // Checked road by road, so that a hostile map stops early.
         few_places(node, points)?;
     }
     Ok(all)
@@ -138,6 +139,7 @@ fn lanes_of(
         [at.x_m, at.y_m]
     });
     let mut right_lane_m: Vec<[f64; 2]> = points.collect();
+    // Lanes on the left are driven against the reference line.
     if side > 0 {
         right_lane_m.reverse();
     }

@@ -128,6 +128,7 @@ fn is_empty_element(node: &XmlNode) -> bool {
 ///
 /// Returns each condition with its time.
 pub(super) fn times(group: &XmlNode) -> Option<Vec<(&XmlNode, &XmlNode)>> {
+    // A single other condition makes the group none of times.
     let pairs = group
         .children
         .iter()

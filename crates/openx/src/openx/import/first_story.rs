@@ -17,6 +17,7 @@ pub(super) fn with_first_story(
     write_words(&mut board, scope);
     let taken = |name: &str| file.all("Story").any(|it| it.raw("name") == Some(name));
     let mut names = ["Init", "init", "begin of the run"].into_iter();
+    // The stories of the file keep their names, which its conditions mention.
     let free = names.find(|name| !taken(name)).unwrap_or("Init");
     let name = [("name", free)];
     let init = board.children.iter_mut().find(|it| it.name == "Init");

@@ -374,6 +374,7 @@ fn keeps_road(
     let fixed = beside
         .iter()
         .all(|(id, _)| line.lanes.fixed_m(*id).is_some());
+    // A world's own road has right-hand lanes that follow its stations.
     Ok(at.lane < 0
         && at.forward
         && !line.is_left_hand

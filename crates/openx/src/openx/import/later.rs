@@ -31,6 +31,7 @@ pub(super) struct TimedPath {
 /// Earliest time in seconds at which a way is driven that begins with a speed.
 pub(super) fn driven_s(bounds: &[SpeedBound], first_mps: f64, way_m: f64) -> f64 {
     let mut sorted = bounds.to_vec();
+    // Bounds come in the order of the file and not of time.
     sorted.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     // Speeds only grow here: a slower one need not come, or not for long.
     let (mut time_s, mut left_m, mut speed_mps) = (0.0, way_m, first_mps);

@@ -254,6 +254,7 @@ fn at(timed: &[TimedPlace], x: f64, of: impl Fn(TimedPlace) -> (f64, f64)) -> f6
     let mut pairs = timed
         .windows(2)
         .map(|pair| (of(pair[0]), of(pair[1])))
+        // Half open, so that a value at a place belongs to one pair.
         .filter(|(from, to)| from.0 <= x && x < to.0);
     let ends = timed.first().zip(timed.last());
     match (pairs.next(), ends) {

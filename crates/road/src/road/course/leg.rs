@@ -109,6 +109,8 @@ impl Leg {
                 most_m: [self.start.x_m.max(end.x_m), self.start.y_m.max(end.y_m)],
             };
         }
+        // A bent leg is bounded by its disc, which needs no extreme of the
+        // arc.
         let LegDisc { middle_m, radius_m } = self.disc();
         LegBox {
             least_m: middle_m.map(|at_m| at_m - radius_m),

@@ -215,6 +215,7 @@ impl Actions {
                 let ((a, a_moves), (b, b_moves)) = (grid.at(a), grid.at(b));
                 let moves: Vec<f64> = grid.lateral.iter().map(|it| it.towards()).collect();
                 let lateral = among(&moves, a_moves.towards(), b_moves.towards());
+                // Acceleration and lateral move count alike.
                 0.5 * (among(&grid.accelerations, a, b) + lateral)
             }
             Actions::Walks(list) => {
@@ -237,6 +238,7 @@ impl Actions {
                     let values = of(part);
                     among(&values, values[a], values[b])
                 };
+                // The three rates count alike.
                 (apart(0) + apart(1) + apart(2)) / 3.0
             }
             Actions::Deviate(added) => {

@@ -18,7 +18,10 @@ impl DriveScene {
         if samples == 0 {
             return None;
         }
+        // A copy, because the recorded episode ends at the contact.
         let mut plant = self.state.plant.fork();
+        // The kinematic plant resolves no collisions, so rapier takes its
+        // bodies over.
         if !plant.collide(contact.pair) {
             plant = self.handed_over();
             plant.collide(contact.pair);
@@ -56,6 +59,7 @@ impl DriveScene {
         };
         pushed.retain(|push| hit(&push.agent));
         let after = AfterContact {
+            // Fewer frames than wanted if the physics broke down.
             duration_s: frames.len() as f64 * spec.clock.sample_s,
             collisions: collisions
                 .iter()

@@ -29,6 +29,8 @@ impl DriveWorld {
         let (sin, cos) = libm::sincos(wrapped(at.heading_rad));
         BodyAttitude {
             z_m: profile.height_m(at.s_m, at.lateral_m),
+            // Gradients of the surface along and across the heading. Climbing
+            // is a negative pitch.
             pitch_rad: -libm::atan(rise * cos + bank * sin),
             roll_rad: -libm::atan(rise * sin - bank * cos),
         }
@@ -40,6 +42,7 @@ impl DriveWorld {
     /// moves in the plane, and its bodies lie on their roads.
     pub fn attitude(&self, agent: usize, pose: &Pose, placement: &Placement) -> BodyAttitude {
         let agent = &self.spec().agents[agent];
+        // The kinematic plant knows no height, so its bodies lie on the road.
         if self.spec().plant == PlantKind::Kinematic {
             return self.attitude_on(agent.road, pose);
         }

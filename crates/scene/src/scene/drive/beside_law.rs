@@ -63,6 +63,7 @@ impl BesideRun {
         }
         // As fast as it can still stop beside the target.
         let stopping_mps = (2.0 * self.law.most_decel_mps2 * left_m.abs()).sqrt();
+        // No faster than to arrive at the end of the step.
         let closing_mps = stopping_mps.min(left_m.abs() / for_s);
         let sideways_mps = target.lateral_mps + closing_mps.copysign(left_m);
         let most_mps = self.law.most_mps.min(speed_mps);

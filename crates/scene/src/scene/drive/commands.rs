@@ -122,6 +122,7 @@ impl DriveScene {
             let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
             return Err(Fault { message, ..fault });
         }
+        // Only the commands of a foreign ego cannot be computed again.
         if self.layout.spec.ego.is_foreign() {
             self.commands.push(command);
         }

@@ -42,6 +42,8 @@ impl DriveSpec {
         seen.push(format!("{}.accel", name(ego)));
         for &other in &others {
             seen.push(format!("{}.speed", name(other)));
+            // With a lag the acceleration is a state of its own, which no
+            // speed implies.
             if matches!(&self.agents[other].drive, Drive::Ado { lag_s, .. } if 0.0 < *lag_s) {
                 seen.push(format!("{}.accel", name(other)));
             }

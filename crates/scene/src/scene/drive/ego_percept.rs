@@ -92,6 +92,8 @@ pub fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
 fn in_ego_frame(seen: &mut Seen, ego: &BodyState, other: &BodyState) {
     [seen.x_m, seen.y_m] = ego.pose.frame().to_local(other.pose.point_m()).into();
     let turned_rad = other.pose.heading_rad - ego.pose.heading_rad;
+    // Within half a turn the remainder is the angle itself, so most need no
+    // call.
     seen.heading_rad = if turned_rad.abs() <= PI {
         turned_rad
     } else {

@@ -107,6 +107,8 @@ impl EnvironmentRange {
         let Range { lo, hi } = self.range;
         if self.quantity == EnvironmentQuantity::SensorDelay {
             let steps = ((hi - lo) / sample_s).round();
+            // Every multiple of the sample is equally likely, both ends
+            // included.
             let step = (share * (steps + 1.0)).floor().min(steps);
             // The last step is the end itself, which a sum could exceed by
             // rounding.

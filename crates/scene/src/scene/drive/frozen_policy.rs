@@ -352,6 +352,8 @@ impl Frozen {
         let Some(temperature) = drawn_at else {
             return Some(self.policy.act(&obs));
         };
+        // Keyed by episode, ado and sample, so that no draw depends on an
+        // earlier one.
         let key = [noise, ado as u64, scene.sample as u64];
         let mut dice = seed::generator("drawn action of a trained ado", &key);
         let mut units = || dice.random::<f64>();
@@ -363,6 +365,7 @@ impl Frozen {
         let mut row: Vec<f64> = inputs.collect();
         let basic = row.len();
         row.resize(basic + self.derived.len(), 0.0);
+        // In order, because a derived signal reads earlier ones.
         for (i, expr) in self.derived.iter().enumerate() {
             row[basic + i] = expr.eval(&row);
         }

@@ -26,6 +26,7 @@ impl DriveWorld {
         scene.bodies(&mut bodies);
         let mut motion = Motion::new(start.clone(), &bodies);
         let mut phases = vec![scene.frame().phases];
+        // The start is the first sample already.
         for sample in 0..clock.samples() - 1 {
             if sample % clock.samples_per_decision() == 0 {
                 let decision = sample / clock.samples_per_decision();

@@ -24,6 +24,7 @@ impl DriveScene {
 
     /// Returns the row of signals, which takes the memory of `self.row`.
     fn published(&mut self) -> Vec<f64> {
+        // Taken out and put back, because publishing borrows the whole scene.
         let mut row = std::mem::take(&mut self.row);
         row.resize(self.layout.schema.len(), 0.0);
         self.publish_into(&mut row);
@@ -32,6 +33,7 @@ impl DriveScene {
 
     /// Lets the actions of the storyboard begin that were due since the last sample.
     fn run_story(&mut self) {
+        // Only formulas read a row, and publishing one costs time.
         if !self.layout.story_formulas.is_empty() {
             let row = self.published();
             if let Some(story) = &mut self.story {
@@ -59,6 +61,7 @@ impl DriveScene {
             return;
         }
         self.run_story();
+        // A handle, because the loop below borrows the plans mutably.
         let layout = Arc::clone(&self.layout);
         // The end is computed from the sample number, so rounding errors do not
         // add up.
@@ -140,6 +143,8 @@ impl DriveScene {
             let Some(run) = run else {
                 continue;
             };
+            // The plan has run to the end of the sample, and the contact cuts
+            // it short.
             let arrived = run.planned(self.layout.network.course_of(i), time_s);
             let planned = &mut self.state.planned[i];
             let (ahead_m, left_m) = (

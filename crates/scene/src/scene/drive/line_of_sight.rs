@@ -67,6 +67,8 @@ impl Footprint {
     /// the line within the two strips must overlap (Kay, Kajiya 1986).
     fn hides(&self, from: Point2<f64>, to: Point2<f64>) -> bool {
         let (from, to) = (self.frame.to_local(from), self.frame.to_local(to));
+        // The line crosses the box only where it is between both pairs of
+        // edges at once.
         let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
         for (axis, half_m) in [self.half_length_m, self.half_width_m]
             .into_iter()
@@ -112,6 +114,7 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
         let seen = seen.get_or_insert_with(|| vec![true; states.len()]);
         for (i, (sees, state)) in seen.iter_mut().zip(states).enumerate() {
             let footprint = Footprint::of(&spec.agents[i].body, &state.pose);
+            // The ego always perceives itself, also without any visibility.
             *sees &= i == ego || footprint.distance_m(eye) <= reach_m;
         }
     }
@@ -150,6 +153,7 @@ pub(super) fn visible<'a>(
     let on_wheels = |i: &usize| !spec.agents[*i].body.is_on_foot();
     let sees = |seen: usize| {
         let points = boxes[seen].points();
+        // A single visible point suffices.
         points.into_iter().any(|point| {
             // A body does not hide itself, and the eye lies on the ego's box.
             let mut third = (0..boxes.len()).filter(|&i| i != ego && i != seen);

@@ -302,6 +302,7 @@ impl Scene for DriveScene {
     }
 
     fn reset(&mut self, start: &Start, noise: u64) {
+        // Before the bodies spawn, because the start may draw their road.
         let laid = self.set_environment(start);
         let layout = Arc::clone(&self.layout);
         self.clear();
@@ -335,6 +336,7 @@ impl Scene for DriveScene {
         }
         self.arrivals.clear();
         self.arrivals.resize(self.plans.len(), Arrival::default());
+        // Before the storyboard, whose numbers may be parameters.
         self.state.parameters.clear();
         self.state
             .parameters

@@ -198,6 +198,7 @@ impl Swing {
             return 0.0;
         }
         if self.is_jump() {
+            // The change is over now, so its end moves to this instant.
             self.begins_s = from_s - self.lasts_s;
             return self.by_m - done_m;
         }
@@ -207,6 +208,8 @@ impl Swing {
         }
         let aside_m = way_m.copysign(self.by_m);
         let share = self.shape.share_of((done_m + aside_m) / self.by_m);
+        // The beginning moves, so that the curve goes on from the place that
+        // is reached.
         self.begins_s = to_s - share * self.lasts_s;
         aside_m
     }
@@ -244,5 +247,6 @@ pub(super) fn forward_part(total: f64, lateral: f64) -> f64 {
 ///
 /// They count from the episode's start, so that they are the same for all sample times.
 pub(super) fn next_step_s(time_s: f64) -> f64 {
+    // The tolerance keeps rounding from returning the same instant again.
     ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S
 }

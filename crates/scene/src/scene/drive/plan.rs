@@ -345,10 +345,14 @@ impl MeetEgo<f64> {
                 "let the ego start farther away, or make `steady` shorter",
             ));
         }
+        // From rest at even acceleration, the mean speed is half of the final
+        // one.
         let ramp_s = 2.0 * ramp_m / self.speed_mps;
         let (from_mps, begins_s) = if ramp_s <= left_s {
             (0.0, left_s - ramp_s)
         } else {
+            // Too little time for a start from rest: the initial speed makes
+            // the mean fit.
             (2.0 * ramp_m / left_s - self.speed_mps, 0.0)
         };
         Ok(Approach {

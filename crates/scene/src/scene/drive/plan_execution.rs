@@ -344,12 +344,14 @@ impl PlanRun {
 
     /// Returns whether a lateral motion may be faster than the body, now or later.
     fn may_lag(&self, swing: &Swing, time_s: f64) -> bool {
+        // The body may slow down before the lateral motion ends.
         let slowest_mps = self.ramp.speed_mps(time_s).min(self.ramp.to_mps);
         swing.over.is_some() || slowest_mps < swing.most_mps()
     }
 
     /// Advances between two instants at which no law begins or ends.
     fn move_on(&mut self, course: &Course, from_s: f64, to_s: f64) -> Driven {
+        // Without a lag the whole interval has a closed form.
         let Some(mut swing) = self.swing.filter(|it| self.may_lag(it, from_s)) else {
             let way_m = self.ramp.way_m(from_s, to_s);
             let aside_m = self
@@ -559,6 +561,8 @@ impl PlanConstants {
     /// slow body turns slowly and a standing one not at all.
     fn turned(&self, from_rad: f64, to_rad: f64, way_m: f64) -> f64 {
         let turn_rad = wrapped(to_rad - from_rad);
+        // The rear follows the front, so the turn is at most the way over the
+        // lever.
         let most_rad = way_m.abs() / self.lever_m;
         if turn_rad.abs() <= most_rad {
             to_rad

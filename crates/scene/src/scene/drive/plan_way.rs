@@ -135,6 +135,8 @@ impl TimedLegs {
         let (mut from_s, mut from_m, mut mps) = (now_s, begun_m, now_mps);
         for place in places.iter().filter(|it| it.value > now_s + SAME_S) {
             let (for_s, way_m) = (place.value - from_s, place.s_m - from_m);
+            // Exact places and times leave no freedom, so the speed jumps at
+            // each place.
             let (start_mps, end_mps, lasts_s) = if !law.is_smooth {
                 (way_m / for_s, way_m / for_s, for_s)
             } else if way_m <= SAME_M {

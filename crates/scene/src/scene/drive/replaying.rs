@@ -24,6 +24,7 @@ impl DriveWorld {
     pub fn for_replay(&self) -> DriveWorld {
         let mut layout = DriveLayout::clone(&self.0);
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
+        // A replay commands the ego itself, so no program of an ego starts.
         Arc::make_mut(&mut layout.spec).ego.controller = EgoController::Recorded(Arc::from([]));
         DriveWorld(Arc::new(layout))
     }
@@ -142,6 +143,7 @@ impl Onward {
             along_mps.abs() / brake_mps2
         };
         let lanes = at.lateral_m / road.lane_width_m();
+        // A body that moves sideways goes on to the middle of the next lane.
         let next = if across_mps < 0.0 {
             libm::floor(lanes)
         } else {

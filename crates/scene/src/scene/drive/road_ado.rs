@@ -33,6 +33,8 @@ impl RoadAdo {
     /// heading turns it by that angle only.
     pub(super) fn piece(&self, course: &Course, curvature_per_m: f64) -> Piece {
         let end_rad = course.pose(course.end_s_m(), 0.0).heading_rad;
+        // Within these headings the road always advances, so no piece meets an
+        // earlier one.
         let most_per_m = (MAX_HEADING_RAD - end_rad).max(0.0) / self.piece_m;
         let least_per_m = (-MAX_HEADING_RAD - end_rad).min(0.0) / self.piece_m;
         piece_of(self.piece_m, curvature_per_m.clamp(least_per_m, most_per_m))

@@ -55,6 +55,8 @@ impl DriveScene {
             return Ok(());
         };
         let course = self.layout.network.main();
+        // The road must reach beyond every road user, and not beyond the ego
+        // alone.
         let fronts_m = self.state.on_road.iter().map(|at| at.s_m);
         let foremost_m = fronts_m.fold(f64::NEG_INFINITY, f64::max);
         if foremost_m + ado.ahead_m <= course.end_s_m() {
@@ -63,6 +65,8 @@ impl DriveScene {
         let piece = ado.piece(course, self.state.next_curvature_per_m);
         let layout = Arc::new(self.layout.with_piece(piece)?);
         self.state.change_roads(&layout.spec, &layout.network);
+        // An ego knows the road by its briefing, so a new piece needs a new
+        // one.
         self.controller.brief(&layout.briefing());
         self.layout = layout;
         Ok(())
@@ -85,6 +89,7 @@ impl DriveWorld {
         Arc::make_mut(&mut layout.spec).remove_laid_pieces();
         let mut laid = ado.listed as f64;
         for (&count, &curvature_per_m) in pieces.iter().zip(curvatures) {
+            // The column repeats its count until another piece is laid.
             if count <= laid {
                 continue;
             }

@@ -72,6 +72,8 @@ impl Sensing {
     pub fn look(&mut self, percept: &mut Percept, noise_scale: f64) {
         if self.delay > 0 {
             self.seen.push_back(percept.clone());
+            // Until the delay has passed, the first percept stands for the
+            // older ones.
             let old = if self.delay < self.seen.len() {
                 self.seen.pop_front()
             } else {

@@ -169,6 +169,7 @@ impl DriveSpec {
     /// Keeps the present values of some quantities, whatever a start draws.
     pub fn fix_environment(&mut self, fixes: impl Fn(EnvironmentRange) -> bool) {
         for it in &mut self.environment {
+            // The axis stays, so that starts keep their number of values.
             it.applies &= !fixes(*it);
         }
     }
@@ -194,6 +195,8 @@ impl DriveLayout {
         spec.remove_laid_pieces();
         spec.set_environment(start);
         let mut environment = spec.environment.iter();
+        // A network is expensive to build, so only a change of geometry builds
+        // one.
         if has_laid_pieces || environment.any(|it| it.quantity.is_of_geometry()) {
             layout.network = Arc::new(spec.network()?);
         }
@@ -214,6 +217,7 @@ impl DriveScene {
         self.state.change_roads(&layout.spec, &layout.network);
         self.sensing = Sensing::new(layout.spec.sensors, layout.spec.clock.sample_s);
         if !Arc::ptr_eq(&layout.network, &self.layout.network) {
+            // An ego knows the geometry by its briefing.
             self.controller.brief(&layout.briefing());
         }
         self.layout = layout;

@@ -82,6 +82,7 @@ impl SceneState {
         self.spec = Arc::clone(spec);
         self.network = Arc::clone(network);
         let surface = surface_of(spec, network);
+        // A plane that stays a plane needs no new ground.
         if surface.is_some() || self.surface.is_some() {
             self.plant.lay(surface.as_ref());
         }
@@ -91,6 +92,7 @@ impl SceneState {
     /// Returns to t = 0 without agents, with the first phases and the first weather.
     pub(super) fn clear(&mut self) {
         self.plant.clear(ground(&self.spec));
+        // `Plant::clear` leaves a plane, so the surface is laid again.
         if self.surface.is_some() {
             self.plant.lay(self.surface.as_ref());
         }
@@ -100,6 +102,7 @@ impl SceneState {
             .extend(self.spec.lights.iter().map(LightState::first));
         let weather = self.spec.weather.as_ref();
         self.weather = weather.map(|it| WeatherState::first(it, self.spec.road.friction()));
+        // A story sets the friction anew in each episode.
         self.friction = None;
         self.next_curvature_per_m = 0.0;
         self.touch = None;
@@ -378,7 +381,10 @@ impl SceneState {
         let crossings = self.network.crossings(a, b);
         let mut ways = crossings.iter().map(|it| sign * it.s_m - own_m);
         let length_m = self.spec.agents[a].body.length_m;
+        // A crossing under the own body still counts, so up to its length
+        // behind.
         let next_m = ways.clone().find(|way_m| -length_m <= *way_m);
+        // Past all crossings the last one counts, with a negative distance.
         next_m.or_else(|| ways.next_back())
     }
 }

@@ -137,6 +137,8 @@ impl LaneKeeper {
     ) -> f64 {
         let most_mps = MAX_SLIP * speed_mps.abs();
         let moving_mps = self.lag.step(lateral_mps).clamp(-most_mps, most_mps);
+        // The acceleration of the reference is fed forward, so that the loop
+        // does not lag.
         let feed_mps2 = quotient(moving_mps - self.reference_mps, sample_s);
         self.reference_mps = moving_mps;
         self.reference_m += moving_mps * sample_s;
@@ -149,6 +151,7 @@ impl LaneKeeper {
         };
         let drift_mps = speed_mps * sine(slip_rad) - moving_mps;
         let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
+        // Second-order loop: ω²·offset + 2ζω·drift, less the feed-forward.
         let wish_mps2 =
             OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;
         let keeping_per_m = quotient(-wish_mps2, speed_mps * speed_mps);

@@ -117,6 +117,8 @@ impl StoryExecution {
         plans: &mut [Option<PlanRun>],
         chosen: &[Maneuver],
     ) -> Vec<SceneChange> {
+        // Before the first sample the past is the present, so that laws begin
+        // at once.
         if self.past.motions.is_empty() {
             self.past = PastSample::of(state, plans, chosen);
         }
@@ -267,6 +269,7 @@ impl SampleStage<'_> {
             AgentTrace::Open => return self.past.motions[agent].ahead(at_s - self.past.from_s),
             AgentTrace::Unknown => {}
         }
+        // Marked first, because agents may wait for each other in a circle.
         self.traces.borrow_mut()[agent] = AgentTrace::Open;
         let motions = self.trace(agent);
         let motion = traced(&motions, at_s);
@@ -294,6 +297,7 @@ impl SampleStage<'_> {
         }
         let from = &self.past.motions[agent];
         let lasts_s = self.to_s - self.past.from_s;
+        // At the start the sample has no duration.
         let share = if lasts_s > 0.0 {
             (at_s - self.past.from_s) / lasts_s
         } else {

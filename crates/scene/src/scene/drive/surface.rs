@@ -21,6 +21,7 @@ pub(super) fn surface_of(spec: &DriveSpec, network: &RoadNetwork) -> Option<Grou
     if spec.plant == PlantKind::Kinematic || !spec.has_slopes() {
         return None;
     }
+    // No body drives off the surface within the horizon.
     let reach_m = reach_m(spec);
     let mut mesh = SurfaceMesh::default();
     for (road, course) in network.courses().iter().enumerate() {
@@ -81,6 +82,7 @@ pub(super) struct AboveRoad {
 pub(super) fn crest_hides(profile: &RoadProfile, from: AboveRoad, to: AboveRoad) -> bool {
     let height_m = |at: AboveRoad| profile.height_m(at.s_m, 0.0) + at.height_m;
     let (from_m, to_m) = (height_m(from), height_m(to));
+    // Without the first point, which is the eye itself.
     (1..SIGHT_POINTS).any(|i| {
         let share = f64::from(i) / f64::from(SIGHT_POINTS);
         let sight_m = from_m + share * (to_m - from_m);

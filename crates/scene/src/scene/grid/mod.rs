@@ -80,6 +80,8 @@ impl GridWorld {
         };
         let derived = spec.derived.iter().map(bind).collect::<Result<_, _>>()?;
         let find = |observed: &super::Observed| match schema.position(&observed.name) {
+            // The reciprocal, so that observations have the bits of
+            // `Observed::scaled`.
             Some(position) => Ok((position, observed.mid, 1.0 / observed.half)),
             None => Err(SceneError::Observed {
                 name: observed.name.clone(),

@@ -143,6 +143,7 @@ pub fn position_of(start: &Start, arena: &Arena) -> Position {
     let highest = f64::from(arena.side() - 1);
     let at = |i: usize| {
         let value = start.0.get(i).copied().unwrap_or(0.0);
+        // A perturbed start may lie between cells or off the map.
         value.round().clamp(0.0, highest) as i32
     };
     Position {

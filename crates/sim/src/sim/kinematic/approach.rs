@@ -26,6 +26,8 @@ pub(super) fn meet(
     horizon_s: f64,
 ) -> Option<(f64, ContactGeometry)> {
     let (mut rect_a, mut rect_b) = (a.rect(&path_a.start), b.rect(&path_b.start));
+    // The bounds hold for any point, so circles decide most pairs without an
+    // axis.
     let reach_m = (path_a.speed_bound_mps + path_b.speed_bound_mps) * horizon_s;
     if far_apart(&a.shape(&rect_a), &b.shape(&rect_b), reach_m) {
         return None;
@@ -62,6 +64,8 @@ pub(super) fn meet(
             .into_iter()
             .map(safe)
             .fold(0.0, f64::max);
+        // A contact at the very end belongs to the next `advance`, which
+        // begins there.
         if horizon_s <= after_s {
             return None;
         }

@@ -53,6 +53,7 @@ impl Bicycle {
         } = step.bounds(&ride, arm_m, dt_s);
         BodyPath {
             start: Anchor {
+                // The clamped curvature, from which `after` integrates.
                 curvature_per_m: ride.curvature_per_m,
                 ..start
             },

@@ -45,6 +45,8 @@ impl LaneVehicle {
         };
         let (at, arm_m) = (mover.at, mover.arm_m());
         Some(LaneVehicle {
+            // A placeholder, because `advance` replaces the path before
+            // anything reads it.
             path: wheels.arc_under(0.0, 0.0, at, arm_m, 0.0),
             front_ahead_m: mover.front_ahead_m(),
             accel_mps2: 0.0,
@@ -97,6 +99,8 @@ impl LaneVehicle {
     #[inline]
     fn follow(&mut self, elapsed_s: f64) {
         let before_mps = self.at.speed_mps;
+        // Unwound after every sample, because the plant does it and the bits
+        // must agree.
         self.at = Wheels::after(self.path.start, self.path.drive, elapsed_s).unwound();
         self.accel_mps2 = (self.at.speed_mps - before_mps) / elapsed_s;
     }
@@ -130,6 +134,8 @@ impl KinematicLanes {
     ) {
         let spawned = Mover::spawned(body, ground, pose, speed_mps);
         let vehicle = &mut self.vehicles[vehicle];
+        // Only the state is copied: sizes and limits are the same in every
+        // run.
         (vehicle.at, vehicle.accel_mps2) = (spawned.at, spawned.accel_mps2);
     }
 
@@ -137,6 +143,7 @@ impl KinematicLanes {
     #[inline]
     pub fn load(&mut self, run: usize) {
         self.vehicles.iter_mut().for_each(|it| it.load(run));
+        // A fault belongs to one run and must not end the next.
         self.is_faulty = false;
     }
 
@@ -180,6 +187,8 @@ impl KinematicLanes {
     #[inline]
     fn first_contact(&self, dt_s: f64) -> Option<Contact> {
         let (mut first, mut horizon_s) = (None, dt_s);
+        // The order of pairs is that of the plant, so that ties give the same
+        // contact.
         for (b, vehicle_b) in self.vehicles.iter().enumerate() {
             for (a, vehicle_a) in self.vehicles[..b].iter().enumerate() {
                 // Cheaper than the search for a contact, which most pairs never need.
@@ -227,6 +236,7 @@ impl KinematicLanes {
 /// Returns what `meet` finds out first, from the positions alone.
 #[inline]
 fn are_far_apart(a: &LaneVehicle, b: &LaneVehicle, horizon_s: f64) -> bool {
+    // Circles need the middle alone, without heading and velocity.
     let middle = |it: &LaneVehicle| {
         let (at, back_m) = (&it.path.start, -it.mover.anchor_ahead_m);
         Rect {

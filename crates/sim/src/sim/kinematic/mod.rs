@@ -119,6 +119,8 @@ impl Plant for Kinematic {
             BodyCommand::Carry { to } => mover.glide(&to, Passing::Nothing),
             // Bodies that jump in a replay pass gliding ones as these pass each other.
             BodyCommand::Jump { to } => {
+                // The next path then has no length, so the jump touches
+                // nothing on its way.
                 mover.glide(&to, Passing::Others);
                 mover.arrive();
             }

@@ -101,6 +101,8 @@ impl Wheels {
             },
             drive,
             speed_bound_mps: top_mps * (1.0 + turn),
+            // Turning carries the net acceleration of the axle to the farthest
+            // point.
             accel_bound_mps2: drive.net_mps2.abs() * (1.0 + turn) + centripetal_mps2,
         }
     }
@@ -118,6 +120,8 @@ impl Wheels {
     /// Returns the state of the rear axle after a time on its arc.
     #[inline]
     pub(super) fn after(start: Anchor, drive: DriveStep, after_s: f64) -> Anchor {
+        // The arc ends where the vehicle stops, or a brake would drive it
+        // backwards.
         let moving_s = after_s.min(drive.rest_after_s);
         let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);
         let speed_mps = drive.speed_mps(start.speed_mps, after_s);

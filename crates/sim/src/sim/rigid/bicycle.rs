@@ -34,6 +34,7 @@ impl Bicycle {
                 rect.x_m - behind_m * rect.cos,
                 rect.y_m - behind_m * rect.sin,
             ),
+            // A footprint keeps no angle, but the model integrates one.
             heading_rad: libm::atan2(rect.sin, rect.cos),
             direction: (rect.cos, rect.sin),
             speed_mps: limits.within_limit(rect.along_mps()),

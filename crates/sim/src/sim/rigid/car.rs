@@ -304,6 +304,8 @@ impl Car {
 
     fn aim(&mut self, speed_mps: f64) {
         let forwards = self.target_mps >= 0.0;
+        // With a strict sign a standing car would count as reversing and never
+        // drive off.
         self.target_mps = if forwards {
             speed_mps.max(0.0)
         } else {
@@ -356,6 +358,8 @@ impl Motor for Car {
     }
 
     fn set_push(&mut self, push: Push) {
+        // Wind leaves the load share alone, so only a new slope changes the
+        // wheels' friction.
         let is_on_slope = self.limits.push().load_share != push.load_share;
         self.limits.set_push(push);
         if is_on_slope {

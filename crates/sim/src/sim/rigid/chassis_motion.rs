@@ -27,6 +27,8 @@ impl ChassisMotion {
         let (mut ahead_x, mut ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
         // A body that a collision stood on its nose has the heading of its sides.
         if ahead_x * ahead_x + ahead_y * ahead_y < UPENDED {
+            // The side is still level, and a quarter turn to the right of it
+            // lies the heading.
             let left = self.pose.rotation * Vector::Y;
             (ahead_x, ahead_y) = (f64::from(left.y), -f64::from(left.x));
         }
@@ -81,6 +83,8 @@ impl ChassisMotion {
         ChassisMotion {
             pose: Pose::from_parts(
                 self.pose.translation.lerp(end.pose.translation, share),
+                // Over the small turn of one step a linear mix suffices and
+                // needs no sine.
                 self.pose.rotation.lerp(end.pose.rotation, share),
             ),
             linear: self.linear.lerp(end.linear, share),

@@ -62,6 +62,8 @@ impl Collisions {
         pairs.sort_unstable();
         pairs.dedup();
         for running in &mut self.running {
+            // Added first and reset below for every pair that still exerts a
+            // force.
             running.quiet_s += dt_s;
         }
         for &(a, b) in &pairs {
@@ -97,6 +99,8 @@ impl Collisions {
     pub(super) fn take(&mut self) -> Vec<Collision> {
         self.end(|_| true);
         let mut ended = std::mem::take(&mut self.ended);
+        // Ties are broken by the numbers, so that the order never depends on
+        // rapier's.
         ended.sort_by(|a, b| a.after_s.total_cmp(&b.after_s).then(a.pair.cmp(&b.pair)));
         ended
     }

@@ -80,6 +80,7 @@ impl Motor for Foot {
             sin,
             vx_mps,
             vy_mps,
+            // The model has no turn: a walker keeps its heading.
             yaw_rate_rad_per_s: 0.0,
         }
     }

@@ -46,6 +46,8 @@ impl Motor for PlaybackBody {
                     sin,
                     ..self.rect
                 };
+                // Otherwise a rewind would mix the pose with the one before
+                // the jump.
                 self.before = self.rect;
                 self.to = None;
             }

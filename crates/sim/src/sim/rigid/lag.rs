@@ -42,6 +42,7 @@ impl BrakeLag {
             return command_mps2;
         }
         let wanted_mps2 = (-command_mps2).min(most_mps2);
+        // A weaker command releases at once, as `Brakes` documents.
         let start_mps2 = self.before.braking_mps2.min(wanted_mps2);
         let waited_s = self.before.waited_s + dt_s;
         let rising_s = (waited_s - self.delay_s).clamp(0.0, dt_s);
@@ -90,6 +91,7 @@ impl SteeringLag {
     /// Returns the curvature of the wheels after a step under a command.
     pub(super) fn step(&mut self, curvature_per_m: f64, dt_s: f64) -> f64 {
         self.before_rad = self.now_rad;
+        // The rate limits the angle of the wheels and not the curvature.
         let wanted_rad = libm::atan(self.wheelbase_m * curvature_per_m);
         let most_rad = self.rate_rad_per_s * dt_s;
         self.now_rad += (wanted_rad - self.now_rad).clamp(-most_rad, most_rad);

@@ -55,6 +55,7 @@ impl LooseBody {
 impl Motor for LooseBody {
     /// Accepts every command and follows none.
     fn command(&mut self, _: BodyCommand) -> bool {
+        // A refused command would make the plant unsound.
         true
     }
 
@@ -67,6 +68,7 @@ impl Motor for LooseBody {
     }
 
     fn release(&mut self, world: &mut RapierWorld) {
+        // A second collision must not unlock the axes again.
         if self.held.take().is_none() {
             return;
         }

@@ -188,6 +188,8 @@ impl Rigid {
                 let Some((share, contact_geometry)) = touch(sweep_a, sweep_b) else {
                     continue;
                 };
+                // Strictly less, so that of equal shares the pair with the
+                // lowest numbers wins.
                 if first.as_ref().is_none_or(|best| share < best.share) {
                     let pair = (BodyId(a), BodyId(b));
                     first = Some(FirstTouch {
@@ -247,14 +249,18 @@ impl Plant for Rigid {
     }
 
     fn collide(&mut self, touching: (BodyId, BodyId)) -> bool {
+        // Bodies that pass through each other have no contact to resolve.
         if self.passing {
             return false;
         }
         self.world.solid();
         let at = &self.sweeps[touching.0.0].after;
+        // Near the contact, because f32 positions are finest near their
+        // origin.
         let origin_m = self.world.origin_near(at.x_m, at.y_m);
         let mut ids = Vec::with_capacity(self.movers.len());
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
+            // Vehicles are in rapier already, and other bodies enter here.
             ids.push(match mover.motor.join(&mut self.world, origin_m) {
                 Some(id) => id,
                 None => {
@@ -315,6 +321,7 @@ impl Plant for Rigid {
         }
         let is_colliding = self.collisions.is_some();
         let finer = if is_colliding { FINER_STEPS } else { 1 };
+        // 0 substeps of a caller would divide by 0.
         let steps = substeps.max(1) * finer;
         let step_s = dt_s / f64::from(steps);
         let mut contact = None;
@@ -341,6 +348,8 @@ impl Plant for Rigid {
             contact = Some(contact_geometry.contact(pair, elapsed_s));
             break;
         }
+        // A contact reported again after 0 s keeps the acceleration and
+        // divides by nothing.
         if elapsed_s > 0.0 {
             for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
                 mover.accel_mps2 = (sweep.after.along_mps() - mover.before_mps) / elapsed_s;

@@ -285,6 +285,8 @@ impl ConvexPart {
         // A valid outline has an area, so its prism has a hull.
         let hull = SharedShape::convex_hull(&corners);
         ConvexPart {
+            // A stand-in that valid bodies never reach, because library code
+            // does not panic.
             core: hull.unwrap_or_else(|| SharedShape::ball(half_m)),
             middle: Vector::new(0.0, 0.0, 0.5 * (up_m.0 + up_m.1)),
             radius_m: 0.0,
@@ -386,6 +388,7 @@ impl ConvexPart {
             &mut manifolds,
             &mut None,
         );
+        // Without a manifold the closest point alone gives the contact.
         if done.is_err() {
             return Vec::new();
         }

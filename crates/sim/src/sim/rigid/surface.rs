@@ -53,6 +53,8 @@ impl GroundSurface {
         // From above the whole surface, so that the ray meets its upper side first.
         let from = Vector::new(x_m as f32, y_m as f32, high_m + ABOVE_M);
         let ray = Ray::new(from, Vector::new(0.0, 0.0, -1.0));
+        // The ray ends a metre below the lowest point, so that rounding loses
+        // no hit there.
         let most_m = high_m - low_m + 2.0 * ABOVE_M;
         let hit = self
             .shape
@@ -72,6 +74,8 @@ impl SurfacePoint {
         // The heading without its part through the surface: a body keeps its direction.
         let ahead = (heading - self.normal * heading.dot(&self.normal)).normalize();
         let left = self.normal.cross(&ahead);
+        // Unchecked is sound here: the three vectors are perpendicular unit
+        // vectors.
         let basis = Rotation3::from_basis_unchecked(&[ahead, left, self.normal]);
         UnitQuaternion::from_rotation_matrix(&basis)
     }

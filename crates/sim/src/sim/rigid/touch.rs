@@ -62,6 +62,8 @@ impl SweptBody {
         self.after = stance.rect;
         self.in_space = stance.pose.map(|pose| match self.in_space {
             Some([_, before]) => [before, pose],
+            // The first pose on a surface has no predecessor and counts as
+            // rest.
             None => [pose; 2],
         });
         let (dx, dy) = (
@@ -208,6 +210,7 @@ impl RelativeMotion {
             } else {
                 level_m + self.dz_m * normal[2] + self.swing_m
             };
+            // Parts that move apart set no limit, however near they are.
             if closing_m > 0.0 {
                 least.free_share = least.free_share.min(gap_m / closing_m);
             }

@@ -162,6 +162,8 @@ impl TyreForces {
         let overload = load_n / wheel.static_n - 1.0;
         let friction = self.ground.friction
             * self.tyres.wet_share(self.ground.friction, along_mps)
+            // A tenth remains, so that an overload never makes the friction
+            // negative.
             * (1.0 - self.tyres.load_loss * overload).max(0.1);
         let mu_across = friction * self.tyres.mu_across;
         // Tangent of the slip angle at the peak: the curve begins with the stiffness.

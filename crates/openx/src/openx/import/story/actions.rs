@@ -28,12 +28,14 @@ impl StoryWriter<'_> {
             self.survey.taken.get(&number),
             Some(TakenAction::Start | TakenAction::Approach)
         );
+        // An action that never begins moves nobody.
         if is_start || begin.at_s == f64::INFINITY {
             return false;
         }
         let (kind, node) = match content(part.node) {
             Ok(Some(content)) => content,
             Ok(None) => return false,
+            // The problem is reported when the action is written.
             Err(_) => return true,
         };
         match kind.name.as_str() {

@@ -97,6 +97,7 @@ impl TriggerReader<'_> {
     }
 
     fn condition(&self, condition: &XmlNode) -> EarliestBegin {
+        // A wrong delay is reported when the trigger is written.
         let delay_s = self.scope.number_or_zero(condition, "delay").unwrap_or(0.0);
         let read = condition.child("ByValueCondition").map(|it| self.value(it));
         // What the run decides comes no earlier than the element around it.

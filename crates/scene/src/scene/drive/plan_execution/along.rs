@@ -53,6 +53,7 @@ impl PlanRun {
             let off_mps = now_mps - aim_mps;
             let lasting = match size {
                 Dimension::Distance(way_m) => {
+                    // A mean speed of 0 drives no way and must not divide.
                     let mean_mps = (0.5 * (now_mps + aim_mps)).max(STANDS_MPS);
                     Dimension::Time(way_m / mean_mps)
                 }
@@ -214,6 +215,8 @@ impl PlanRun {
         }
         let on = course.locate(&other.pose);
         let along_mps = on.velocity_mps(other.speed_mps, other.lateral_mps).x;
+        // Beside a bend a body passes more or fewer stations than it drives
+        // metres.
         let stations_mps = along_mps / (1.0 - on.curvature_per_m * on.lateral_m);
         let towards = self.carried.direction().0.signum();
         let shorter = 1.0 - course.curvature_per_m(self.s_m) * self.lateral_m;
@@ -238,6 +241,7 @@ impl PlanRun {
             return None;
         };
         let [now, next] = [time_s, next_s].map(|at_s| (span.motion_of)(law.of, at_s));
+        // Plans never reverse.
         let paces_mps = [&now, &next].map(|other| self.pace_mps(&law, other, span).max(0.0));
         let now_mps = self.ramp.speed_mps(time_s);
         let step_s = next_s - time_s;
@@ -252,6 +256,8 @@ impl PlanRun {
             let grows_mps = match distance {
                 DistanceOrTime::Seconds(time_s) if step_s > 0.0 => {
                     let way_m = time_s * (paces_mps[1] - paces_mps[0]);
+                    // A headway that grows makes the leader faster and the
+                    // follower slower.
                     if leads {
                         way_m / step_s
                     } else {
@@ -344,6 +350,7 @@ impl PlanRun {
         };
         let (way_m, for_s) = (own_m - steady_m, left_s - steady_s);
         let step_s = next_s - time_s;
+        // With less than a step left the polynomial below has no room.
         if for_s <= step_s || way_m <= 0.0 {
             return Some([end_mps, end_mps]);
         }

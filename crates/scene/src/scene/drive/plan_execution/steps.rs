@@ -44,6 +44,7 @@ impl PlanRun {
                 }
                 PlanPhase::Acts { .. } if self.acts_until_s() <= time_s + SAME_S => {
                     let ends_s = self.acts_until_s();
+                    // A walk ends in a stand, whatever its next step is.
                     if let Some(MotionLaw::Walk { .. }) = self.steps[self.step].does.first() {
                         self.ramp = SpeedRamp::steady(0.0);
                     }
@@ -88,6 +89,7 @@ impl PlanRun {
         let profile = self.profile.front().map(|it| it.begins_s);
         let ramp = Some(self.ramp.ends_s());
         let changes = [Some(step_s), ramp, profile, along, beside, swing, law, leg];
+        // Only later instants: `settle` has dealt with the present one.
         let later = changes
             .into_iter()
             .flatten()

@@ -41,6 +41,7 @@ impl PlanRun {
         self.way = way;
         let on = self.course(own).locate(at);
         let bent_rad = wrapped(self.heading_rad - self.planned_rad);
+        // From now on the laws move the reference point, as stories do.
         self.carried.lever_m = self.carried.front_m;
         self.carried.facing_rad = on.heading_rad;
         (self.s_m, self.lateral_m) = (on.s_m, on.lateral_m);
@@ -96,6 +97,7 @@ impl PlanRun {
 
     /// Is at a pose of the reference point at once.
     pub(super) fn jump_to(&mut self, at: &Pose, road: Option<usize>, span: SampleSpan<'_>) {
+        // The displacement ends with the jump, and the added speed goes on.
         self.stray = Stray {
             ahead_mps: self.stray.ahead_mps,
             left_mps: self.stray.left_mps,

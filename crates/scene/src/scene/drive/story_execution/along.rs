@@ -134,6 +134,7 @@ impl SampleStage<'_> {
 ///
 /// OpenSCENARIO 1.3, `dynamicConstraints`: "unlimited dynamics (if omitted)".
 fn bounded(performance: SpeedLimits, own: &DynamicLimits<f64>) -> SpeedLimits {
+    // Without limits of its own an action is exact, whatever the performance.
     if own.is_unlimited() {
         SpeedLimits::NONE
     } else {

@@ -50,6 +50,8 @@ impl StoryFormulas {
     /// Lets a formula look back no further than the sample at or before an instant.
     pub(super) fn restart(&mut self, number: usize, monitor: &Monitor, at_s: f64) {
         let mut formula = WatchedFormula::new(monitor);
+        // Within the sample its beginning belongs to the past that the formula
+        // may see.
         if !self.before.is_empty() && at_s < self.now_s - SAME_S {
             formula.rate(&self.before, self.before_s);
         }
