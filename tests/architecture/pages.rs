@@ -130,7 +130,8 @@ fn every_page_that_is_named_exists() {
 
 #[test]
 fn a_page_that_is_named_without_a_link_is_seen() {
-    let text = "as in docs/guide/worlds.md. (worlds/bend.md); ../docs/glossary.md, `docs/`, docs/*.md";
+    let text =
+        "as in docs/guide/worlds.md. (worlds/bend.md); ../docs/glossary.md, `docs/`, docs/*.md";
     let docs: Vec<String> = named(text, "docs/").collect();
     assert_eq!(docs, ["docs/guide/worlds.md"]);
     let worlds: Vec<String> = named(text, "worlds/").collect();

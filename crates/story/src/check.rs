@@ -18,7 +18,7 @@ use crate::view::SceneChange;
 /// Greatest number of elements, and of conditions, so that a file allocates little.
 const MOST_PARTS: usize = 10_000;
 /// Greatest number of executions.
-const MOST_EXECUTIONS: u32 = 10_000;
+const MOST_EXECUTIONS: u32 = 1_000_000;
 /// Greatest time, speed and distance.
 const MOST: f64 = 1e6;
 
@@ -288,7 +288,9 @@ impl Check<'_, '_> {
         if kind != ElementKind::Storyboard {
             names.push(name.to_owned());
             let siblings = self.elements[parent].children.iter();
-            let is_second = siblings.clone().any(|it| self.elements[*it].path == names);
+            // Beyond the limit, names are not compared: that would take hours in a hostile file.
+            let is_second =
+                number < MOST_PARTS && siblings.clone().any(|it| self.elements[*it].path == names);
             if name.is_empty() || name.contains("::") {
                 let what = format!("`{name}` cannot be a name");
                 self.wrong(&path.to("name"), what, "write letters without `::`");

@@ -320,7 +320,13 @@ impl ParametricCurve {
         let after = self.lengths_m.partition_point(|it| *it <= s_m);
         let part = after.clamp(1, CubicPair::PARTS as usize);
         let (from_m, to_m) = (self.lengths_m[part - 1], self.lengths_m[part]);
-        let share = part as f64 - 1.0 + (s_m - from_m) / (to_m - from_m);
+        // A part without a length has a single point.
+        let within = if to_m > from_m {
+            (s_m - from_m) / (to_m - from_m)
+        } else {
+            0.0
+        };
+        let share = part as f64 - 1.0 + within;
         let parameter = share * self.pair.most / f64::from(CubicPair::PARTS);
         let (ahead, left) = (
             self.pair.ahead.slope(parameter),

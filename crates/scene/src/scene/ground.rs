@@ -69,7 +69,12 @@ pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
     for pair in line.windows(2) {
         let length_m = distance(pair[0], pair[1]);
         while next_m <= done_m + length_m {
-            let share = (next_m - done_m) / length_m;
+            // Two equal points of a line have no direction.
+            let share = if length_m > 0.0 {
+                (next_m - done_m) / length_m
+            } else {
+                0.0
+            };
             points.push(between(pair[0], pair[1], share));
             next_m += every_m;
         }

@@ -37,7 +37,6 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
     let changing = file.agents.iter().find_map(|agent| match agent {
         AgentFile::Weather(_) => Some("weather that an ado changes"),
         AgentFile::Road(_) => Some("a road that an ado lays"),
-        AgentFile::Turns { .. } => None,
         _ => None,
     });
     if let (Counts::Preventable { .. }, Some(changing)) = (&file.counts, changing) {

@@ -348,7 +348,7 @@ fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
     }
     let (actions, neutral) = (bench.spaces().actions, bench.spaces().neutral);
     let mut scratch = crate::stl::Scratch::default();
-    let mut samples = 0;
+    let (mut samples, affordable) = (0, affordable_samples(tried));
     for (i, start) in tried_starts(tried).iter().enumerate() {
         // The neutral action first: a run that keeps all rules ends the search
         // early.
@@ -366,7 +366,7 @@ fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
                 .collect();
             let together = kept.iter().all(|kept| *kept);
             runs.push(kept);
-            if together || runs.len() >= MAX_TRIALS || samples >= TRIED_SAMPLES {
+            if together || runs.len() >= MAX_TRIALS || affordable <= samples {
                 return runs;
             }
         }

@@ -115,7 +115,14 @@ impl SpeedRamp {
     pub(super) fn driven_s(&self, from_s: f64, way_m: f64) -> f64 {
         let changes_m = self.way_m(from_s, self.ends_s().max(from_s));
         if way_m >= changes_m {
-            return self.ends_s().max(from_s) + (way_m - changes_m) / self.to_mps;
+            let left_m = way_m - changes_m;
+            // A ramp to standstill ends exactly at its way: 0/0 would be no instant.
+            let after_s = if left_m > 0.0 {
+                left_m / self.to_mps
+            } else {
+                0.0
+            };
+            return self.ends_s().max(from_s) + after_s;
         }
         // The way grows with time, and each half of the interval holds its end or not.
         let (mut early_s, mut late_s) = (from_s, self.ends_s());
@@ -249,4 +256,24 @@ pub(super) fn forward_part(total: f64, lateral: f64) -> f64 {
 pub(super) fn next_step_s(time_s: f64) -> f64 {
     // The tolerance keeps rounding from returning the same instant again.
     ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_to_standstill_ends_at_exactly_its_way() {
+        let ramp = SpeedRamp {
+            from_mps: 10.0,
+            to_mps: 0.0,
+            rate_mps2: 2.0,
+            begins_s: 1.0,
+            shape: ChangeShape::Linear,
+        };
+        let way_m = ramp.way_m(1.0, ramp.ends_s());
+        assert_eq!(ramp.driven_s(1.0, way_m), ramp.ends_s());
+        assert_eq!(ramp.driven_s(1.0, way_m + 1.0), f64::INFINITY);
+        assert!(ramp.driven_s(1.0, way_m - 1.0) < ramp.ends_s());
+    }
 }

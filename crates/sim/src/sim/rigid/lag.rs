@@ -48,13 +48,20 @@ impl BrakeLag {
         let rising_s = (waited_s - self.delay_s).clamp(0.0, dt_s);
         let needed_s = (wanted_mps2 - start_mps2) / self.rise_mps3;
         self.now.waited_s = waited_s;
-        if needed_s <= rising_s {
+        // Without a build-up nothing is needed, but no brake answers before its delay.
+        let answers = rising_s > 0.0 || wanted_mps2 <= start_mps2;
+        if answers && needed_s <= rising_s {
             self.now.braking_mps2 = wanted_mps2;
             // Ramp, then constant, after what is left of the delay.
             let lost = 0.5 * needed_s + (dt_s - rising_s);
             return -(wanted_mps2 - (wanted_mps2 - start_mps2) * lost / dt_s);
         }
-        let gain_mps2 = self.rise_mps3 * rising_s;
+        // An infinite rise times no time is no number.
+        let gain_mps2 = if answers {
+            self.rise_mps3 * rising_s
+        } else {
+            0.0
+        };
         self.now.braking_mps2 = start_mps2 + gain_mps2;
         -(start_mps2 + 0.5 * gain_mps2 * rising_s / dt_s)
     }
@@ -124,11 +131,14 @@ mod tests {
     #[test]
     fn the_speed_lost_does_not_depend_on_the_step() {
         // 0.3 s: 0.1 s of delay, 0.15 s up to 7.5 m/s², and 0.05 s at 7.5 m/s².
-        let want_mps = 0.5 * 0.15 * 7.5 + 0.05 * 7.5;
-        for steps in [1, 2, 3, 7, 24, 100] {
-            let (mut lag, dt_s) = (brakes(0.1, 0.2), 0.3 / f64::from(steps));
-            let lost_mps: f64 = (0..steps).map(|_| -dt_s * lag.step(-7.5, 9.0, dt_s)).sum();
-            assert!((lost_mps - want_mps).abs() < 1e-9, "{steps}: {lost_mps}");
+        let with_rise_mps = 0.5 * 0.15 * 7.5 + 0.05 * 7.5;
+        // Without a build-up, the delay alone is lost.
+        for (build_up_s, want_mps) in [(0.2, with_rise_mps), (0.0, 0.2 * 7.5)] {
+            for steps in [1, 2, 3, 7, 24, 100] {
+                let (mut lag, dt_s) = (brakes(0.1, build_up_s), 0.3 / f64::from(steps));
+                let lost_mps: f64 = (0..steps).map(|_| -dt_s * lag.step(-7.5, 9.0, dt_s)).sum();
+                assert!((lost_mps - want_mps).abs() < 1e-9, "{steps}: {lost_mps}");
+            }
         }
     }
 
