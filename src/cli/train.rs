@@ -23,7 +23,7 @@ use super::{league, population, progress, table};
 use crate::population::{DistinctRequest, LeagueRequest};
 use crate::risk::RiskTraffic;
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{AdversaryId, RunDir, TrainingEnd};
+use crate::run_dir::{AdversaryId, CalibrationWarning, RunDir, TrainingEnd};
 use crate::sim::PlantKind;
 use crate::training::{
     Closing, OptionClash, PerAdoMode, SessionError, TrainRequest, TrainSession, TrainingOutcome,
@@ -258,7 +258,7 @@ fn print_trained(trained: &TrainingOutcome) {
 }
 
 /// Notes dropped episodes, an early end, and an ado that is not reliable.
-fn note_end(trained: &TrainingOutcome) {
+fn note_end(trained: &TrainingOutcome, closing: &Closing) {
     if trained.aborted > 0 {
         terminal::note(&format!(
             "{} episodes were dropped for faults of the ego or the physics",
@@ -274,10 +274,17 @@ fn note_end(trained: &TrainingOutcome) {
         let calibration = trained.done.calibration.as_ref();
         terminal::note(&format!("ended: {}", ended.in_words(calibration)));
     }
-    if let Some(warning) = trained.warning() {
+    if let Some(warning) = warning(trained, closing) {
         terminal::note(&format!("warning: {}", warning.what));
         terminal::note(&format!("  help: {}", warning.help));
     }
+}
+
+/// Returns the warning about an ado that solves fewer starts than a search.
+///
+/// Traffic cannot play all sequences of a search, so its ado is no worse for those.
+fn warning(trained: &TrainingOutcome, closing: &Closing) -> Option<CalibrationWarning> {
+    trained.warning().filter(|_| closing.traffic.is_none())
 }
 
 /// Decisions per second of processor time.
@@ -307,7 +314,7 @@ fn show(
                 .iter()
                 .for_each(|line| terminal::note(line));
         }
-        note_end(trained);
+        note_end(trained, closing);
         return Ok(());
     }
     let (run, world) = (session.run(), session.world());
@@ -323,7 +330,7 @@ fn show(
         "sought": run.manifest().sought,
         "calibration": trained.done.calibration,
         "ended": trained.done.ended,
-        "warning": trained.warning(),
+        "warning": warning(trained, closing),
         "traffic": closing.traffic,
         "rows": rows,
     }))
