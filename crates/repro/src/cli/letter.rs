@@ -28,7 +28,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
             path: at,
             step: *step,
         }));
-        let Some((baselines, first_s)) = baselines(study, path, letter.text(), &depends)? else {
+        let Some((baselines, first_s)) = baselines(study, path, letter.text())? else {
             return Ok(None);
         };
         let steps = LetterSteps {
@@ -65,9 +65,14 @@ fn baselines(
     study: &StudyRun<'_>,
     path: &LetterPath,
     text: &str,
-    depends: &BTreeSet<Probe>,
 ) -> Result<Option<(Vec<LetterBaselines>, f64)>, Failure> {
     // Baselines need no learner: paths of one world share them.
+    let first = LETTER_PATHS.iter().position(|it| it.world == path.world);
+    let letter = Probe::Letter {
+        path: first.unwrap_or_default(),
+        step: 0,
+    };
+    let depends = BTreeSet::from([Probe::Search, letter]);
     let unlearned = (LetterPath {
         learner: None,
         changes: &[],
@@ -81,7 +86,7 @@ fn baselines(
         let own = json!({ "starts": study.starts(), "switches": path.switches });
         let piece = format!("{}, {judge}", path.world);
         let made =
-            study.once(&piece, &scenario, depends, study.settings(own), |watch| {
+            study.once(&piece, &scenario, &depends, study.settings(own), |watch| {
                 let starts = test_starts(&scenario, study.seeds().starts, study.starts(), watch);
                 Ok(starts
                     .and_then(|starts| letter_baselines(&scenario, path.switches, &starts, watch)))

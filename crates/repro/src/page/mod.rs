@@ -108,13 +108,7 @@ impl Rows<'_> {
         let fresh: Vec<&ResultRow> = rows.iter().filter(|row| !row.depends.is_empty()).collect();
         let mut commands: Vec<(String, Vec<&ResultRow>)> = Vec::new();
         for row in fresh {
-            let command = format!(
-                "`repro {}` on {}, version {}, commit `{}`",
-                without_world(&row.command),
-                row.origin.date,
-                row.origin.version,
-                row.origin.commit
-            );
+            let command = format!("`repro {}`", without_world(&row.command));
             match commands.iter_mut().find(|(known, _)| *known == command) {
                 Some((_, rows)) => rows.push(row),
                 None => commands.push((command, vec![row])),

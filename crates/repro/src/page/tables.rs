@@ -90,7 +90,10 @@ pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
             "episodes",
             noted(rows, "paper-rows", &episodes(rows).to_markdown()),
         ),
-        ("table1", noted(rows, "table1", &captures(rows))),
+        (
+            "table1",
+            noted(rows, "table1", &captures(rows).to_markdown()),
+        ),
         (
             "near",
             noted(rows, "near-starts", &near(rows).to_markdown()),
@@ -109,7 +112,7 @@ pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
             noted(rows, "planners", &planners(rows).to_markdown()),
         ),
         ("others", others(rows)),
-        ("machine", machines(rows)),
+        ("origins", origins(rows)),
     ]
 }
 
@@ -117,16 +120,29 @@ fn noted(rows: &Rows<'_>, study: &str, table: &str) -> String {
     format!("{}\n\n{}", table.trim_end(), rows.notes(study).trim_end())
 }
 
-/// Returns the machines of all rows.
-fn machines(rows: &Rows<'_>) -> String {
-    let all = rows
+/// Returns the programs and machines of all rows that probes vouch for.
+fn origins(rows: &Rows<'_>) -> String {
+    let measured = rows
         .results
         .rows()
-        .map(|(_, row)| row.origin.machine.clone());
-    let mut machines: Vec<String> = all.filter(|machine| !machine.is_empty()).collect();
-    machines.sort();
-    machines.dedup();
-    machines.join(", or ")
+        .filter(|(_, row)| !row.depends.is_empty());
+    let mut origins: Vec<(String, Vec<&str>)> = Vec::new();
+    for (study, row) in measured {
+        let origin = &row.origin;
+        let text = format!(
+            "version {}, commit `{}`, {}, {}",
+            origin.version, origin.commit, origin.date, origin.machine
+        );
+        match origins.iter_mut().find(|(known, _)| *known == text) {
+            Some((_, studies)) if studies.contains(&study) => {}
+            Some((_, studies)) => studies.push(study),
+            None => origins.push((text, vec![study])),
+        }
+    }
+    let lines = origins
+        .iter()
+        .map(|(text, studies)| format!("- {}: {text}\n", studies.join(", ")));
+    lines.collect()
 }
 
 /// Returns the numbers of the rows of a study that have this form.
@@ -198,7 +214,7 @@ pub(crate) fn worlds_table<'a>(
         "with contact",
         "closing m/s",
         "avoided",
-        "fouls",
+        "rule violations",
         "recall (least)",
         "recall of 3",
         "search ≤ 2",
@@ -356,8 +372,12 @@ fn episodes(rows: &Rows<'_>) -> TextTable {
     ];
     let lines = read::<Measured>(rows, "paper-rows").flat_map(|(row, measured)| {
         let name = marked(&measured.world, rows.is_fresh(row));
-        let reached = measured.reached.clone().into_iter();
-        reached.map(move |reached| {
+        // The paper's own counts are all below a thousand.
+        let (last, earlier) = measured.reached.split_last().unzip();
+        let shown = earlier.into_iter().flatten();
+        let shown = shown.filter(|reached: &&Reached| reached.episodes < 1_000.0);
+        let shown: Vec<Reached> = shown.chain(last).cloned().collect();
+        shown.into_iter().map(move |reached| {
             [
                 name.clone(),
                 measured.learner.clone(),
@@ -370,53 +390,40 @@ fn episodes(rows: &Rows<'_>) -> TextTable {
     TextTable::new(columns, lines)
 }
 
-fn captures(rows: &Rows<'_>) -> String {
-    let mut text = String::new();
-    // The harder reading first, because a chaser solves the other one.
-    let mut all: Vec<_> = read::<GridCaptures>(rows, "table1").collect();
-    all.sort_by_key(|(row, _)| row.name != "grid_hard");
-    for (row, captures) in all {
-        let before = ["question", "map", "starts", "paper %", "optimum %"];
-        let columns = before
-            .map(str::to_owned)
-            .into_iter()
-            .chain(
-                captures
-                    .learners
-                    .iter()
-                    .map(|learner| format!("{learner} %")),
-            )
-            .chain(["random %", "chaser %"].map(str::to_owned));
-        let tenth = |share: f64| format!("{:.1}", 100.0 * share);
-        let lines = captures.cells.iter().map(|cell| {
-            let before = [
-                cell.question.clone(),
-                cell.map.clone(),
-                cell.starts.to_string(),
-                tenth(cell.paper),
-                tenth(cell.references.optimum),
-            ];
-            let learned = cell.trained.iter().map(|trained| {
+/// Captures of the paper's learner under the harder reading, which a chaser does not solve.
+fn captures(rows: &Rows<'_>) -> TextTable {
+    let columns = [
+        "question",
+        "map",
+        "paper %",
+        "PPO % [95 %]",
+        "random %",
+        "chaser %",
+    ];
+    let tenth = |share: f64| format!("{:.1}", 100.0 * share);
+    let hard = read::<GridCaptures>(rows, "table1").filter(|(row, _)| row.name == "grid_hard");
+    let lines = hard.flat_map(|(row, captures)| {
+        let is_fresh = rows.is_fresh(row);
+        let ppo = captures.learners.iter().position(|name| name == "Ppo");
+        captures.cells.into_iter().map(move |cell| {
+            let learned = ppo.and_then(|ppo| cell.trained.get(ppo)).map(|trained| {
                 let [lo, hi] = trained.ci95.map(tenth);
                 format!("{} [{lo}, {hi}]", tenth(trained.median))
             });
-            let after = [cell.references.random, cell.references.chaser].map(tenth);
-            before
-                .into_iter()
-                .chain(learned)
-                .chain(after)
-                .collect::<Vec<String>>()
-        });
-        text.push_str(&format!(
-            "`{}`:\n\n",
-            marked(&captures.world, rows.is_fresh(row))
-        ));
-        text.push_str(&TextTable::new(columns, lines).to_markdown());
-        text.push('\n');
-    }
-    text
+            [
+                marked(&cell.question, is_fresh),
+                cell.map,
+                tenth(cell.paper),
+                or_dash(learned),
+                tenth(cell.references.random),
+                tenth(cell.references.chaser),
+            ]
+        })
+    });
+    TextTable::new(columns, lines)
 }
 
+/// Widest and narrowest neighbourhood of each world.
 fn near(rows: &Rows<'_>) -> TextTable {
     let columns = [
         "world",
@@ -428,7 +435,13 @@ fn near(rows: &Rows<'_>) -> TextTable {
     let lines = read::<NearFailing>(rows, "near-starts").flat_map(|(row, near)| {
         let name = marked(&near.world, rows.is_fresh(row));
         let starts = near.starts;
-        near.rows.into_iter().map(move |row| {
+        let mut shown = near.rows;
+        shown.sort_by(|a, b| b.delta.total_cmp(&a.delta));
+        if let Some(narrowest) = shown.pop() {
+            shown.truncate(1);
+            shown.push(narrowest);
+        }
+        shown.into_iter().map(move |row| {
             let share = row.failing as f64 / row.near.max(1) as f64;
             [
                 name.clone(),
@@ -445,36 +458,53 @@ fn near(rows: &Rows<'_>) -> TextTable {
 fn crashes(rows: &Rows<'_>) -> TextTable {
     let columns = [
         "world",
-        "ado",
         "starts with a crash",
         "avoided, open loop",
         "avoided, closed loop",
         "side-swipes",
         "closing m/s",
+        "held",
+        "constant",
+        "search ≤ 1",
     ];
-    let lines = read::<CrashStudy>(rows, "crashes").flat_map(|(row, study)| {
-        let name = marked(&study.world, rows.is_fresh(row));
-        study.rows.into_iter().map(move |row: CrashRow| {
-            let of_found = |part: Option<usize>| or_dash(part.map(|part| share(part, row.found)));
-            [
-                name.clone(),
-                match row.seed {
-                    Some(seed) => format!("{} {seed}", row.ado),
-                    None => row.ado.clone(),
-                },
-                format!("{} of {}", row.found, row.starts),
-                of_found(row.avoided),
-                of_found(row.avoided_closed_loop),
-                row.side_swipes.to_string(),
-                or_dash(
-                    row.closing_mps
-                        .map(|closing| format!("{:.1}", closing.median)),
-                ),
-            ]
-        })
+    let lines = read::<CrashStudy>(rows, "crashes").map(|(row, study)| {
+        let (trained, others): (Vec<&CrashRow>, Vec<&CrashRow>) =
+            study.rows.iter().partition(|row| row.seed.is_some());
+        // One value per training.
+        let each = |cell: &dyn Fn(&CrashRow) -> String| {
+            let cells: Vec<String> = trained.iter().map(|row| cell(row)).collect();
+            cells.join(", ")
+        };
+        let of_found =
+            |part: Option<usize>, row: &CrashRow| or_dash(part.map(|part| share(part, row.found)));
+        // The order of `crash_study`.
+        let other = |at: usize| or_dash(others.get(at).map(|row| share(row.found, row.starts)));
+        [
+            marked(&study.world, rows.is_fresh(row)),
+            each(&|row| share(row.found, row.starts)),
+            each(&|row| of_found(row.avoided, row)),
+            each(&|row| of_found(row.avoided_closed_loop, row)),
+            each(&|row| row.side_swipes.to_string()),
+            each(&|row| or_dash(row.closing_mps.map(|it| format!("{:.1}", it.median)))),
+            other(0),
+            other(1),
+            other(2),
+        ]
     });
     TextTable::new(columns, lines)
 }
+
+/// Ados of the table about reuse. The file has the others.
+const REUSED: [&str; 8] = [
+    "nominal ado",
+    "wide",
+    "wide, tries",
+    "replays",
+    "heuristic",
+    "constant",
+    "search, held, 100",
+    "mutate, 30",
+];
 
 fn reuse(rows: &Rows<'_>) -> String {
     let mut text = String::new();
@@ -490,7 +520,11 @@ fn reuse(rows: &Rows<'_>) -> String {
             "recall inside (least)",
             "recall outside (least)",
         ];
-        let lines = blocks.ados.iter().map(|ado: &ReusedAdo| {
+        let shown = blocks
+            .ados
+            .iter()
+            .filter(|ado| REUSED.contains(&ado.ado.as_str()));
+        let lines = shown.map(|ado: &ReusedAdo| {
             let cell = |at: usize| {
                 or_dash(ado.recall[at].map(|mean| match &ado.least[at] {
                     Some((least, ego)) => {
