@@ -188,15 +188,36 @@ fn is_python_script(bytes: &[u8]) -> bool {
 
 /// Returns the first names of the modules that a Python text imports.
 fn imported(text: &str) -> BTreeSet<String> {
-    let lines = text.lines().map(str::trim_start);
-    let imports = lines.filter_map(|line| match line.split_once(char::is_whitespace) {
-        Some(("import", names)) => Some(names),
-        Some(("from", rest)) => Some(rest.split_once(" import").map_or(rest, |(name, _)| name)),
-        _ => None,
+    // Names in parentheses may go on over several lines.
+    let mut depth = 0_usize;
+    let joined: String = text
+        .chars()
+        .map(|c| {
+            match c {
+                '(' => depth += 1,
+                ')' => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            if c == '\n' && depth > 0 { ' ' } else { c }
+        })
+        .collect();
+    // A text with an open parenthesis in a comment or a string is read as it is, too.
+    let statements = joined.split(['\n', ';']).chain(text.split(['\n', ';']));
+    let imports = statements.filter_map(|line| {
+        match line.trim_start().split_once(char::is_whitespace)? {
+            ("import", names) => Some(names),
+            ("from", rest) => match rest.split_once(" import") {
+                // The names of a bare `from .` are modules beside the file.
+                Some((dots, names)) if dots.trim().trim_matches('.').is_empty() => Some(names),
+                Some((name, _)) => Some(name),
+                None => Some(rest),
+            },
+            _ => None,
+        }
     });
     let names = imports.flat_map(|names| names.split(','));
     let first = names.filter_map(|name| {
-        let name = name.trim().trim_start_matches('.');
+        let name = name.trim_start_matches(|c: char| c.is_whitespace() || c == '.' || c == '(');
         let end = name.find(|c: char| !(c.is_alphanumeric() || c == '_'));
         let first = &name[..end.unwrap_or(name.len())];
         (!first.is_empty()).then(|| first.to_owned())
@@ -348,6 +369,14 @@ mod tests {
         }
         write("other.py", "x = 1");
         assert_eq!(before, content(&command));
+    }
+
+    #[test]
+    fn imports_are_found_in_every_form() {
+        let text = "import a, b.c as d; import e\nfrom . import f as g, h\nfrom .i import j\n\
+                    from k.l import m\n  from .. import (n,\n    o)  # (\nimport p\nimported = q";
+        let found: Vec<String> = imported(text).into_iter().collect();
+        assert_eq!(found, ["a", "b", "e", "f", "h", "i", "k", "n", "o", "p"]);
     }
 
     #[test]

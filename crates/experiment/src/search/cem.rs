@@ -88,7 +88,9 @@ fn solve(trials: &mut Trials<'_>, cem: Cem) {
                 }
             };
             let drawn: Vec<usize> = shares.iter().map(&mut draw).collect();
-            let held = drawn.iter().flat_map(|&a| std::iter::repeat_n(a, cem.hold));
+            let held = drawn
+                .iter()
+                .flat_map(|&a| std::iter::repeat_n(a, cem.hold.max(1)));
             let sequence: Vec<usize> = held.take(decisions).collect();
             // The budget is spent, a success was found, or the search was stopped.
             let Some(reward) = trials.replay(&sequence) else {

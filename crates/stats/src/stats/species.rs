@@ -226,7 +226,12 @@ fn binomial(n: u64, rate: f64, dice: &mut ChaCha8Rng) -> u64 {
     if rate >= 1.0 {
         return n;
     }
-    let scale = 1.0 / libm::log(1.0 - rate);
+    let log = libm::log(1.0 - rate);
+    // A rate below the rounding of 1 would never advance the loop.
+    if log == 0.0 {
+        return 0;
+    }
+    let scale = 1.0 / log;
     let (mut at, mut count) = (0.0, 0);
     loop {
         // 1 − u is above 0, so the logarithm is finite.
