@@ -69,7 +69,7 @@ def train(
         traffic: declared traffic that the ado is trained as, given that the ego
             fails: a file with `Traffic(…)`, or `"world"` for the world's own.
         temperature: of an ado of traffic: 1, the default, as the traffic drives
-            given that the ego fails; towards 0, the surest lawful actions.
+            given that the ego fails; towards 0, the actions of greatest V.
         resume: go on with an interrupted training in `output`.
         starts: test starts of the closing evaluation.
         jobs: threads; one per core without it, 1 where Python plays.
