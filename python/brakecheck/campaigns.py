@@ -68,7 +68,7 @@ def train(
         traffic: declared traffic that the ado is trained as, given that the ego
             fails: a file with `Traffic(…)`, or `"world"` for the world's own.
         temperature: of an ado of traffic: 1, the default, as the traffic drives
-            given that the ego fails, and towards 0 the surest lawful actions.
+            given that the ego fails, and towards 0 the actions of greatest V.
         resume: continue an interrupted training in `output`.
         starts: test starts of the closing evaluation.
         jobs: threads, by default one per core, and 1 if Python plays.

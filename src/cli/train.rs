@@ -49,7 +49,7 @@ pub(super) struct TrainArgs {
     /// Reward severe or distinct failures, instead of the world's `goals`.
     #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL", help_heading = LEARNING)]
     goals: Vec<TrainingGoal>,
-    /// Draw actions of an ado of declared traffic at T: 1 as people drive, near 0 the surest.
+    /// Temperature of an ado of declared traffic: at 1 it drives as the traffic that fails.
     #[arg(long, value_name = "T", value_parser = temperature, help_heading = LEARNING)]
     temperature: Option<f64>,
     /// Egos to train against: the world's own, or its family under `train_against`.

@@ -37,7 +37,7 @@ pub struct TrafficSettings {
     /// Temperature at which the policy draws its actions (1).
     ///
     /// At 1, it drives as the traffic does, given that it succeeds. Towards 0, it takes the
-    /// possible action after which a success is the likeliest.
+    /// possible action of the greatest V, where errors of V count more.
     pub temperature: f64,
     /// Least −ln V (50): a success that is rarer than e⁻⁵⁰ per episode is none.
     pub floor: f64,

@@ -169,7 +169,6 @@ fn the_learned_law_is_the_law_given_a_success() {
         let said = format!(
             "gap {gap}: P {exact:.2e}, V {found:.2e}, success {succeeds:.3}, distance {distance:.3}"
         );
-        eprintln!("{said}");
         // The traffic itself hardly ever succeeds.
         assert!(exact < 0.04 && succeeds > 0.9, "{said}");
         assert!(distance < 0.12, "{said}");
