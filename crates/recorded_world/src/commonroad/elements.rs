@@ -107,6 +107,7 @@ pub(super) fn interval(state: &XmlNode, name: &str) -> Result<Option<ValueRange>
     let Some(node) = state.child(name) else {
         return Ok(None);
     };
+    // An exact value is the interval of that value alone.
     if node.child("exact").is_some() {
         let value = number_in(node, "exact")?;
         return Ok(Some(ValueRange {
