@@ -189,7 +189,7 @@ impl Optimizer<'_> {
         for stage in 0..self.slices.len() {
             for at in &alive {
                 self.advance(&mut all[*at], stage + 1);
-                // Later stages play some candidates again, so only the first stage
+                // Later stages continue the same candidates, so only the first stage
                 // counts them.
                 if let (0, Some(planned)) = (stage, progress) {
                     planned.advance(self.watch);
