@@ -73,6 +73,7 @@ pub fn file_bytes(path: &Path) -> Result<Vec<u8>> {
     let file = open_file(path)?;
     let size = file.metadata().map_or(0, |about| about.len());
     if size <= MAX_BYTES {
+        // A file may grow while it is read, and a pipe has no size.
         file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
     }
     if size.max(bytes.len() as u64) > MAX_BYTES {
