@@ -155,6 +155,7 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
         _ if shape(&error.code).is_some() => next_token(text, start),
         _ => token(text, start, end),
     };
+    // Before the general places, because a name is the most precise one.
     if let Some(found) = culprit(&error.code) {
         // The reader's span is around the name, but not always on it.
         let margin = found.len() + 8;
