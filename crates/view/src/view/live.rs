@@ -93,8 +93,8 @@ impl LiveView {
     pub fn start(stream: EpisodeStream, share: ShownShare) -> std::io::Result<LiveView> {
         let shared = Arc::new(Shared::default());
         let (sender, messages) = sync_channel(WAITING);
-        // Room for the one result, so that the thread ends even if nobody
-        // waits.
+        // Room for the one result, so that the thread ends even without a
+        // receiver.
         let (end, ended) = sync_channel(1);
         let seen = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("viewer".to_owned());

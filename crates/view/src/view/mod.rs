@@ -136,7 +136,7 @@ pub fn record(
         path: out.into(),
         source,
     };
-    // Encoded in memory first, so that no half file is ever written.
+    // Encoded before any file is made, so that an error leaves none.
     let bytes = Recording::new(scenario, episode, caption).encode()?;
     write_whole(out, &bytes).map_err(refused)?;
     Ok(RecordingFile {
