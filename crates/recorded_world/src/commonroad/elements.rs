@@ -119,6 +119,7 @@ pub(super) fn interval(state: &XmlNode, name: &str) -> Result<Option<ValueRange>
         number_in(node, "intervalStart")?,
         number_in(node, "intervalEnd")?,
     );
+    // Reversed bounds would make a formula that nothing can satisfy.
     if most < least {
         let what = format!("the interval from {least} to {most} is reversed");
         return Err(node.refused(what, "write the lower value as `intervalStart`"));

@@ -77,6 +77,8 @@ impl Obstacles {
                     found.dropped.push(("phantom obstacles", node.line));
                     continue;
                 }
+                // Listed and not built, since buildings neither move nor lie
+                // on lanes.
                 "environmentObstacle" => {
                     found
                         .dropped
@@ -179,6 +181,7 @@ fn motion(node: &XmlNode, first_step: f64) -> Result<ObstacleMotion, ImportError
         exact(state, "orientation")?;
         last_step = step;
     }
+    // Equal only without a state, because steps ascend by one.
     if last_step == first_step {
         return Err(trajectory.refused("it has no state", "add a `state`"));
     }
