@@ -73,6 +73,7 @@ impl<'a> NaturalLimit<'a> {
     /// A model without cut-ins allows none.
     pub fn allows_cut_in(&self, state: &CutInState) -> bool {
         let rated = self.model.cut_in(state.needed_mps2());
+        // At the limit itself an event is still allowed.
         rated.is_some_and(|it| self.per_1000_km <= it.per_1000_km.rate)
     }
 

@@ -242,6 +242,7 @@ impl TrafficModel {
     }
 
     fn outside(&self, behaviour: &DrivingBehaviour, series: &SpeedSeries) -> Vec<Outside> {
+        // The ends themselves were recorded, so they are inside.
         let is_outside = |[least, most]: [f64; 2], value: f64| value < least || most < value;
         let speeds = series.speeds_mps.iter().copied();
         let start = behaviour.start.map(|it| it.speed_mps);
