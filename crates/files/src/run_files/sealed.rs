@@ -185,6 +185,8 @@ pub fn manifest_text(run: &Path) -> Result<String, RunError> {
         Ok(layout) => layout,
         Err(error) => return Err(damaged(error.to_string())),
     };
+    // Any other version, since a newer layout may give a field another
+    // meaning.
     if format != FORMAT {
         return Err(damaged(format!("format {format} is not {FORMAT}")));
     }
