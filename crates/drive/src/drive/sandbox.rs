@@ -314,8 +314,8 @@ impl Sandbox {
             }
             egos.swap_remove(0)
         };
-        // Before any use of it: a page must not start a program that nobody
-        // allowed.
+        // Before any use of it: a page must not start a program without
+        // consent.
         consent_to(std::slice::from_ref(&found))?;
         if values.is_empty() {
             return Ok(found);
