@@ -36,6 +36,7 @@ impl AccelerationModel {
             .iter()
             .flat_map(|it| it.windows(3).map(|w| [w[0], w[1], w[2]]))
             .collect();
+        // Seven parameters from fewer decisions would describe their noise.
         if triples.len() < 100 {
             return None;
         }
@@ -46,6 +47,8 @@ impl AccelerationModel {
                 .map(|[b, a, next]| model.log_density_at([*b, *a], *next));
             -(terms.sum::<f64>() / triples.len() as f64 + model.constant())
         };
+        // Scales and the freedom are logarithms, which keep them positive
+        // without bounds.
         let start = [0.0, 1.0, -0.3, -2.3, -2.0, -2.0, 1.0];
         let step = [0.05, 0.2, 0.2, 0.5, 0.5, 0.5, 0.5];
         // A tenth of the data finds the neighbourhood, all of it the place.
@@ -65,6 +68,7 @@ impl AccelerationModel {
             mean: p[0],
             carry: [p[1], p[2]],
             scale: [libm::exp(p[3]), libm::exp(p[4]), libm::exp(p[5])],
+            // Above 2 the noise has a variance.
             freedom: 2.0 + libm::exp(p[6]),
         }
     }
@@ -72,6 +76,8 @@ impl AccelerationModel {
     /// Returns the part of the log density that no observation changes.
     fn constant(&self) -> f64 {
         let nu = self.freedom;
+        // Computed once per likelihood, since `lgamma` is the costliest part
+        // of it.
         libm::lgamma(0.5 * (nu + 1.0)) - libm::lgamma(0.5 * nu) - 0.5 * libm::log(nu * PI)
     }
 
@@ -86,6 +92,8 @@ impl AccelerationModel {
     fn log_density_at(&self, before: [f64; 2], next: f64) -> f64 {
         let (centre, scale) = self.centre_and_scale(before);
         let z = (next - centre) / scale;
+        // `log1p` keeps the digits of a small z², and `libm` the bits on all
+        // machines.
         -libm::log(scale) - 0.5 * (self.freedom + 1.0) * libm::log1p(z * z / self.freedom)
     }
 
@@ -124,6 +132,8 @@ fn student(freedom: f64, rng: &mut impl Rng) -> f64 {
         let u = 2.0 * rng.random::<f64>() - 1.0;
         let v = 2.0 * rng.random::<f64>() - 1.0;
         let w = u * u + v * v;
+        // Points outside of the unit disc are drawn again, and 0 would divide
+        // by 0.
         if w > 0.0 && w <= 1.0 {
             let spread = freedom * (libm::pow(w, -2.0 / freedom) - 1.0) / w;
             return u * libm::sqrt(spread);

@@ -49,12 +49,14 @@ impl SpeedSeries {
         let accelerations = self.accelerations_mps2();
         let mut events: Vec<BrakingEvent> = Vec::new();
         for accel_mps2 in accelerations {
+            // Kept, because the push that ends an event also forgets it.
             let before = meter.event();
             meter.push(accel_mps2);
             if let (Some(event), None) = (before, meter.event()) {
                 events.push(event);
             }
         }
+        // A run may end while the vehicle still brakes.
         events.extend(meter.event());
         events
     }
@@ -113,10 +115,13 @@ impl BrakingMeter {
         // The first decision has no second to be the mean of.
         let Some(last_mps2) = last_mps2 else { return };
         let mean_mps2 = 0.5 * (last_mps2 + accel_mps2);
+        // At the limit itself the event goes on.
         if -BRAKING_MPS2 < mean_mps2 {
             self.event = None;
             return;
         }
+        // The event begins with the second that it is the mean of, one
+        // decision ago.
         let open = self.event.get_or_insert(OpenEvent {
             from_mps,
             so_far: BrakingEvent {

@@ -34,6 +34,7 @@ impl Display for CalibrationRow {
         } else {
             "–".to_owned()
         };
+        // Below five events a rate is no count, as in the tails.
         let verdict = if events < 5 {
             ", too few events to judge"
         } else if (0.5..=2.0).contains(&ratio) {

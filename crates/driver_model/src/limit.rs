@@ -46,8 +46,11 @@ impl<'a> NaturalLimit<'a> {
         if accel_mps2 == 0.0 {
             return true;
         }
+        // A copy: the action is only tried.
         let mut after = *meter;
         after.push(accel_mps2);
+        // Both, since an action may continue one event while it ends the
+        // other.
         self.allows_braking(&after) && self.allows_speeding_up(&after)
     }
 
@@ -70,6 +73,7 @@ impl<'a> NaturalLimit<'a> {
     /// A model without cut-ins allows none.
     pub fn allows_cut_in(&self, state: &CutInState) -> bool {
         let rated = self.model.cut_in(state.needed_mps2());
+        // At the limit itself an event is still allowed.
         rated.is_some_and(|it| self.per_1000_km <= it.per_1000_km.rate)
     }
 
@@ -77,6 +81,7 @@ impl<'a> NaturalLimit<'a> {
     ///
     /// `one_in` is the number of followed moments of which at least one is as tight.
     pub fn allows_start(&self, start: &StartState, one_in: f64) -> bool {
+        // A product and no quotient, because the share may be 0.
         one_in * self.model.starts.rarity_of(start).share >= 1.0
     }
 }

@@ -60,6 +60,7 @@ impl SourceFile {
     /// The bytes cannot be read.
     pub fn of(name: &str, mut bytes: impl Read) -> std::io::Result<SourceFile> {
         let mut digest = Sha256::new();
+        // In pieces, because recordings are larger than the memory.
         let mut buffer = vec![0; 1 << 16];
         loop {
             let read = bytes.read(&mut buffer)?;
@@ -170,6 +171,7 @@ impl TrafficModel {
     ///
     /// By the rule of three, an event that was never seen may occur this often.
     pub fn supported_per_1000_km(&self) -> f64 {
+        // Three events per exposure are the 95 % bound without any event.
         3000.0 / self.exposure.vehicle_km.max(1e-9)
     }
 }

@@ -59,6 +59,8 @@ pub fn needed_mps2(gap_m: f64, closing_mps: f64) -> f64 {
     if closing_mps <= 0.0 {
         return 0.0;
     }
+    // Overlapping boxes count as no gap. The sign of the result stays
+    // positive.
     closing_mps * closing_mps / (2.0 * gap_m.max(0.0))
 }
 
@@ -74,6 +76,8 @@ impl DrivingBehaviour {
             speed_mps
         };
         let end_s = self.accelerations_mps2.len() as f64 * self.decision_s;
+        // The tolerance keeps a quotient just above a whole number from adding
+        // a decision.
         let decisions = (end_s / DECISION_S - 1e-9).ceil().max(0.0) as usize;
         SpeedSeries {
             // Before the start the road user kept its speed for half a second.
@@ -201,6 +205,7 @@ impl TrafficModel {
         }
         let rated = |it: &CutInState| self.cut_in(it.needed_mps2());
         events.extend(behaviour.cut_ins.iter().filter_map(rated));
+        // Stable, so that events of equal rates stay in the order of time.
         events.sort_by(|a, b| a.per_1000_km.rate.total_cmp(&b.per_1000_km.rate));
         Rarity {
             events,
@@ -237,6 +242,7 @@ impl TrafficModel {
     }
 
     fn outside(&self, behaviour: &DrivingBehaviour, series: &SpeedSeries) -> Vec<Outside> {
+        // The ends themselves were recorded, so they are inside.
         let is_outside = |[least, most]: [f64; 2], value: f64| value < least || most < value;
         let speeds = series.speeds_mps.iter().copied();
         let start = behaviour.start.map(|it| it.speed_mps);
@@ -275,10 +281,13 @@ impl TrafficModel {
 
 /// Returns the log likelihoods of natural runs, ascending.
 fn natural_likelihoods(driver: &AccelerationModel, decisions: usize) -> Vec<f64> {
+    // The seed is the length, so that equal behaviours get equal surprises in
+    // any run.
     let mut rng = ChaCha8Rng::seed_from_u64(decisions as u64);
     let mut run = vec![0.0; decisions];
     let mut all: Vec<f64> = (0..ROLLOUTS)
         .map(|_| {
+            // As `log_likelihood` assumes of every run.
             let mut before = [0.0; 2];
             for accel in &mut run {
                 *accel = driver.next(before, &mut rng);

@@ -195,6 +195,7 @@ impl TrafficRuleFile {
 
 /// Removes an `always` over the whole trace, so that samples are judged one by one.
 fn without_always(formula: Formula) -> Formula {
+    // The canonical text has fixed brackets, whatever the file writes.
     let text = formula.to_string();
     let body = || {
         let with_bounds = text.strip_prefix("always")?;
@@ -216,6 +217,8 @@ fn without_always(formula: Formula) -> Formula {
         if closes_early {
             return None;
         }
+        // A text that does not parse alone was cut wrongly, and the whole
+        // formula is kept.
         inner.parse().ok()
     };
     body().unwrap_or(formula)

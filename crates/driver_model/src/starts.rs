@@ -16,6 +16,8 @@ pub struct StartState {
 impl StartState {
     /// Returns the clearance over the own speed, in seconds.
     pub fn time_gap_s(&self) -> f64 {
+        // As in the counts of recordings, so that a standing follower has a
+        // finite time gap.
         self.gap_m / self.speed_mps.max(0.1)
     }
 }
@@ -53,6 +55,8 @@ impl StartTable {
     /// is an upper bound. Time gaps beyond the table are everyday: the share is 1.
     pub fn rarity_of(&self, start: &StartState) -> StartRarity {
         let time_gap_s = start.time_gap_s();
+        // The tolerances are those of values on the grid itself, which
+        // rounding moves off it.
         let gap = self
             .time_gaps_s
             .partition_point(|it| *it < time_gap_s - 1e-9);

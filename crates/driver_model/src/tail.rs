@@ -30,14 +30,19 @@ impl Pareto {
             return None;
         }
         let mean = excesses.iter().sum::<f64>() / excesses.len() as f64;
+        // Excesses of 0 alone have no scale.
         if mean <= 0.0 {
             return None;
         }
         let of = |p: &[f64]| Pareto {
             shape: p[0],
+            // An exponential keeps the scale positive, and 0 starts the search
+            // at the mean.
             scale: mean * libm::exp(p[1]),
         };
         let loss = |p: &[f64]| {
+            // Beyond 1 the tail has no mean. The infinite loss turns the
+            // simplex back.
             if p[0].abs() > 0.9 {
                 return f64::INFINITY;
             }
@@ -50,10 +55,12 @@ impl Pareto {
     }
 
     fn log_density(&self, excess: f64) -> f64 {
+        // The limit of a shape of 0, where the general form divides by it.
         if self.shape.abs() < 1e-9 {
             return -libm::log(self.scale) - excess / self.scale;
         }
         let inside = 1.0 + self.shape * excess / self.scale;
+        // Beyond the end of a bounded tail, the likelihood is 0.
         if inside <= 0.0 {
             return f64::NEG_INFINITY;
         }
@@ -68,6 +75,7 @@ impl Pareto {
         if self.shape.abs() < 1e-9 {
             return libm::exp(-excess / self.scale);
         }
+        // A bounded tail ends, and a negative base would give NaN.
         let inside = (1.0 + self.shape * excess / self.scale).max(0.0);
         libm::pow(inside, -1.0 / self.shape)
     }
@@ -180,6 +188,7 @@ impl EventTail {
         let tail = self.rate * self.pareto.beyond(size - self.threshold).max(LEAST_SHARE);
         // The listed size at or below, so that the count is an upper bound.
         let after = self.points.partition_point(|point| point.at <= size + 1e-9);
+        // Below the least listed size there is no count to state.
         let Some(point) = after.checked_sub(1).map(|i| self.points[i]) else {
             return EventRate {
                 rate: tail,
@@ -282,6 +291,7 @@ fn fitted(
 
 fn interval(mut values: Vec<f64>) -> [f64; 2] {
     if values.is_empty() {
+        // No draw had enough events, so nothing is known.
         return [0.0, f64::INFINITY];
     }
     values.sort_by(f64::total_cmp);

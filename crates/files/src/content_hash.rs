@@ -41,6 +41,8 @@ pub fn seal(text: &str) -> String {
 ///
 /// For texts whose contents come before the hash and may have as many zeros.
 pub fn seal_last(text: &str) -> String {
+    // A text without a place for the hash stays unsealed, and `check` refuses
+    // it.
     let Some((before, after)) = text.rsplit_once(BLANK) else {
         return text.to_owned();
     };

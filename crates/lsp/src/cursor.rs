@@ -65,6 +65,7 @@ impl<'a> Cursor<'a> {
     ) -> Option<Cursor<'a>> {
         let outline = Outline::at(text, at)?;
         let shapes = Shapes::new(language.schema());
+        // Once per request, because hover and completion both need them.
         let (value, inside) = shapes.along(text, &outline.groups);
         Some(Cursor {
             text,
@@ -88,6 +89,7 @@ impl<'a> Cursor<'a> {
             RonToken::Quoted(content) => {
                 let span = name_around(self.text, content, self.at);
                 let known = self.known(&self.text[span.clone()]);
+                // A text such as a name of a road may equal that of a signal.
                 match known.filter(|_| self.may_be_signal()) {
                     Some(name) => (span, Some(name_markdown(name))),
                     None => (content.clone(), self.hover_of_key()),
@@ -101,6 +103,8 @@ impl<'a> Cursor<'a> {
     fn hover_of_word(&self, span: &Range<usize>) -> Option<String> {
         let word = &self.text[span.clone()];
         let is_key = self.is_before_colon(span.end);
+        // Keys of maps are names of the user, for which the schema has no
+        // fields.
         if is_key && self.outline.inner().is_some_and(|it| it.bracket == '(') {
             return self.field_markdown(word);
         }
@@ -108,6 +112,7 @@ impl<'a> Cursor<'a> {
         let variant = variants.into_iter().find(|it| it.name == word);
         variant
             .map(|variant| variant_markdown(&variant))
+            // A number or an unknown word is explained by its field.
             .or_else(|| self.hover_of_key())
     }
 
@@ -116,6 +121,8 @@ impl<'a> Cursor<'a> {
         let with_key = |group: &&RonGroup| group.bracket == '(' && group.key.is_some();
         let groups = &self.outline.groups;
         let depth = groups.iter().rposition(|group| with_key(&group))?;
+        // Again along a shorter path, since lists and maps lie between the
+        // field and the place.
         let (_, inside) = self.shapes().along(self.text, &groups[..=depth]);
         let key = &self.text[groups[depth].key.clone()?];
         let node = self.shapes().field(&inside, key)?;
@@ -138,6 +145,7 @@ impl<'a> Cursor<'a> {
     /// Type, unit and default of a field.
     fn detail(&self, name: &str, node: &'a Value) -> String {
         let mut detail = self.shapes().type_words(node);
+        // The first match is the longest, by the order of the table.
         let unit = UNITS.iter().find(|(end, _)| name.ends_with(end));
         if let Some((_, unit)) = unit {
             detail += &format!(" in {unit}");
@@ -162,6 +170,7 @@ impl<'a> Cursor<'a> {
 
     fn may_be_signal(&self) -> bool {
         let is_key = self.outline.inner().is_some_and(|it| it.bracket == '{');
+        // Formulas may be values of a map, whose field is further out.
         let kind = self.field_name().and_then(NameKind::of_field);
         is_key || kind == Some(NameKind::Signal)
     }
@@ -181,6 +190,7 @@ impl<'a> Cursor<'a> {
             RonToken::Word(span) => (span.clone(), self.fields_and_variants(span.end)),
             RonToken::Blank => (self.at..self.at, self.fields_and_variants(self.at)),
         };
+        // At the end, so that the order of the lists decides what is left out.
         items.truncate(MOST_ITEMS);
         Completions { span, items }
     }
@@ -189,12 +199,14 @@ impl<'a> Cursor<'a> {
         let is_key = self.is_before_colon(end);
         let mut items = Vec::new();
         let inner = self.outline.inner();
+        // After a key and its colon a value follows, and no field.
         if let Some(group) = inner.filter(|it| it.bracket == '(' && it.key.is_none()) {
             items.extend(self.missing_fields(group, is_key));
         }
         // A name before a colon is a field, not a variant.
         if !is_key {
             items.extend(self.shapes().variants(&self.value).iter().map(variant_item));
+            // By words, since an option or a choice may wrap the type.
             let is_bool = |node: &&'a Value| self.shapes().type_words(node).contains("true");
             if self.value.iter().any(is_bool) {
                 items.extend(["true", "false"].map(|word| word_item(word, "")));
@@ -247,6 +259,7 @@ impl<'a> Cursor<'a> {
             }
         }
         let own = kind.map_or(Vec::new(), |kind| declared(self.text, kind));
+        // Own names first, which may replace a stock name.
         for name in own.into_iter().chain(self.language.stock_names(field)) {
             if !items.iter().any(|item| item.label == name) {
                 items.push(name_item(&KnownName {
@@ -264,6 +277,7 @@ impl<'a> Cursor<'a> {
 fn name_around(text: &str, content: &Range<usize>, at: usize) -> Range<usize> {
     let is_name = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.');
     let before = &text[content.start..at];
+    // The cursor may be behind the content, at a missing quote.
     let behind = &text[at..content.end.max(at)];
     let start = at - (before.len() - before.trim_end_matches(is_name).len());
     let end = at + (behind.len() - behind.trim_start_matches(is_name).len());

@@ -55,10 +55,12 @@ impl Document {
     /// Carries out an edit. A place beyond a line or the text is its end.
     pub fn apply(&mut self, change: TextChange) {
         let Some(range) = change.range else {
+            // The line starts belong to the old text.
             *self = Document::new(change.text);
             return;
         };
         let start = self.offset(range.start);
+        // A reversed range of a wrong client would panic below.
         let end = self.offset(range.end).max(start);
         let mut text = std::mem::take(&mut self.text);
         text.replace_range(start..end, &change.text);
@@ -73,6 +75,7 @@ impl Document {
         };
         let next = self.line_starts.get(line + 1);
         let end = next.map_or(self.text.len(), |next| *next);
+        // A column beyond the line must not reach into the next one.
         let words = self.text[start..end].trim_end_matches(['\r', '\n']);
         let mut units = at.character as usize;
         for (i, c) in words.char_indices() {
@@ -87,6 +90,7 @@ impl Document {
 
     /// Returns the place of a byte.
     pub fn position(&self, at: usize) -> TextPosition {
+        // A span of the checked text may end within a character of this one.
         let byte = self.text.floor_char_boundary(at);
         // Invariant: the first line starts at 0, so one start is at or before the byte.
         let line = self.line_starts.partition_point(|start| *start <= byte) - 1;
@@ -111,6 +115,7 @@ fn line_starts(text: &str) -> Vec<usize> {
     let bytes = text.as_bytes();
     let ends = |i: &usize| match bytes[*i] {
         b'\n' => true,
+        // The pair `\r\n` is one end of a line.
         b'\r' => bytes.get(i + 1) != Some(&b'\n'),
         _ => false,
     };

@@ -33,6 +33,7 @@ impl<'a> Expansion<'a> {
         let mut next = 0;
         for (i, own_line) in own_lines.iter().enumerate() {
             let rest = &whole_lines[next.min(whole_lines.len())..];
+            // Each later line needs one line at least.
             let later = own_lines.len() - i - 1;
             // Lines that are left over belong to the content of a file.
             let spare = rest.len().saturating_sub(later + 1);
@@ -44,9 +45,13 @@ impl<'a> Expansion<'a> {
             let is_equal = rest
                 .first()
                 .is_some_and(|line| whole[line.clone()] == own[own_line.clone()]);
+            // An equal line includes nothing, and without spare lines nothing
+            // can be content.
             let more = if is_equal || spare == 0 {
                 0
             } else {
+                // The fewest lines, so that a file takes no lines that are the
+                // text's own.
                 (0..=spare).find(|after| same(*after)).unwrap_or(0)
             };
             let taken = (more + 1).min(rest.len());
@@ -72,6 +77,8 @@ impl<'a> Expansion<'a> {
         };
         let column = at - line.span.start;
         let left = line.span.len().saturating_sub(column);
+        // Equal ends on both sides keep their columns. Only the middle is
+        // another file's.
         let place = if column <= line.before {
             line.own.start + column
         } else if left <= line.after {
@@ -102,6 +109,7 @@ fn aligned(own: &str, own_line: &Range<usize>, whole: &str, span: &Range<usize>)
         &whole.as_bytes()[span.clone()],
     );
     let before = a.iter().zip(b).take_while(|(x, y)| x == y).count();
+    // The equal end must not overlap the equal start, as in `aa` and `aaa`.
     let most = a.len().min(b.len()) - before;
     let ends = a.iter().rev().zip(b.iter().rev()).take(most);
     ExpandedLine {

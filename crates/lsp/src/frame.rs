@@ -46,12 +46,14 @@ impl FrameError {
 pub fn read_frame(input: &mut impl BufRead) -> Result<Option<Vec<u8>>, FrameError> {
     let mut length = None;
     for count in 0.. {
+        // A client that sends only headers would never reach a message.
         if count == MAX_LINES {
             let what = format!("more than {MAX_LINES} lines");
             return Err(FrameError::Header(what));
         }
         let Some(line) = header_line(input)? else {
             return if count == 0 {
+                // The end between two frames is the regular end.
                 Ok(None)
             } else {
                 Err(FrameError::Cut)
@@ -75,6 +77,7 @@ fn header_line(input: &mut impl BufRead) -> Result<Option<Vec<u8>>, FrameError> 
     let mut line = Vec::new();
     input
         .by_ref()
+        // A line without an end would be read into memory without a bound.
         .take(MAX_LINE_BYTES)
         .read_until(b'\n', &mut line)?;
     if line.is_empty() {
@@ -88,6 +91,7 @@ fn header_line(input: &mut impl BufRead) -> Result<Option<Vec<u8>>, FrameError> 
             FrameError::Cut
         });
     }
+    // The protocol asks for `\r\n`, and a lone `\n` is accepted.
     if line.last() == Some(&b'\r') {
         line.pop();
     }
@@ -96,6 +100,8 @@ fn header_line(input: &mut impl BufRead) -> Result<Option<Vec<u8>>, FrameError> 
 
 /// Length in a header line, if it states one.
 fn content_length(line: &[u8]) -> Result<Option<u64>, FrameError> {
+    // Only for the message: a header that is no UTF-8 has no length that
+    // counts.
     let text = String::from_utf8_lossy(line);
     let Some((name, number)) = text.split_once(':') else {
         return Err(FrameError::Header(format!("`{text}` has no `:`")));
@@ -133,6 +139,7 @@ fn body(input: &mut impl BufRead, bytes: u64) -> Result<Vec<u8>, FrameError> {
 ///
 /// Returns an error if the output cannot be written.
 pub fn write_frame(output: &mut impl Write, message: &str) -> io::Result<()> {
+    // The length is in bytes, as the protocol counts it.
     write!(output, "Content-Length: {}\r\n\r\n{message}", message.len())?;
     output.flush()
 }

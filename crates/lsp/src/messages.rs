@@ -133,7 +133,10 @@ pub struct Diagnostic {
 pub fn capabilities() -> Value {
     json!({
         "capabilities": {
+            // The only encoding that every client knows.
             "positionEncoding": "utf-16",
+            // 2 is the incremental kind: clients send edits instead of whole
+            // texts.
             "textDocumentSync": { "openClose": true, "change": 2, "save": true },
             "hoverProvider": true,
             "completionProvider": { "triggerCharacters": ["(", "[", "\"", "."] },
@@ -156,6 +159,7 @@ pub fn refusal(id: Option<&RequestId>, code: i32, what: &str) -> Value {
 pub fn diagnostics(uri: &str, version: Option<i64>, list: &[Diagnostic]) -> Value {
     let mut params = json!({ "uri": uri, "diagnostics": list });
     if let Some(version) = version {
+        // A `null` is no version to older clients, so the key is left out.
         params["version"] = json!(version);
     }
     json!({ "jsonrpc": "2.0", "method": "textDocument/publishDiagnostics", "params": params })
@@ -194,6 +198,8 @@ fn shown(item: &Item, range: TextRange, has_snippets: bool) -> Value {
     };
     let mut shown = json!({
         "label": item.label,
+        // Numbers of `CompletionItemKind`: field, enum member, variable,
+        // keyword.
         "kind": match item.kind {
             ItemKind::Field => 5,
             ItemKind::Variant => 20,

@@ -80,6 +80,7 @@ fn is_key_of(text: &str, scanner: &Scanner<'_>, kind: NameKind, depth: usize) ->
 /// Returns whether a text in quotes is the name of an agent: `agents: [Vehicle(name: "…")]`.
 fn is_agent(text: &str, scanner: &Scanner<'_>, kind: NameKind) -> bool {
     let key_of = |key: &Option<std::ops::Range<usize>>| key.clone().map(|key| &text[key]);
+    // Exactly this deep: names further inside are those of parts of an agent.
     let [_, list, agent] = &scanner.groups[..] else {
         return false;
     };

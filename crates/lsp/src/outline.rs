@@ -56,11 +56,14 @@ impl Outline {
             if let Some(token) = token_at(text, &lexeme, at) {
                 break token;
             }
+            // The lexeme at the place itself is not taken, since it is still
+            // being written.
             if lexeme.span.start >= at || lexeme.kind == LexemeKind::End {
                 break RonToken::Blank;
             }
             scanner.take(&lexeme)?;
         };
+        // A copy, because the search for later keys goes on with the scanner.
         let mut groups = scanner.groups.clone();
         if let Some(group) = groups.last_mut() {
             group.keys.extend(scanner.later_keys());
@@ -81,7 +84,10 @@ impl Outline {
 fn token_at(text: &str, lexeme: &Lexeme, at: usize) -> Option<RonToken> {
     let Range { start, end } = lexeme.span;
     match &lexeme.kind {
+        // Both ends included: the cursor is behind the last letter while a
+        // name is typed.
         LexemeKind::Word if (start..=end).contains(&at) => Some(RonToken::Word(start..end)),
+        // Before its first character there is still room for a field.
         LexemeKind::Comment if start < at && at <= end => Some(RonToken::Comment),
         LexemeKind::Quoted(content) if start < at && (at < end || at == content.end) => {
             // A text whose end is missing would reach to the next quote.
@@ -175,9 +181,13 @@ impl<'a> Scanner<'a> {
     /// Follows a lexeme. `None` if the text is nested too deeply.
     fn take(&mut self, lexeme: &Lexeme) -> Option<()> {
         self.at = lexeme.span.end;
+        // A name belongs to the lexeme right behind it, and is forgotten
+        // otherwise.
         let name = self.last_name.take();
         match &lexeme.kind {
             LexemeKind::Open(bracket) => {
+                // A text of brackets alone would otherwise allocate a group
+                // per byte.
                 if self.groups.len() == MAX_DEPTH {
                     return None;
                 }
@@ -195,6 +205,8 @@ impl<'a> Scanner<'a> {
             LexemeKind::Close(bracket) => {
                 // A bracket that is missing inside is closed, too.
                 let mut open = self.groups.iter();
+                // From the inside: a bracket closes the nearest group of its
+                // kind.
                 if let Some(depth) = open.rposition(|group| closing(group.bracket) == *bracket) {
                     self.groups.truncate(depth);
                 }
@@ -245,6 +257,7 @@ impl<'a> Scanner<'a> {
         let mut keys = Vec::new();
         // A group that is nested too deeply ends the search.
         while let Some(visit) = self.next_visit() {
+            // The group is closed, so further keys are those of other groups.
             if self.groups.len() < depth {
                 break;
             }
@@ -315,6 +328,7 @@ fn quoted(text: &str) -> Option<(Range<usize>, usize)> {
     let mut escaped = false;
     for (i, c) in content.char_indices() {
         match c {
+            // First, so that an escaped quote does not end the text.
             _ if escaped => escaped = false,
             '\\' => escaped = true,
             '"' => return Some((1..1 + i, i + 2)),
@@ -341,6 +355,7 @@ fn character(text: &str) -> usize {
 /// Length of a comment in which others may be.
 fn block_comment(text: &str) -> usize {
     let bytes = text.as_bytes();
+    // Comments of RON nest, unlike those of C.
     let (mut depth, mut i) = (0usize, 0);
     while i < bytes.len() {
         if bytes[i..].starts_with(b"/*") {

@@ -50,12 +50,14 @@ pub fn serve(
     output: &mut impl Write,
     language: &dyn WorldLanguage,
 ) -> io::Result<SessionEnd> {
+    // Bounded, so that a fast client cannot fill the memory with frames.
     let (sender, frames) = sync_channel(READ_AHEAD);
     // A thread of its own, because a check has to wait until no edit is waiting. It ends
     // with the process if the editor keeps the input open.
     thread::spawn(move || {
         loop {
             let frame = read_frame(&mut input);
+            // After a broken header no next frame can be found.
             let is_last = match &frame {
                 Ok(message) => message.is_none(),
                 Err(error) => !error.is_skipped(),
@@ -111,12 +113,15 @@ type RequestResult = Result<Value, (i32, String)>;
 impl<W: Write> Session<'_, W> {
     fn run(&mut self, frames: &Receiver<ReadFrame>) -> io::Result<SessionEnd> {
         loop {
+            // With a check outstanding the session does not wait: an empty
+            // queue is the time to check.
             let next = match self.changed() {
                 None => frames.recv().map_err(|_| TryRecvError::Disconnected),
                 Some(_) => frames.try_recv(),
             };
             let message = match (next, self.changed()) {
                 (Ok(Ok(Some(message))), _) => message,
+                // The id of the request is unknown, so the answer has none.
                 (Ok(Err(error)), _) => {
                     let what = error.to_string();
                     self.send(&refusal(None, PARSE_ERROR, &what))?;
@@ -148,6 +153,7 @@ impl<W: Write> Session<'_, W> {
         if self.stage == SessionStage::ShutDown {
             return None;
         }
+        // In the order of URIs, so that equal sessions give equal output.
         let mut all = self.open.iter();
         all.find(|(_, it)| it.is_changed)
             .map(|(uri, _)| uri.clone())
@@ -158,6 +164,8 @@ impl<W: Write> Session<'_, W> {
         let head: MessageHead = match serde_json::from_slice(message) {
             Ok(head) => head,
             Err(error) => {
+                // JSON-RPC 2.0, §5.1 has one code for wrong JSON and one for a
+                // wrong message.
                 let code = if error.is_data() {
                     INVALID_REQUEST
                 } else {
@@ -168,9 +176,13 @@ impl<W: Write> Session<'_, W> {
             }
         };
         match (head.method.as_deref(), head.id) {
+            // A request named `exit` is answered below, because every request
+            // needs an answer.
             (Some("exit"), None) => {
                 return Ok(Some(match self.stage {
                     SessionStage::ShutDown => SessionEnd::Orderly,
+                    // The protocol asks for exit code 1 without a `shutdown`
+                    // before.
                     SessionStage::Fresh | SessionStage::Running => SessionEnd::Abrupt,
                 }));
             }
@@ -237,6 +249,8 @@ impl<W: Write> Session<'_, W> {
     ) -> RequestResult {
         let params: PlaceParams = params_of(message)?;
         let uri = &params.text_document.uri;
+        // An error and no empty answer, which would hide a client that forgot
+        // `didOpen`.
         let Some(world) = self.open.get(uri) else {
             return Err((INVALID_PARAMS, format!("`{uri}` is not open")));
         };
@@ -277,6 +291,8 @@ impl<W: Write> Session<'_, W> {
 
     fn begin(&mut self, params: OpenParams) -> io::Result<()> {
         let opened = params.text_document;
+        // Empty documents have no bytes, so the limit of bytes alone would not
+        // hold.
         if self.open.len() >= MAX_DOCUMENTS {
             return self.send(&shown_warning("too many open worlds: close some"));
         }
@@ -288,6 +304,8 @@ impl<W: Write> Session<'_, W> {
             names: Vec::new(),
         };
         self.open.insert(opened.uri.clone(), world);
+        // After the insertion, because a document may replace one with the
+        // same URI.
         self.limit(&opened.uri)
     }
 
@@ -298,6 +316,8 @@ impl<W: Write> Session<'_, W> {
         };
         world.version = params.text_document.version;
         world.is_changed = true;
+        // In order: each edit's places are those of the text after the edit
+        // before it.
         for change in params.content_changes {
             world.document.apply(change);
         }
@@ -328,11 +348,14 @@ impl<W: Write> Session<'_, W> {
         let Some(world) = self.open.get_mut(uri) else {
             return Ok(());
         };
+        // Before the check, so that one that fails is not repeated for ever.
         world.is_changed = false;
         let text = world.document.text();
         let result = self.language.check(&file_of_uri(uri), text);
         let is_world = result.is_some();
         let mut checked = result.unwrap_or_default();
+        // A text with a mistake has no names, and those of the last good
+        // version are kept.
         if let Some(names) = checked.names.take() {
             world.names = names;
         }
@@ -362,6 +385,7 @@ fn shown_problems(document: &Document, checked: &CheckedText) -> Vec<Diagnostic>
     // The check leaves a byte order mark out, and the editor counts it.
     let mark = text.len() - own.len();
     let expansion = (own != checked.text).then(|| Expansion::new(own, &checked.text));
+    // Before their places are computed, whose cost grows with the text.
     let first = checked.problems.iter().take(MOST_DIAGNOSTICS);
     let list = first.map(|problem| {
         let span = problem.span.clone();

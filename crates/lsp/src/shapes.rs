@@ -41,6 +41,7 @@ impl<'a> Shapes<'a> {
         let mut inside = Vec::new();
         for group in groups {
             let word = &text[group.word.clone()];
+            // The content first, because the key is one of its fields.
             inside = self.entered(&value, group, word);
             let key = group.key.clone().map(|key| &text[key]);
             value = self.child(&inside, group, key);
@@ -50,6 +51,7 @@ impl<'a> Shapes<'a> {
 
     /// Nodes of the content of a group.
     fn entered(&self, value: &[&'a Value], group: &RonGroup, word: &str) -> Vec<&'a Value> {
+        // Lists, maps and structs without a name have no variant to select.
         if group.bracket != '(' || word.is_empty() {
             return value.to_vec();
         }
@@ -72,7 +74,10 @@ impl<'a> Shapes<'a> {
         match (group.bracket, key) {
             ('(', Some(key)) => self.field(inside, key).into_iter().collect(),
             ('{', Some(key)) => all.filter_map(|node| map_value(node, key)).collect(),
+            // Before its colon, a key of a map has no shape.
             ('{', None) => Vec::new(),
+            // A tuple first, whose elements differ. Those of a list are all
+            // alike.
             ('[', _) => all
                 .filter_map(|node| element(node, group.index).or_else(|| node.get("items")))
                 .collect(),
@@ -102,6 +107,8 @@ impl<'a> Shapes<'a> {
     pub fn fields(&self, inside: &[&'a Value]) -> Vec<(&'a str, &'a Value)> {
         let structs = self.choices(inside).into_iter();
         structs
+            // Variants with content are objects of one property, and no
+            // structs.
             .filter(|node| tagged(node).is_none())
             .filter_map(properties)
             .flatten()
@@ -165,7 +172,11 @@ impl<'a> Shapes<'a> {
     fn choices(&self, nodes: &[&'a Value]) -> Vec<&'a Value> {
         let mut found = Vec::new();
         let mut followed = Vec::new();
+        // Reversed, since a stack gives the last first and completions keep
+        // the schema's order.
         let mut open: Vec<&Value> = nodes.iter().rev().copied().collect();
+        // A schema of many nested choices would otherwise take exponential
+        // time.
         for _ in 0..MAX_STEPS {
             let Some(node) = open.pop() else { break };
             // A shape may refer to itself.
@@ -177,6 +188,7 @@ impl<'a> Shapes<'a> {
                 let list = node.get(choice).and_then(Value::as_array);
                 open.extend(list.into_iter().flatten().rev());
             }
+            // Nodes with a description alone constrain nothing.
             let shaping = ["type", "properties", "const", "enum", "items"];
             let is_null = node.get("type").is_some_and(|kind| kind == "null");
             if !is_null && shaping.iter().any(|key| node.get(key).is_some()) {

@@ -44,6 +44,7 @@ impl EvenSampling {
         let mut slots = Vec::with_capacity(times_s.len());
         for (i, time_s) in times_s.iter().enumerate() {
             if let Some(before_s) = i.checked_sub(1).map(|before| times_s[before]) {
+                // Stamps rise strictly, so even a short step leads to the next slot.
                 slot += ((time_s - before_s) / usual_s).round().max(1.0);
             }
             let at_s = time_s - start_s;
@@ -56,6 +57,7 @@ impl EvenSampling {
         }
         let spread = sums[2] - sums[0] * sums[0] / n;
         let slope_s = (sums[3] - sums[0] * sums[1] / n) / spread;
+        // Beyond 2⁵³, about 9e15, an `f64` does not count every slot.
         if !(slope_s > 0.0 && slope_s.is_finite()) || slot > 1e15 {
             return None;
         }
@@ -99,12 +101,14 @@ fn usual_step(times_s: &[f64]) -> Option<f64> {
         return None;
     }
     let median_s = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    // The mean of single steps averages out their rounding, which the median keeps.
     let single = |step_s: &&f64| **step_s > 0.5 * median_s && **step_s < 1.5 * median_s;
     let (mut n, mut sum_s) = (0.0, 0.0);
     for step_s in steps.iter().filter(single) {
         n += 1.0;
         sum_s += step_s;
     }
+    // The median itself is a single step, so n is at least 1.
     Some(sum_s / n)
 }
 

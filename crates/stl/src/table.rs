@@ -65,6 +65,8 @@ impl<R: BufRead> DelimitedTable<R> {
         text.consume(skipped);
         let mut reader = csv::ReaderBuilder::new()
             .buffer_capacity(1 << 18)
+            // Rows of other lengths reach `read`, which cuts a last separator or names
+            // the line.
             .flexible(true)
             .trim(csv::Trim::All)
             .terminator(terminator)
@@ -142,6 +144,7 @@ impl Decimals {
         let text = std::str::from_utf8(field).ok()?.trim();
         let sign = text.find([',', '.']).map(|at| text.as_bytes()[at] as char);
         let value: f64 = match sign {
+            // A second comma separates thousands and stays, so the number is refused.
             Some(',') if self.may_be_commas => text.replacen(',', ".", 1).parse().ok()?,
             _ => text.parse().ok()?,
         };
@@ -204,9 +207,12 @@ impl Notation {
         let is_row = |line: &str| {
             let values = fields(line);
             let is_long = values.len() == fields(first).len();
+            // The first field begins with `#`, so it never looks like a value.
             line.starts_with('#') && is_long && values.iter().skip(1).any(|it| is_value(it))
         };
         Ok(Notation {
+            // A `#` replaces the first letter of `sep=`, so the reader counts the line
+            // as a comment.
             skipped: mark + usize::from(announced.is_some()),
             before: if announced.is_some() { b"#" } else { b"" },
             delimiter,
@@ -232,6 +238,7 @@ fn commented_names(comment: &str, first: &str, given: Option<u8>) -> Option<(u8,
     let with = |delimiter: u8| {
         let names = fields_of(comment.trim_start().trim_start_matches('#'), delimiter);
         let values = fields_of(first, delimiter);
+        // A single column fits every separator, so only the comma counts for it.
         let fits = names.len() == values.len() && (names.len() > 1 || delimiter == b',');
         let are_names = !names.iter().any(|it| is_value(it));
         let is_header = fits && are_names && values.iter().any(|it| is_value(it));

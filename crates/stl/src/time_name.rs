@@ -153,6 +153,7 @@ pub fn name_words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut was_small = false;
     for letter in name.chars() {
+        // A capital after a capital begins no word, so `TTC` stays whole.
         let is_new = letter.is_uppercase() && was_small;
         if is_new || !letter.is_alphanumeric() {
             words.push(String::new());

@@ -77,6 +77,8 @@ impl Agreement {
             let (x, y) = (b.x_m - a.x_m, b.y_m - a.y_m);
             let speed_mps = libm::hypot(x, y) / (2.0 * reach as f64 * dt_s);
             let recorded = speed_of(&samples[i - reach..=i + reach]);
+            // The greater of both, since a recorded speed of 0 on a moving
+            // vehicle is a contradiction.
             if speed_mps.max(recorded.unwrap_or(0.0)) < MOVING_MPS {
                 continue;
             }
@@ -99,6 +101,7 @@ impl Agreement {
                     .push((heading_rad, libm::atan2(way * y, way * x)));
             }
         }
+        // Only the entries of this road user, which this call has appended.
         let own = &mut self.ratios[first.0..];
         let off = median(own).is_some_and(|it| (it - 1.0).abs() > OWN_SPEED_SHARE);
         self.speeds_off += usize::from(off);
@@ -111,9 +114,13 @@ impl Agreement {
     ///
     /// `rate_hz` is that of a column of frames.
     pub(crate) fn problem(&mut self, rate_hz: Option<f64>) -> Option<FileProblem> {
+        // First, because impossible speeds make every other comparison
+        // useless.
         if let Some(speed_mps) = median(&mut self.speeds_mps).filter(|it| *it > FAST_MPS) {
             return Some(FileProblem::Fast { speed_mps });
         }
+        // The median, so that single ghosts of a tracker do not condemn a
+        // recording.
         let ratio = median(&mut self.ratios).unwrap_or(1.0);
         if (ratio - 1.0).abs() > SPEED_SHARE {
             return Some(FileProblem::SpeedsDiffer {
@@ -141,6 +148,7 @@ impl Agreement {
             let count = self.headings.len() as f64;
             (same as f64 / count, off_rad / count)
         };
+        // Fewer places fit some reading by chance.
         if self.headings.len() < 5 {
             return None;
         }
@@ -155,6 +163,8 @@ impl Agreement {
             }),
             (CLOCKWISE, &|it| -it),
             ("the direction of the rear", &|it| it + PI),
+            // For radians that the map takes for degrees, so that they are
+            // converted already.
             ("radians", &f64::to_degrees),
         ];
         let off: Vec<f64> = self
@@ -188,6 +198,7 @@ fn mirrored(pairs: &[(f64, f64)]) -> Option<DirectionProblem> {
     let readings: [(&'static str, &dyn Fn(f64) -> f64); 2] =
         [(CLOCKWISE, &|it| -it), ("degrees", &f64::to_radians)];
     readings.into_iter().find_map(|(name, read)| {
+        // Places at which both readings nearly agree show nothing.
         let is_distinct = |it: &&(f64, f64)| wrapped(read(it.0) - it.0).abs() > DISTINCT_RAD;
         let distinct: Vec<&(f64, f64)> = pairs.iter().filter(is_distinct).collect();
         let (mut as_is, mut as_read, mut product, mut square) = (0.0, 0.0, 0.0, 0.0);
@@ -230,6 +241,7 @@ fn speed_of(samples: &[RawRow]) -> Option<f64> {
 fn fits(ratio: f64, rate_hz: Option<f64>) -> Option<String> {
     // Twice the speed is another frame rate, and knots are 1.94 times.
     let is_near = |it: &&(f64, &str)| (ratio / it.0 - 1.0).abs() < 0.02;
+    // A unit is the likelier mistake, so it comes before a frame rate.
     if let Some((_, unit)) = RATIOS.iter().find(is_near) {
         return Some((*unit).to_owned());
     }

@@ -53,9 +53,11 @@ fn predict_driver(fitted: &[&VehicleData], tested: &[&VehicleData], add: Add<'_>
         it.iter().flat_map(|it| it.accelerations()).collect()
     };
     let tested = series(tested);
+    // A half with too few rows has no prediction, and no row of the table.
     let Some(driver) = AccelerationModel::fit(&series(fitted)) else {
         return;
     };
+    // A fixed seed: equal recordings give an equal table.
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     for (quantity, decisions, rollouts) in [
         ("1 s mean of the next second at or below −2 m/s²", 2, 10),
@@ -73,6 +75,8 @@ fn predict_driver(fitted: &[&VehicleData], tested: &[&VehicleData], add: Add<'_>
                     hits += usize::from(is_hard(&rollout(&driver, last, decisions, &mut rng)));
                 }
             }
+            // Overlapping windows of one stretch are one event and no
+            // independent evidence.
             stretches += usize::from(before < seen);
         }
         let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
@@ -109,6 +113,7 @@ fn predict_events(fitted: &[&VehicleData], tested: &[&VehicleData], add: Add<'_>
     let peaks = |it: &[&VehicleData]| -> Vec<f64> { it.iter().flat_map(|it| it.peaks()).collect() };
     let exposure = |it: &[&VehicleData]| it.iter().map(|it| it.thousand_km()).sum::<f64>();
     let excess = |values: &[f64], from: f64| -> Vec<f64> {
+        // The Pareto law describes the part beyond the threshold only.
         let above = values.iter().filter(|it| from <= **it);
         above.map(|it| it - from).collect()
     };

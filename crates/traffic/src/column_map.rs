@@ -190,6 +190,7 @@ impl SpeedUnit {
         match self {
             SpeedUnit::LengthUnit => lengths.metres(),
             SpeedUnit::MetresPerSecond => 1.0,
+            // 1 km/h is 1,000 m in 3,600 s.
             SpeedUnit::KilometresPerHour => 1.0 / 3.6,
             SpeedUnit::MilesPerHour => 1609.344 / 3600.0,
             SpeedUnit::FeetPerSecond => FOOT_M,
@@ -238,6 +239,8 @@ impl AngleUnit {
         match self {
             AngleUnit::Degrees => flip * value.to_radians(),
             AngleUnit::Radians => flip * value,
+            // A compass counts clockwise from north, which is a quarter turn
+            // left of the first axis.
             AngleUnit::CompassDegrees => flip * (north_rad - value.to_radians()),
             AngleUnit::CompassRadians => flip * (north_rad - value),
         }
@@ -351,6 +354,8 @@ const SHIPPED: [(&str, &str); 8] = [
         "interaction_pedestrians",
         include_str!("../maps/interaction_pedestrians.ron"),
     ),
+    // Last, because its few plain names may also occur in files that a map
+    // above describes fully.
     ("generic", include_str!("../maps/generic.ron")),
 ];
 
@@ -437,6 +442,8 @@ impl ColumnMap {
             ClassColumns::Shares(shares) => all.extend(shares.keys().map(|it| &**it)),
             ClassColumns::Codes { column, .. } | ClassColumns::Words(column) => all.push(column),
         }
+        // The marker is required too: without it, rows made up by the recorder
+        // would count as measured.
         all.extend(self.interpolated.as_deref());
         all
     }

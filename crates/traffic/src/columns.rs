@@ -90,6 +90,7 @@ impl<'a, Id> RecordingColumns<'a, Id> {
         ]
         .into_iter()
         .filter_map(|(name, got)| Some((name, got?)));
+        // Lengths first, because the indexes below rely on them.
         if let Some((name, got)) = lengths.chain(others).find(|(_, got)| *got != want) {
             return Some((
                 FilePlace::Whole,
@@ -106,6 +107,7 @@ impl<'a, Id> RecordingColumns<'a, Id> {
                 return Some((FilePlace::Index(at), problem));
             }
         }
+        // `None` here is the good case: there is no size to be wrong.
         let (lengths_m, widths_m) = self.size_m?;
         [("length_m", lengths_m), ("width_m", widths_m)]
             .into_iter()
@@ -143,6 +145,8 @@ impl TrafficRecording {
         let mut by_id: HashMap<&Id, usize> = HashMap::new();
         let mut tracks: Vec<RawTrack> = Vec::new();
         let first = |values: &[f64]| values.first().copied().unwrap_or(0.0);
+        // Relative to the first row, which keeps the digits of epochs and map
+        // coordinates.
         let (start_s, origin_m) = (
             first(columns.times_s),
             [first(columns.x_m), first(columns.y_m)],

@@ -81,6 +81,7 @@ impl RecordedElements for CommonRoad {
         match element.name() {
             "commonRoad" => {
                 self.step_s = element.number("timeStepSize")?;
+                // All instants would be equal, or run backwards.
                 if self.step_s <= 0.0 {
                     return Err(element.error(FileProblem::Period { dt_s: self.step_s }));
                 }
@@ -108,6 +109,7 @@ impl RecordedElements for CommonRoad {
         let Some(obstacle) = &mut self.obstacle else {
             return Ok(());
         };
+        // From the inside out: equal names occur at several depths.
         let mut names = it.path.iter().rev().map(String::as_str);
         let (name, parent) = (names.next().unwrap_or_default(), names.next());
         let state = &mut obstacle.state;
@@ -116,6 +118,8 @@ impl RecordedElements for CommonRoad {
             ("obstacle" | "dynamicObstacle", "type") => obstacle.class = class_of_words(it.text),
             ("rectangle", "length") => obstacle.size_m[0] = it.number(name)?,
             ("rectangle", "width") => obstacle.size_m[1] = it.number(name)?,
+            // A circle has one extent in every direction, so its box is a
+            // square.
             ("circle", "radius") => obstacle.size_m = [2.0 * it.number(name)?; 2],
             ("time", "exact") => state.step = Some(it.number("time")?),
             ("orientation", "exact") => state.orientation_rad = Some(it.number("orientation")?),
@@ -159,10 +163,13 @@ impl CommonRoad {
                 field,
             })
         };
+        // An interval instead of an exact value is a prediction and no
+        // recording.
         let step = state.step.ok_or_else(|| missing("time/exact"))?;
         let [Some(x_m), Some(y_m)] = state.position_m else {
             return Err(missing("position/point"));
         };
+        // Beyond this, the product with the step size loses the step.
         if step.abs() > MOST_STEPS {
             return Err(error(FileProblem::Span {
                 span_s: step * self.step_s,

@@ -39,6 +39,8 @@ impl SituationPlan {
         let dt_s = recording.dt_s;
         let is_motor = |i: usize| recording.tracks[i].class.is_motor_vehicle();
         let (own, other) = match (is_motor(crossing.first), is_motor(crossing.second)) {
+            // The later one can still react, so the ego replaces it where it
+            // can.
             (_, true) => (crossing.second, crossing.first),
             (true, false) => (crossing.first, crossing.second),
             (false, false) => return None,
@@ -50,6 +52,7 @@ impl SituationPlan {
         let (track, planned) = (&recording.tracks[own], &recording.tracks[other]);
         let sample = start_sample(crossing, [track, planned], dt_s)?;
         let (own_at, other_at) = (sample - track.first_sample, sample - planned.first_sample);
+        // A start that a recorder made up is no recorded situation.
         let is_filled = track.filled[own_at] || planned.filled[other_at];
         if is_filled || clearance_m((track, own_at), (planned, other_at)) < START_CLEAR_M {
             return None;
@@ -70,6 +73,7 @@ impl SituationPlan {
         let window = samples(pieces as f64 * PIECE_S) + 1;
         let body = StockBody::of(planned);
         let path = PlacedPath::fit(planned, body, other_at..other_at + window)?;
+        // Only its start is used, so this fit need not repeat the recording.
         let own_speed = SpeedPlan::fit(&ego.s_m[..ego.s_m.len().min(window)], dt_s)?;
         let speed = SpeedPlan::fit(&path.s_m, dt_s).filter(SpeedPlan::repeats)?;
         // World files refuse a faster start of such a body.
@@ -103,6 +107,7 @@ impl SituationPlan {
             road: SituationRoad::Crossing(Box::new(roads)),
             tracks: [own, other],
             others: Vec::new(),
+            // A shorter time is harder, so its sign is turned.
             hardness: -crossing.pet_s(),
         })
     }
@@ -110,6 +115,7 @@ impl SituationPlan {
 
 /// Returns the sample at which a crossing starts.
 fn start_sample(crossing: &PathCrossing, both: [&RoadUserTrack; 2], dt_s: f64) -> Option<usize> {
+    // The later of both, so that neither limit is exceeded.
     let from_s = (crossing.leave_s - LEAVES_AFTER_S).max(crossing.enter_s - ENTERS_AFTER_S);
     let from = (from_s.max(0.0) / dt_s).ceil() as usize;
     let first = both.iter().map(|it| it.first_sample).max()?.max(from);
@@ -125,6 +131,7 @@ fn mean_mps(path: &PlacedPath, point_m: [f64; 2], dt_s: f64) -> f64 {
     let at_m = path.road.place(point_m).s_m;
     let first_m = path.s_m[0];
     let last = path.s_m.len() - 1;
+    // A vehicle that turns off or stops before the place never reaches it.
     let reached = path.s_m.iter().position(|s| at_m <= *s).unwrap_or(last);
     let mean_mps = (path.s_m[reached] - first_m) / (reached.max(1) as f64 * dt_s);
     mean_mps.max(LEAST_DESIRED_MPS)
@@ -145,6 +152,7 @@ fn least_mps(roads: &CrossingRoads, body: StockBody, speed: &SpeedPlan, point_m:
     let at_m = roads.other.place(point_m).s_m;
     let reach_m = roads.reach_m(body, StockBody::EGO);
     let last = speed.to_mps.len() as f64 * PIECE_S;
+    // Steps of 0.1 s, in which no body drives past a crossing.
     let steps = (last / 0.1).round() as usize;
     let from_m = roads.other_s_m - speed.start_m;
     let mut least_mps = f64::INFINITY;
@@ -157,6 +165,7 @@ fn least_mps(roads: &CrossingRoads, body: StockBody, speed: &SpeedPlan, point_m:
             least_mps = least_mps.min(way_m / 0.1);
         }
     }
+    // A plan that never is on the crossing has no least speed there.
     if least_mps.is_finite() {
         least_mps
     } else {

@@ -67,18 +67,22 @@ impl PathCrossing {
             .collect();
         let mut order: Vec<usize> = (0..ways.len()).collect();
         let start_s = |i: usize| recording.tracks[i].first_sample as f64 * dt_s;
+        // In the order of starts the search of each track can stop early.
         order.sort_by(|a, b| start_s(*a).total_cmp(&start_s(*b)));
         let mut found = Vec::new();
         for (k, a) in order.iter().enumerate() {
             let end_s = recording.tracks[*a].end_sample() as f64 * dt_s;
             let later = order[k + 1..].iter();
             for b in later.take_while(|b| start_s(**b) <= end_s + CROSSING_PET_S) {
+                // Holes split a road user into tracks, which do not cross each
+                // other.
                 if recording.tracks[*a].id == recording.tracks[*b].id {
                     continue;
                 }
                 found.extend(crossing(recording, &ways, *a, *b));
             }
         }
+        // Stable, so that equal times keep the order of the starts.
         found.sort_by(|a, b| a.pet_s().total_cmp(&b.pet_s()));
         found
     }
@@ -210,6 +214,8 @@ fn line_angle(a_rad: f64, b_rad: f64) -> f64 {
 
 /// Returns true if pieces of two runs may cross at a large angle.
 fn may_cross(run: &PathRun, other: &PathRun) -> bool {
+    // Boxes first: comparing numbers costs less than the angle, and rejects
+    // most pairs.
     let is_apart = (0..2)
         .any(|axis| run.high_m[axis] < other.low_m[axis] || other.high_m[axis] < run.low_m[axis]);
     let angle_rad = line_angle(run.course_rad, other.course_rad);
@@ -239,6 +245,8 @@ fn crossing(
                 let Some(found) = at_pieces(recording, ways, [(a, i), (b, k)]) else {
                     continue;
                 };
+                // Strictly smaller, so that the first of equal crossings is
+                // kept.
                 if best.is_none_or(|best| found.pet_s() < best.pet_s()) {
                     best = Some(found);
                 }
@@ -260,6 +268,8 @@ fn at_pieces(
     let (way, other) = (&ways[a], &ways[b]);
     let ([ax, ay], [bx, by]) = (way.piece_m(i), other.piece_m(k));
     let cross = ax * by - ay * bx;
+    // Parallel pieces have no single common point, and the division would give
+    // NaN.
     if cross == 0.0 {
         return None;
     }
@@ -271,12 +281,16 @@ fn at_pieces(
         return None;
     }
     let places_m = (way.along_m(i, u), other.along_m(k, v));
+    // Not of the pieces, which are as short as 0.3 m and turn with every
+    // jitter.
     let angle_rad = line_angle(way.chord_rad(places_m.0), other.chord_rad(places_m.1));
     if angle_rad < CROSSING_RAD {
         return None;
     }
     let stay = |track: usize, crossed: usize, s_m: f64| {
         let (own, crossed) = (&recording.tracks[track], &recording.tracks[crossed]);
+        // The angle is at least 20°, so the division by the sine below is
+        // safe.
         let (sin, cos) = libm::sincos(angle_rad);
         // From the centre at the place to the box at the edge of the other's strip.
         let reach_m = 0.5 * (own.length_m + (crossed.width_m + own.width_m * cos) / sin);
@@ -289,6 +303,7 @@ fn at_pieces(
         (track, times, filled.copied().unwrap_or(false))
     };
     let (mut first, mut second) = (stay(a, b, places_m.0), stay(b, a, places_m.1));
+    // The road user that has left the other's path earlier is the first one.
     if second.1.1 < first.1.1 {
         std::mem::swap(&mut first, &mut second);
     }
@@ -309,6 +324,7 @@ fn least_clearance_m(a: &RoadUserTrack, b: &RoadUserTrack) -> Option<f64> {
     let common = a.first_sample.max(b.first_sample)..a.end_sample().min(b.end_sample());
     let clearances = common
         .map(|sample| clearance_m((a, sample - a.first_sample), (b, sample - b.first_sample)));
+    // Without a common instant the range is empty and there is no clearance.
     clearances.min_by(f64::total_cmp)
 }
 
@@ -335,6 +351,7 @@ fn from_box(own: (&RoadUserTrack, usize), other: (&RoadUserTrack, usize)) -> (f6
         let (dx, dy) = (x - track.x_m[at], y - track.y_m[at]);
         [cos * dx + sin * dy, cos * dy - sin * dx]
     });
+    // Distance to a box: only what sticks out of its half extents counts.
     let away = |[x, y]: [f64; 2]| {
         let (x, y) = (
             (x.abs() - half_m[0]).max(0.0),

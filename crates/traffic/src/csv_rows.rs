@@ -16,6 +16,7 @@ pub(crate) fn open_table<R: Read>(
     delimiter: Option<char>,
     name: &str,
 ) -> Result<DelimitedTable<BufReader<R>>, ReadError> {
+    // Files of gigabytes are read, so the buffer is larger than the default.
     let rows = BufReader::with_capacity(1 << 18, rows);
     DelimitedTable::open(rows, delimiter).map_err(|it| table_error(it, name))
 }
@@ -52,6 +53,7 @@ pub(crate) fn header_shown(header: &[String]) -> String {
 }
 
 fn beginning(text: &str, most: usize) -> String {
+    // By characters: a cut inside one would panic.
     match text.char_indices().nth(most) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text.to_owned(),

@@ -91,10 +91,12 @@ impl RecordedElements for Fcd {
                 self.time_s = Some(element.number("time")?);
                 return Ok(());
             }
+            // The class of a vehicle is only known by its `type`.
             "vehicle" => None,
             "person" => Some(Class::Pedestrian),
             _ => return Ok(()),
         };
+        // Without an instant the row would count at that of another file.
         let Some(time_s) = self.time_s else {
             return Err(element.error(FileProblem::MissingField {
                 owner: element.name().to_owned(),
@@ -118,6 +120,7 @@ impl RecordedElements for Fcd {
         let angle = element.optional_number("angle")?;
         let speed_mps = element.optional_number("speed")?;
         let words = element.optional("type").unwrap_or_default();
+        // The type first, because it says more than the element.
         let known = class_of_words(words).or(class);
         self.counts.rows += 1;
         self.counts.unknown_class += usize::from(known.is_none());

@@ -44,8 +44,10 @@ pub fn fit_traffic(
         .flat_map(VehicleData::accelerations)
         .collect();
     let driver = AccelerationModel::fit(&series).ok_or_else(too_few)?;
+    // One set of draws for all tails, so that their intervals are comparable.
     let draws = draws(vehicles.len());
     let thousands: Vec<f64> = vehicles.iter().map(VehicleData::thousand_km).collect();
+    // 1 to 4 m/s² in quarters, then 5 to 8 m/s², where events are rare.
     let peak_sizes: Vec<f64> = (4..=16)
         .chain([20, 24, 28, 32])
         .map(|i| 0.25 * f64::from(i))
@@ -71,6 +73,8 @@ pub fn fit_traffic(
         domain: domain(&data, &series),
         driver,
         braking_peak: peak.ok_or_else(too_few)?,
+        // May be missing, unlike the tails of braking, without which there is
+        // no model.
         acceleration_peak: EventTail::fit(
             &accelerations,
             &thousands,
@@ -87,10 +91,13 @@ pub fn fit_traffic(
 
 /// Draws vehicles with replacement, for intervals.
 fn draws(vehicles: usize) -> Vec<Vec<usize>> {
+    // A fixed seed: equal recordings give equal intervals.
     let mut rng = ChaCha8Rng::seed_from_u64(48);
     (0..RESAMPLED)
         .map(|_| {
             (0..vehicles)
+                // Whole vehicles are drawn, because the events of one driver
+                // are not independent.
                 .map(|_| rng.random_range(0..vehicles))
                 .collect()
         })

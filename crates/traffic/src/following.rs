@@ -55,6 +55,8 @@ impl Leads {
                 active.push(*i);
                 next += 1;
             }
+            // A sweep over time: only the vehicles that are there are sorted
+            // per sample.
             active.retain(|i| sample < recording.tracks[*i].end_sample());
             row.clear();
             for i in &active {
@@ -66,6 +68,8 @@ impl Leads {
                     row.push((placed.carriageway, lane, placed.s_m[at], *i));
                 }
             }
+            // From back to front within a lane, so that neighbours are
+            // follower and lead.
             row.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
             for pair in row.windows(2) {
                 let (own, lead) = (pair[0], pair[1]);

@@ -51,6 +51,7 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
             });
         }
     }
+    // Before the tracks are split, so that each road user counts once.
     counts.assumed_sizes = tracks.iter().filter(|it| !it.has_size()).count();
     let empty = || ReadError::Empty {
         file: file.to_owned(),
@@ -61,13 +62,18 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
         problem,
     };
     let grid = TimeGrid::of(&tracks).ok_or_else(empty)?;
+    // Before any allocation by samples: one row of another epoch would ask for
+    // gigabytes.
     check_span(&tracks, &grid).map_err(whole)?;
     let mut all = Vec::with_capacity(tracks.len());
     let mut agreement = Agreement::default();
     let rows: usize = tracks.iter().map(|it| it.rows.len()).sum();
+    // The constant lets short recordings have holes.
     let mut budget = SAMPLES_PER_ROW * rows + 10_000;
     for raw in &mut tracks {
         for row in &mut raw.rows {
+            // Sample 0 is the earliest row of the file, not the first one that
+            // was read.
             row.time_s -= grid.first_s;
         }
         for part in parts(raw, grid.dt_s, &mut counts) {
@@ -80,14 +86,19 @@ pub(crate) fn recording(raw: RawTracks, file: &str) -> Result<TrafficRecording, 
                 .checked_sub(span.end() - span.start())
                 .ok_or_else(|| whole(FileProblem::Uneven { dt_s: grid.dt_s }))?;
             let samples = grid.samples(&part.rows, span, &mut counts);
+            // Noise alone does not make a whole track this fast, so it is a
+            // ghost of the tracker.
             if mean_speed_mps(&samples.rows, grid.dt_s) > FAST_MPS {
                 counts.too_fast += 1;
                 continue;
             }
+            // Only kept tracks vote on whether speeds and headings agree with
+            // the positions.
             agreement.add(&samples.rows, grid.dt_s);
             all.push(track(raw, &part, samples, grid.dt_s, &mut counts));
         }
     }
+    // If every track is too fast, the unit is wrong and not the tracker.
     if all.is_empty() && counts.too_fast > 0 {
         return Err(whole(FileProblem::Fast {
             speed_mps: FAST_MPS,
@@ -138,10 +149,12 @@ struct TimeGrid {
 
 /// Returns the step to which all instants are rounded, 0 for none from a microsecond on.
 fn resolution_s(instants: &[f64]) -> f64 {
+    // Decimal steps only, since recorders print a fixed number of digits.
     let is_step = |step_s: &f64| {
         let off = |it: &f64| (it / step_s - (it / step_s).round()).abs();
         instants.iter().all(|it| off(it) < 1e-3)
     };
+    // The coarsest first, because every finer one fits the same instants.
     let steps_s = [1e-2, 1e-3, 1e-4, 1e-5];
     steps_s.into_iter().find(is_step).unwrap_or(0.0)
 }
@@ -157,6 +170,7 @@ impl TimeGrid {
     fn of(tracks: &[RawTrack]) -> Option<TimeGrid> {
         let firsts = tracks.iter().filter_map(|it| it.rows.first());
         let first_s = firsts.map(|row| row.time_s).fold(f64::INFINITY, f64::min);
+        // The median ignores holes and doubled rows, which would shift a mean.
         let median_s = median_step(tracks)?;
         let irregular = TimeGrid {
             first_s,
@@ -172,6 +186,8 @@ impl TimeGrid {
         // One instant of several road users may differ in its last digits.
         instants.dedup_by(|a, b| *a - *b <= 1e-4 * median_s);
         let even =
+            // A fitted period far from the median step is a multiple or a
+            // fraction of the true one.
             EvenSampling::fit(&instants).filter(|it| (it.dt_s / median_s - 1.0).abs() < 0.25);
         let grid = even.map_or(irregular, |it| TimeGrid {
             first_s,
@@ -189,6 +205,7 @@ impl TimeGrid {
     /// Returns the first and last sample of unbroken rows, `None` for fewer than two.
     fn span(&self, rows: &[RawRow]) -> Option<RangeInclusive<usize>> {
         let (first, last) = (rows.first()?, rows.last()?);
+        // Inwards on both sides, so that no sample is extrapolated.
         let from = (first.time_s / self.dt_s - self.on_grid).ceil().max(0.0) as usize;
         let to = (last.time_s / self.dt_s + self.on_grid).floor() as usize;
         (from < to).then_some(from..=to)
@@ -212,6 +229,7 @@ impl TimeGrid {
         let mut samples: Vec<RawRow> = Vec::with_capacity(span.end() + 1 - first);
         for k in span {
             let time_s = k as f64 * dt_s;
+            // `next` only grows, so a track is sampled in linear time.
             while next + 1 < rows.len() && rows[next].time_s < time_s - on_grid * dt_s {
                 next += 1;
             }
@@ -231,6 +249,8 @@ impl TimeGrid {
         }
         let before = rows[next - 1];
         let share = (time_s - before.time_s) / (after.time_s - before.time_s);
+        // Halfway to two periods, so that jitter is no hole and one missing
+        // row is.
         let is_hole = 1.5 * dt_s < after.time_s - before.time_s;
         counts.holes_filled += usize::from(is_hole);
         let mix = |a: f64, b: f64| a + share * (b - a);
@@ -239,6 +259,8 @@ impl TimeGrid {
             (RawVector::Components(ax, ay), RawVector::Components(bx, by)) => {
                 RawVector::Components(mix(ax, bx), mix(ay, by))
             }
+            // A file has one notation for all rows, so this is a row without a
+            // value.
             _ => RawVector::Unknown,
         };
         let angles = before.heading_rad.zip(after.heading_rad);
@@ -246,6 +268,7 @@ impl TimeGrid {
             time_s,
             x_m: mix(before.x_m, after.x_m),
             y_m: mix(before.y_m, after.y_m),
+            // The short way round, since −179° and 179° are 2° apart.
             heading_rad: angles.map(|(a, b)| a + share * wrapped(b - a)),
             velocity: mix_vector(before.velocity, after.velocity),
             acceleration: mix_vector(before.acceleration, after.acceleration),
@@ -285,6 +308,8 @@ fn track(
     dt_s: f64,
     counts: &mut ReadCounts,
 ) -> RoadUserTrack {
+    // Of the part and not of the identity, which another vehicle may have
+    // taken over.
     let class = raw.class(&part.rows);
     let ([length_m, width_m], varies) = raw.size_m(&part.rows, class);
     counts.varying_sizes += usize::from(varies);
@@ -307,6 +332,7 @@ fn track(
 
 /// Fills the columns of a track, with derived quantities where none were recorded.
 fn fill(track: &mut RoadUserTrack, samples: &[RawRow], dt_s: f64, reference: RawReference) {
+    // Even with recorded headings, single rows may lack them.
     let course = courses(samples, dt_s);
     let (ahead_m, left_m) = reference.centre_m(track.length_m);
     for (row, course_rad) in samples.iter().zip(course) {
@@ -332,12 +358,15 @@ fn fill(track: &mut RoadUserTrack, samples: &[RawRow], dt_s: f64, reference: Raw
         .map(|(it, h)| along(it.velocity, *h))
         .collect();
     let accels: Option<Vec<f64>> = recorded.map(|(it, h)| along(it.acceleration, *h)).collect();
+    // One row without a value makes the whole column derived, since a mix of
+    // sources has steps.
     track.speed_mps = speeds.unwrap_or_else(|| speeds_of(track, dt_s));
     track.accel_mps2 = accels.unwrap_or_else(|| derivative(&track.speed_mps, dt_s));
 }
 
 /// Returns the direction of motion at every sample, held while standing.
 fn courses(samples: &[RawRow], dt_s: f64) -> Vec<f64> {
+    // A chord of half a second averages the noise of positions.
     let reach = ((0.25 / dt_s).round() as usize).max(1);
     let last = samples.len() - 1;
     let mut known: Vec<Option<f64>> = (0..samples.len())
@@ -348,12 +377,17 @@ fn courses(samples: &[RawRow], dt_s: f64) -> Vec<f64> {
                 samples[b].y_m - samples[a].y_m,
             );
             let (x, y) = match samples[i].velocity {
+                // Recorded velocities come from the tracker's filter and are
+                // smoother than differences.
                 RawVector::Components(vx, vy) => (vx, vy),
                 _ => (x / ((b - a) as f64 * dt_s), y / ((b - a) as f64 * dt_s)),
             };
+            // `libm` gives the same bits on all machines.
             (libm::hypot(x, y) >= STANDING_MPS).then(|| libm::atan2(y, x))
         })
         .collect();
+    // A vehicle that stands at the beginning has the course with which it
+    // starts.
     let first = known.iter().flatten().next().copied().unwrap_or(0.0);
     let mut held = first;
     for course in &mut known {
@@ -370,6 +404,7 @@ fn speeds_of(track: &RoadUserTrack, dt_s: f64) -> Vec<f64> {
     velocities
         .map(|((x, y), heading_rad)| {
             let (sin, cos) = libm::sincos(*heading_rad);
+            // The part along the heading, which is negative in reverse.
             x * cos + y * sin
         })
         .collect()

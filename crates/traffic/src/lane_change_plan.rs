@@ -38,10 +38,13 @@ impl LaneChangePlan {
             for first_sample in begins(line, dt_s, around).step_by(step) {
                 for duration_s in durations(step_s, around) {
                     let end = first_sample as f64 + duration_s / dt_s;
+                    // The change must be under way at the line and end within
+                    // the offsets.
                     if end <= line as f64 || lateral_m.len() as f64 <= end {
                         continue;
                     }
                     let found = offsets(lateral_m, first_sample, duration_s, dt_s);
+                    // Strictly less, so that the first of equal fits is kept.
                     if best.is_none_or(|(least, _)| found.0 < least) {
                         best = Some(found);
                     }
@@ -103,6 +106,7 @@ fn durations(step_s: f64, around: Option<LaneChangePlan>) -> impl Iterator<Item 
         None => DURATION_S,
         Some(it) => (it.duration_s - SEARCH_S[0], it.duration_s + SEARCH_S[0]),
     };
+    // The second search must not leave the allowed durations.
     let from_s = from_s.max(DURATION_S.0);
     let steps = ((to_s - from_s) / step_s).round() as usize;
     (0..=steps).map(move |i| from_s + i as f64 * step_s)
@@ -133,6 +137,7 @@ fn offsets(
         xy += curve * lateral_m;
     }
     let spread = xx - x * x / n;
+    // A constant curve cannot show a change.
     let by_m = if spread > 1e-9 {
         (xy - x * y / n) / spread
     } else {

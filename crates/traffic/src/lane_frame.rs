@@ -103,9 +103,12 @@ impl LaneFrame {
             let (members, others): (Vec<usize>, Vec<usize>) = free
                 .iter()
                 .partition(|i| belongs(&recording.tracks[**i], &path));
+            // A line without members would be found again and again.
             if members.is_empty() {
                 break;
             }
+            // A turn has no lanes of common offsets, since vehicles cut its
+            // inside differently.
             if turns_rad(&path).1 > CORNER_RAD {
                 frame.without_lanes.push(NoLanes::Turns(members.len()));
             } else {
@@ -125,6 +128,8 @@ impl LaneFrame {
             .iter()
             .map(|(_, members)| NoLanes::Apart(members.len()));
         frame.without_lanes.extend(rare);
+        // Carriageway 0 has the most vehicles, as the documentation of the
+        // field promises.
         fitted.sort_by_key(|(_, members)| std::cmp::Reverse(members.len()));
         for (path, members) in fitted {
             frame.add(recording, path, members);
@@ -168,6 +173,7 @@ impl LaneFrame {
     fn add(&mut self, recording: &TrafficRecording, mut path: Path, tracks: Vec<usize>) {
         for pass in Pass::ALL {
             let rows = thinned(recording, &tracks, &path);
+            // Too few rows to centre on leave the path as it is.
             let Some(centred) = centred(&path, &rows, pass) else {
                 break;
             };
@@ -189,7 +195,10 @@ impl LaneFrame {
             .iter()
             .map(|i| (*i, place(&recording.tracks[*i], &path, carriageway)))
             .collect();
+        // Vehicles that change lanes would blur the peaks of the offsets.
         let settled = SettledRows::of(&placed, recording.dt_s);
+        // Lanes need all tracks, so every track gets its lane numbers
+        // afterwards.
         let (lanes, outside) = lanes(&placed, &settled, path.length_m(), offsets_m);
         for (_, track) in &mut placed {
             let lane = |it: &f64| lane_at(&lanes, *it);
@@ -243,8 +252,11 @@ struct RowPlace {
 /// Projects one of [`THINNED`] rows of the tracks, without those that move sideways.
 fn thinned(recording: &TrafficRecording, tracks: &[usize], path: &Path) -> Vec<RowPlace> {
     let mut rows = Vec::new();
+    // One second on either side, in thinned rows.
     let reach = ((1.0 / (recording.dt_s * THINNED as f64)).round() as usize).max(1);
     for (number, track) in tracks.iter().map(|i| (*i, &recording.tracks[*i])) {
+        // Only the first row needs the search over the whole path. The others
+        // go on from there.
         let mut piece = path.place_anywhere([track.x_m[0], track.y_m[0]]).piece;
         let own = (0..track.len()).step_by(THINNED).map(|i| {
             let place = path.place([track.x_m[i], track.y_m[i]], piece);
@@ -280,6 +292,8 @@ fn centred(path: &Path, rows: &[RowPlace], pass: Pass) -> Option<Path> {
             stretch.push((row.lateral_m, row.track));
         }
     }
+    // The stretch with most rows shows its lanes best, so the others follow
+    // it.
     let fullest = (0..stretches).max_by_key(|i| offsets[*i].len())?;
     let start_m = match pass {
         Pass::Refine => 0.0,
@@ -300,6 +314,8 @@ fn centred(path: &Path, rows: &[RowPlace], pass: Pass) -> Option<Path> {
         median(near().map(|it| it.0).collect::<Vec<f64>>()).unwrap_or(near_m)
     };
     middle_m[fullest] = follow(fullest, start_m);
+    // Away from the fullest stretch, so that each one starts from a settled
+    // neighbour.
     for i in fullest + 1..stretches {
         middle_m[i] = follow(i, middle_m[i - 1]);
     }
@@ -325,6 +341,8 @@ fn place(track: &RoadUserTrack, path: &Path, carriageway: usize) -> PlacedTrack 
     for (x, y) in track.x_m.iter().zip(&track.y_m) {
         let at = path.place([*x, *y], piece);
         piece = at.piece;
+        // The path is that of box centres, and places are those of front
+        // bumpers.
         placed.s_m.push(at.s_m + 0.5 * track.length_m);
         placed.lateral_m.push(at.lateral_m);
     }

@@ -74,6 +74,8 @@ impl RecordedElements for Osm {
             }
             "tag" => {
                 let (key, value) = (element.text("k")?, element.text("v")?);
+                // Parsed here only for an error with the line, which the end
+                // of the node has lost.
                 if matches!(&*key, "local_x" | "local_y") {
                     element.number("v")?;
                 }
@@ -118,6 +120,8 @@ impl Osm {
             let tag = |key: &str| it.tags.get(key).map(String::as_str);
             let subtype = tag("subtype").unwrap_or("road");
             tag("type") == Some("lanelet")
+                // Everything else is kept, since maps name their roads in many
+                // ways.
                 && !matches!(subtype, "crosswalk" | "walkway" | "bicycle_lane" | "stairs")
         };
         let found = self.relations.iter().filter(is_driven);
@@ -125,12 +129,16 @@ impl Osm {
     }
 
     fn lanelet(&self, relation: &OpenElement) -> Option<Lanelet> {
+        // A bound of several ways has no single identity by which neighbours
+        // are found.
         let ([left], [right]) = (&relation.left[..], &relation.right[..]) else {
             return None;
         };
         let point = |node: &String| self.nodes.get(node).copied();
         let line = |way: &String| {
             let nodes = self.ways.get(way)?;
+            // A way with a node that is missing from the map has a wrong
+            // shape, so it is left out.
             let points: Option<Vec<[f64; 2]>> = nodes.iter().map(point).collect();
             Some((nodes.clone(), points?)).filter(|(_, points)| points.len() >= 2)
         };
@@ -146,6 +154,7 @@ impl Osm {
         }
         let middle = left_m[left_m.len() / 2];
         let (a, b) = (right_m[0], right_m[right_m.len() - 1]);
+        // The cross product is negative if the left bound lies to the right.
         let side = (b[0] - a[0]) * (middle[1] - a[1]) - (b[1] - a[1]) * (middle[0] - a[0]);
         if side < 0.0 {
             for line in [&mut left_m, &mut right_m] {
@@ -174,11 +183,15 @@ impl Osm {
 pub fn centre_line(left_m: &[[f64; 2]], right_m: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let (left_s, right_s) = (stations(left_m), stations(right_m));
     let longest_m = left_s[left_s.len() - 1].max(right_s[right_s.len() - 1]);
+    // A hostile map of one lanelet of a million kilometres gets no more points
+    // than this.
     let count = ((longest_m / STEP_M).ceil().max(1.0) as usize).min(MOST_POINTS);
     let at = |line: &[[f64; 2]], s_m: &[f64], share: f64| {
         let want_m = share * s_m[s_m.len() - 1];
         // A search, since a line of a map may have any number of points.
         let after = s_m.partition_point(|it| *it < want_m).min(line.len() - 1);
+        // Also the case of a line without a length, which would divide by
+        // zero.
         if after == 0 {
             return line[0];
         }
@@ -222,6 +235,7 @@ fn carriageways(lanelets: &[Lanelet]) -> Vec<MappedCarriageway> {
         }
         let mut chain = vec![first];
         used.insert(first);
+        // Each step uses up a lanelet, so a loop of lanelets ends.
         while let Some(last) = chain.last().copied() {
             let follows = |i: &usize| !used.contains(i) && lanelets[*i].from == lanelets[last].to;
             let mut next = (0..lanelets.len()).filter(follows);
@@ -239,6 +253,8 @@ fn carriageways(lanelets: &[Lanelet]) -> Vec<MappedCarriageway> {
             found.push(MappedCarriageway { path, offsets_m });
         }
     }
+    // Vehicles join the first carriageway that fits, so the longest has
+    // priority.
     found.sort_by(|a, b| b.path.length_m().total_cmp(&a.path.length_m()));
     found
 }

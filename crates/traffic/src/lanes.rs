@@ -53,6 +53,7 @@ pub(crate) fn lane_at(lanes: &[Lane], lateral_m: f64) -> Option<u8> {
         .iter()
         .enumerate()
         .min_by(|a, b| far(a.1).total_cmp(&far(b.1)))?;
+    // A hostile map may have more lanes than a number of a lane can count.
     let lane = u8::try_from(nearest.0).ok()?;
     (far(nearest.1) <= IN_LANE_M).then_some(lane)
 }
@@ -95,6 +96,8 @@ impl SettledRows {
             driven_m += ends.map_or(0.0, |(from, to)| (to - from).abs());
         }
         let settled = self.offsets_m.len() as f64;
+        // A few changes on a short stretch are a high rate without any
+        // meaning.
         let is_calm = changes < 4.0 || changes <= CHANGES_PER_KM * driven_m / 1000.0;
         settled >= SETTLED_SHARE * self.rows as f64 && near >= 0.75 * settled && is_calm
     }
@@ -115,20 +118,26 @@ pub(crate) fn is_settled(offsets_m: &[f64], at: usize, reach: usize) -> bool {
 pub(crate) fn peaks(offsets: &[f64], least: f64) -> Vec<(f64, usize)> {
     let bins = (2.0 * WIDTH_M / BIN_M) as usize;
     let mut counts = vec![0.0_f64; bins];
+    // Also keeps NaN out, which no comparison accepts.
     for offset in offsets.iter().filter(|it| it.abs() < WIDTH_M) {
         let bin = ((offset + WIDTH_M) / BIN_M) as usize;
+        // The largest offset below the width may round into a bin too many.
         counts[bin.min(bins - 1)] += 1.0;
     }
     let smooth: Vec<f64> = (0..bins as isize)
         .map(|i| {
+            // A triangle of ±0.6 m, because the counts of single bins are
+            // noisy.
             let weight = |k: isize| f64::from(7 - k.unsigned_abs() as i32);
             let at = |k: isize| counts.get((i + k) as usize).copied().unwrap_or(0.0);
             (-6..=6).map(|k| weight(k) * at(k)).sum()
         })
         .collect();
     let mut order: Vec<usize> = (1..bins - 1)
+        // One strict comparison, so that a plateau is one peak.
         .filter(|i| smooth[i - 1] <= smooth[*i] && smooth[i + 1] < smooth[*i])
         .collect();
+    // The highest first, because a lane excludes lower peaks beside it.
     order.sort_by(|a, b| smooth[*b].total_cmp(&smooth[*a]));
     let mut found: Vec<(f64, usize)> = Vec::new();
     for i in order {
@@ -180,6 +189,8 @@ pub(crate) fn lanes(
         }
     }
     for ((lane, rows), count) in lanes.iter_mut().zip(rows).zip(&counts) {
+        // Of all rows and not of those in lanes, so that the shares and
+        // `outside` sum to 1.
         lane.share = *count as f64 / settled.rows.max(1) as f64;
         let medians = rows
             .into_iter()

@@ -23,6 +23,8 @@ impl Lead {
         if self.closing_mps <= 0.0 {
             return TTC_MAX_S;
         }
+        // Overlapping boxes have a negative gap, and a slow approach a huge
+        // time.
         (self.gap_m / self.closing_mps).clamp(0.0, TTC_MAX_S)
     }
 

@@ -111,6 +111,8 @@ impl<'a> McapFile<'a> {
     ///
     /// Indexes and the summary behind the data are not needed.
     fn records(&mut self, bytes: &mut impl Read, chunk: Option<u64>) -> Result<(), ReadError> {
+        // Chunks come whole, because the decompressors of the crate are not
+        // built in.
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
@@ -119,6 +121,7 @@ impl<'a> McapFile<'a> {
         let mut reader = LinearReader::new_with_options(options);
         let (mut content, mut want) = (Vec::new(), HEAD);
         while let Some(event) = reader.next_event() {
+            // Records in a chunk have no offset of their own in the file.
             let place = FilePlace::Byte(chunk.unwrap_or(self.tracks.bytes));
             match event {
                 Ok(LinearReadEvent::ReadRequest(more)) => {
@@ -126,6 +129,8 @@ impl<'a> McapFile<'a> {
                     // A record may announce more than there is, so memory follows the bytes.
                     read_bytes(bytes, want, &mut content, self.name)?;
                     let got = content.len() as u64;
+                    // Nothing at all is a regular end, which the reader
+                    // judges.
                     if got > 0 && got < want {
                         return Err(self.tracks.cut(place, got, want));
                     }
@@ -137,6 +142,8 @@ impl<'a> McapFile<'a> {
                     if chunk.is_none() {
                         self.tracks.bytes += HEAD + data.len() as u64;
                     }
+                    // The summary behind it repeats schemas and channels, and
+                    // its indexes are not needed.
                     if opcode == op::DATA_END {
                         return Ok(());
                     }
@@ -199,6 +206,7 @@ impl<'a> McapFile<'a> {
     fn channel(&mut self, fields: &mut Fields<'_>) -> Option<()> {
         let (id, schema) = (fields.u16()?, fields.u16()?);
         let (_topic, encoding) = (fields.text()?, fields.text()?);
+        // An unknown schema has an empty name, which no message kind has.
         let schema = self.schemas.get(&schema).cloned().unwrap_or_default();
         self.channels.insert(id, (schema, encoding));
         Some(())
@@ -212,6 +220,7 @@ impl<'a> McapFile<'a> {
             self.tracks.counts.other_messages += 1;
             return Ok(());
         }
+        // The schema states the type, so it is not guessed from the contents.
         self.tracks.kind = Some(kind);
         self.messages += 1;
         let number = self.messages;
@@ -241,6 +250,7 @@ impl<'a> McapFile<'a> {
         if size > MOST_BYTES as u64 {
             return Err(FileProblem::TooLong(size));
         }
+        // Summed before unpacking, so that a bomb is refused and not built.
         self.unpacked += size;
         if self.unpacked > UNPACKED + UNPACKED_PER_BYTE * self.tracks.bytes {
             let packed = packed.len() as u64;
@@ -272,6 +282,7 @@ impl<'a> McapFile<'a> {
             return self.tracks.finish();
         }
         let mut found: Vec<&str> = self.schemas.values().map(|it| &**it).collect();
+        // The hash order differs from run to run, and messages must not.
         found.sort_unstable();
         let found = format!("schemas: {}", found.join(", "));
         let problem = FileProblem::NoGroundTruth(found);
@@ -282,6 +293,7 @@ impl<'a> McapFile<'a> {
 /// Reads a decompressor up to one byte more than expected.
 fn read_all(decoder: impl Read, size: u64) -> Result<Cow<'static, [u8]>, FileProblem> {
     let mut records = Vec::new();
+    // One byte more shows that a chunk is larger than it states.
     let read = decoder.take(size + 1).read_to_end(&mut records);
     read.map_err(|error| FileProblem::Decompress(error.to_string()))?;
     Ok(Cow::Owned(records))

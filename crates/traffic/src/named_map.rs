@@ -139,6 +139,8 @@ impl ColumnMap {
         };
         let pair =
             |pairs: &[[&str; 2]]| pairs.iter().find_map(|[a, b]| find(&[*a]).zip(find(&[*b])));
+        // In pairs, so that `x` is never combined with the `y` of another
+        // notation.
         let (x, y) = pair(&PLACES)?;
         let speed = find(&SPEEDS);
         let velocity = pair(&VELOCITIES);
@@ -150,6 +152,7 @@ impl ColumnMap {
             id: find(&IDS)?.header.to_owned(),
             x: x.header.to_owned(),
             y: y.header.to_owned(),
+            // `unread_unit` refuses a y in another unit.
             length_unit: match x.unit {
                 Some(ColumnUnit::Feet) => LengthUnit::Feet,
                 _ => LengthUnit::Metres,
@@ -166,6 +169,8 @@ impl ColumnMap {
                 },
             }),
             velocity: match (velocity, speed) {
+                // Components are preferred, because they do not depend on a
+                // heading.
                 (Some((x, y)), _) => {
                     VectorColumns::Components(x.header.to_owned(), y.header.to_owned())
                 }
@@ -180,6 +185,8 @@ impl ColumnMap {
             }),
             class: match (class, size) {
                 (Some(class), _) => ClassColumns::Words(class.header.to_owned()),
+                // Without a class column the length is the only sign of a
+                // truck.
                 (None, Some(_)) => ClassColumns::by_length(),
                 (None, None) => ClassColumns::default(),
             },
@@ -211,6 +218,8 @@ pub(crate) fn unread_unit(map: &ColumnMap) -> Option<&str> {
     }
     columns.extend(map.heading.iter().map(|it| (&*it.column, &is_angle as _)));
     let is_unread = |(header, fits): &(&str, &dyn Fn(ColumnUnit) -> bool)| {
+        // A bracket announces a unit, and an unknown one must not be read as
+        // metres.
         let has_bracket = header.contains(['[', '(']);
         column(header).unit.map_or(has_bracket, |unit| !fits(unit))
     };
@@ -226,6 +235,8 @@ impl TimeColumn {
         let unit_s = time_name(column).ok().flatten().map_or(1.0, |it| it.unit_s);
         let column = column.to_owned();
         match unit_s {
+            // The units come from a table of literals, so the values are
+            // exact.
             1e-3 => TimeColumn::Milliseconds(column),
             1e-6 => TimeColumn::Microseconds(column),
             1e-9 => TimeColumn::Nanoseconds(column),
@@ -241,6 +252,8 @@ fn time_column(header: &[String], time: Option<&str>) -> Option<TimeColumn> {
             .any(|it| it == given)
             .then(|| TimeColumn::named(given));
     }
+    // Names of times with an unknown unit are errors there, and no candidates
+    // here.
     let is_time = |it: &&String| matches!(time_name(it), Ok(Some(_)));
     let mut found: Vec<&String> = header.iter().filter(is_time).collect();
     found.sort_by_key(|it| brakecheck_stl::sampling::time_rank(it));
@@ -279,6 +292,7 @@ fn unit_of(text: &str) -> Option<ColumnUnit> {
     let text: String = text
         .to_lowercase()
         .chars()
+        // `m/s^2`, `m / s` and `km_h` are written with and without these.
         .filter(|it| !" _^".contains(*it))
         .collect();
     Some(match &*text {

@@ -35,6 +35,7 @@ const NEW_ROAD_USER: u64 = 32;
 /// # Errors
 /// The file ends inside a message, or a message is invalid.
 pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadError> {
+    // A trace is one long run of small reads, four bytes and a message each.
     let mut reader = BufReader::with_capacity(1 << 18, trace);
     let mut tracks = OsiTracks::new(name);
     let mut message = Vec::new();
@@ -42,6 +43,7 @@ pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadEr
     loop {
         let place = FilePlace::Message { number, offset };
         read_bytes(&mut reader, 4, &mut message, name)?;
+        // The end between two messages is the regular end of a trace.
         if message.is_empty() {
             return tracks.finish();
         }
@@ -49,6 +51,7 @@ pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadEr
             return Err(tracks.cut(place, message.len() as u64, 4));
         };
         let length = u64::from(u32::from_le_bytes(length));
+        // A damaged length would make the next read wait for gigabytes.
         if length > MOST_BYTES {
             return Err(tracks.error(place, FileProblem::TooLong(length)));
         }
@@ -56,6 +59,7 @@ pub fn read_osi(trace: impl Read, name: &str) -> Result<TrafficRecording, ReadEr
         if (message.len() as u64) < length {
             return Err(tracks.cut(place, message.len() as u64, length));
         }
+        // Before the message is parsed, because it pays for its own objects.
         tracks.bytes += 4 + length;
         tracks.push(&message, place)?;
         number += 1;
@@ -71,6 +75,8 @@ pub(crate) fn read_bytes(
     file: &str,
 ) -> Result<(), ReadError> {
     into.clear();
+    // The buffer grows with the bytes that arrive, and not by the announced
+    // length.
     let read = reader.by_ref().take(want).read_to_end(into);
     read.map(|_| ()).map_err(|source| ReadError::File {
         file: file.to_owned(),
@@ -141,6 +147,8 @@ impl<'a> OsiTracks<'a> {
             Some(kind) => kind,
             None => match OsiKind::guess(message)? {
                 Some(kind) => *self.kind.insert(kind),
+                // Simulators write messages without objects before the first
+                // vehicle appears.
                 None => return Ok(()),
             },
         };
@@ -152,6 +160,8 @@ impl<'a> OsiTracks<'a> {
                 owner: owner.to_owned(),
                 field,
             };
+            // Only with an object, so that an empty message needs no
+            // timestamp.
             if instant.is_none() {
                 // A view states its instant, too, for a ground truth without one.
                 let own = decoded::<OsiInstant>(ground_truth)?.timestamp;
@@ -171,6 +181,8 @@ impl<'a> OsiTracks<'a> {
 
     /// Refuses more road users and rows than a file of this size has.
     fn check_memory(&self) -> Result<(), FileProblem> {
+        // In MCAP, bytes of a packed chunk count as packed, so unpacking
+        // cannot multiply the memory.
         let most = OBJECTS + OBJECTS_PER_BYTE * self.bytes;
         let road_users = NEW_ROAD_USER * self.tracks.len() as u64;
         if road_users + self.counts.rows as u64 <= most {
@@ -198,6 +210,8 @@ impl<'a> OsiTracks<'a> {
             .position
             .as_ref()
             .ok_or_else(|| missing("base.position"))?;
+        // Checked before it may become the origin, which every later row is
+        // relative to.
         let position_m = components(position, &owner, "base.position")?;
         let origin = self.origin.get_or_insert(OsiOrigin {
             seconds: instant.seconds.unwrap_or(0),
@@ -225,7 +239,9 @@ impl<'a> OsiTracks<'a> {
             class: None,
         };
         self.counts.rows += 1;
+        // The summary shows how many classes are assumptions.
         self.counts.unknown_class += usize::from(class.is_none());
+        // Before the push, so that the limit holds at every moment.
         self.check_memory()?;
         let tracks = &mut self.tracks;
         let at = *self.by_id.entry(id).or_insert_with(|| {
@@ -271,6 +287,8 @@ impl OsiKind {
                 Ok(count + 1)
             })
         };
+        // Ground truth first: a sensor view does not decode as one, since its
+        // field 5 has another content.
         let direct = objects(OsiKind::GroundTruth);
         if direct.as_ref().is_ok_and(|count| *count > 0) {
             return Ok(Some(OsiKind::GroundTruth));
@@ -279,6 +297,8 @@ impl OsiKind {
         if view.as_ref().is_ok_and(|count| *count > 0) {
             return Ok(Some(OsiKind::SensorView));
         }
+        // If one type decodes, the message only lacks objects. If none does,
+        // the first error is returned.
         direct.or(view).map(|_| None)
     }
 
@@ -347,6 +367,7 @@ fn size(base: &OsiBase, owner: &dyn Fn() -> String) -> Result<Option<[f64; 2]>, 
         return Ok(None);
     };
     let size_m = [dimension.length, dimension.width].map(|it| it.unwrap_or(0.0));
+    // Writers of proto3 leave zeros out, so an empty dimension is not filled.
     if size_m == [0.0, 0.0] {
         return Ok(None);
     }

@@ -175,6 +175,8 @@ impl<'a> NestedFields<'a> {
     fn field(&mut self) -> Result<Option<&'a [u8]>, String> {
         let key = self.varint()?;
         match key & 7 {
+            // The wire types of protobuf: 0 varint, 1 eight bytes, 2 with a
+            // length, 5 four bytes.
             0 => self.varint().map(|_| None),
             1 => self.bytes(8).map(|_| None),
             2 => {
@@ -183,6 +185,7 @@ impl<'a> NestedFields<'a> {
                 Ok((key >> 3 == self.number).then_some(content))
             }
             5 => self.bytes(4).map(|_| None),
+            // Groups (3 and 4) are deprecated, and OSI has none.
             kind => Err(format!("a field of the wire type {kind}")),
         }
     }
@@ -197,6 +200,8 @@ impl<'a> Iterator for NestedFields<'a> {
                 Ok(None) => {}
                 Ok(Some(content)) => return Some(Ok(content)),
                 Err(error) => {
+                    // After an error the position is unknown, so the iteration
+                    // ends.
                     self.rest = &[];
                     return Some(Err(error));
                 }

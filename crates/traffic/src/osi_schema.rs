@@ -133,6 +133,7 @@ fn file(name: &str, messages: Vec<DescriptorProto>) -> Vec<u8> {
         name: Some(name.to_owned()),
         package: Some("osi3".to_owned()),
         message_type: messages,
+        // As in OSI, whose fields are optional and state their presence.
         syntax: Some("proto2".to_owned()),
         ..FileDescriptorProto::default()
     };
@@ -175,6 +176,8 @@ fn field(text: &str) -> Option<FieldDescriptorProto> {
         number: Some(number.parse().ok()?),
         label: Some(label.into()),
         r#type: Some(kind.into()),
+        // The leading dot makes the name absolute, so that no reader resolves
+        // it.
         type_name: type_name.map(|it| format!(".osi3.{it}")),
         ..FieldDescriptorProto::default()
     })

@@ -132,7 +132,10 @@ impl OsiTrace {
         let schema = osi_schema::ground_truth();
         let schema = file.add_schema("osi3.GroundTruth", "protobuf", &schema)?;
         let channel = file.add_channel(schema, TOPIC, "protobuf", &described)?;
+        // The description is of the road users, and not of the road.
         described.remove("net.asam.osi.trace.channel.description");
+        // Before the first message, since MCAP announces a channel before its
+        // messages.
         let mut road = match &self.open_drive {
             Some((name, text)) => {
                 let schema = osi_schema::open_drive();
@@ -175,9 +178,12 @@ impl OsiTrace {
                 patch: Some(patch),
             }),
             timestamp: Some(OsiTimestamp {
+                // Whole nanoseconds are split without rounding.
                 seconds: Some((frame.time_ns / 1_000_000_000) as i64),
                 nanos: Some((frame.time_ns % 1_000_000_000) as u32),
             }),
+            // Numbers begin with 1, because proto3 readers take 0 for a
+            // missing value.
             host_vehicle_id: Some(id(self.ego as u64 + 1)),
             moving_objects: objects
                 .map(|((body, state), number)| body.message(state, number))
@@ -208,6 +214,8 @@ impl OsiBody {
             }),
             kind: Some(kind),
             attributes: self.axles.map(|axles| {
+                // Places of axles are relative to the centre of the box, half
+                // its height above the ground.
                 let up_m = axles.height_m - 0.5 * height_m;
                 OsiVehicleAttributes {
                     bbcenter_to_rear: Some(vector([axles.rear_m, 0.0, up_m])),

@@ -77,6 +77,7 @@ impl OtherPlan {
                 it.0 < NEAR_M && !it.1.filled[it.2] && !is_behind((own, own_at), (it.1, it.2))
             })
             .collect();
+        // Stable, so that equal distances keep the order of the tracks.
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         // Further road users must not overlap the two of the situation.
         let mut placed: Vec<(&RoadUserTrack, usize)> = vec![(own, own_at)];
@@ -90,6 +91,8 @@ impl OtherPlan {
             if !placed.iter().all(is_clear) {
                 continue;
             }
+            // A road user without a plan takes no place away from the next
+            // one.
             if let Some(plan) = OtherPlan::of(track, i, recording.dt_s) {
                 placed.push((track, i));
                 plans.push(plan);
@@ -108,6 +111,7 @@ impl OtherPlan {
         let points = body.points_m(track, at..end);
         let motion = RecordedMotion::fit(&points, track.heading_rad[at], dt_s)?;
         let start_mps = motion.speed.as_ref().map(|it| it.start_mps);
+        // World files refuse a faster start of such a body.
         let is_fast = body.most_mps().zip(start_mps);
         (!is_fast.is_some_and(|(most, start)| most < start)).then(|| OtherPlan {
             id: track.id.clone(),

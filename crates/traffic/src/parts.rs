@@ -36,9 +36,11 @@ pub(crate) struct TrackPart {
 ///
 /// Rows that are displaced for at most half a second are left out. All of it is counted.
 pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> Vec<TrackPart> {
+    // First, because a displaced row would otherwise split the track twice.
     let rows = without_displaced(std::mem::take(&mut raw.rows), counts);
     counts.sideways += sideways_steps(&rows);
     let speeds = step_speeds(&rows);
+    // A recording of 1 Hz has steps beyond `HOLE_S` that are no holes.
     let hole_s = HOLE_S.max(1.5 * dt_s);
     let mut parts: Vec<TrackPart> = Vec::new();
     for (i, row) in rows.iter().enumerate() {
@@ -50,6 +52,8 @@ pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> V
             });
             continue;
         };
+        // A box may change within unbroken rows, so only a hole or a jump is
+        // examined further.
         let is_hole = row.time_s - before.time_s > hole_s;
         let is_jump = is_jump(&speeds, i - 1, before, row);
         if !is_hole && !is_jump {
@@ -57,6 +61,7 @@ pub(crate) fn parts(raw: &mut RawTrack, dt_s: f64, counts: &mut ReadCounts) -> V
             continue;
         }
         counts.holes_split += usize::from(is_hole);
+        // A jump over a hole is counted once, as a hole.
         counts.jumps += usize::from(is_jump && !is_hole);
         let is_other = is_jump
             || has_other_box(before, row)
@@ -111,6 +116,7 @@ fn is_jump(speeds: &[f64], step: usize, before: &RawRow, after: &RawRow) -> bool
 
 /// Returns true if no vehicle drives from the last of the rows before a hole to one after.
 fn comes_from_elsewhere(before: &[RawRow], speeds: &[f64], after: &RawRow) -> bool {
+    // A single row has no direction to compare with.
     let [.., earlier, last] = before else {
         return false;
     };
@@ -120,6 +126,7 @@ fn comes_from_elsewhere(before: &[RawRow], speeds: &[f64], after: &RawRow) -> bo
     let hole_s = after.time_s - last.time_s;
     let is_fast = distance_m(last, after) > (1.5 * usual_mps + HOLE_MPS) * hole_s + NOISE_M;
     let step = [last.x_m - earlier.x_m, last.y_m - earlier.y_m];
+    // A standing vehicle must not divide by zero.
     let step_m = libm::hypot(step[0], step[1]).max(1e-9);
     let ahead_m = (step[0] * (after.x_m - last.x_m) + step[1] * (after.y_m - last.y_m)) / step_m;
     let is_moving = step_m > BACK_MPS * (last.time_s - earlier.time_s);
@@ -140,14 +147,19 @@ fn sideways_steps(rows: &[RawRow]) -> usize {
             let [ux, uy] = step(neighbour);
             let way_m = libm::hypot(ux, uy);
             let [x, y] = step(*i);
+            // A standing neighbour has no direction, so nothing lies to its
+            // side.
             if way_m < 1e-9 {
                 return 0.0;
             }
             ((ux * y - uy * x) / way_m).abs()
         };
         let most_m = SIDEWAYS_M + 0.5 * SIDEWAYS_MPS2 * steps_s(*i) * steps_s(*i);
+        // Both neighbours must disagree, since a sharp turn disagrees with one
+        // of them.
         across_m(i - 1).min(across_m(i + 1)) > most_m
     };
+    // A step is compared with those before and after, which the ends lack.
     (1..rows.len().saturating_sub(2))
         .filter(is_sideways)
         .count()
@@ -157,6 +169,8 @@ fn sideways_steps(rows: &[RawRow]) -> usize {
 fn has_other_box(a: &RawRow, b: &RawRow) -> bool {
     let off_m = (a.size_m[0] - b.size_m[0]).abs();
     let is_known = a.size_m[0] > 0.0 && b.size_m[0] > 0.0;
+    // Lengths are measured with noise that grows with them, so the limit is
+    // the greater of both.
     let is_longer = is_known && off_m > OTHER_LENGTH_M.max(OTHER_LENGTH * a.size_m[0]);
     let classes = a.class.zip(b.class);
     is_longer || classes.is_some_and(|(a, b)| a != b)
@@ -177,6 +191,7 @@ fn without_displaced(rows: Vec<RawRow>, counts: &mut ReadCounts) -> Vec<RawRow> 
             let most_mps = 3.0 * usual_mps(&speeds, before) + JUMP_MPS;
             distance_m(&rows[before], &rows[after]) <= most_mps * span_s + NOISE_M
         };
+        // The end of one displaced stretch is not the start of another one.
         if is_short && comes_back && !is_out[before] {
             is_out[first..after].fill(true);
         }

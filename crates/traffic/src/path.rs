@@ -33,6 +33,8 @@ impl Path {
                 continue;
             };
             let way_m = libm::hypot(x - x0, y - y0);
+            // Points of a standing vehicle would give pieces of noise without
+            // a direction.
             if step_m <= way_m {
                 let s = s0 + way_m;
                 x_m.push(x);
@@ -103,6 +105,7 @@ impl Path {
 
     /// Returns the place of a point, searched from the nearest vertex.
     pub fn place_anywhere(&self, point: [f64; 2]) -> PathPlace {
+        // Squares keep the order of the distances and need no root.
         let far = |i: &usize| {
             let (dx, dy) = (point[0] - self.x_m[*i], point[1] - self.y_m[*i]);
             dx * dx + dy * dy
@@ -119,11 +122,15 @@ impl Path {
             .map(|(i, ([x, y], s))| {
                 let [ux, uy] = self.direction(i.min(self.pieces() - 1));
                 let [vx, vy] = self.direction(i.saturating_sub(1));
+                // The mean of both directions, so that a bend has no gap at
+                // its joints.
                 let norm = libm::hypot(ux + vx, uy + vy);
                 let left = offset_m(s);
                 [x - left * (uy + vy) / norm, y + left * (ux + vx) / norm]
             })
             .collect();
+        // On the inside of a bend points move together, so they are thinned
+        // again.
         Path::through(points, step_m)
     }
 

@@ -25,6 +25,7 @@ impl OwnPath {
             let [x, y] = points().next()?;
             Path::through([[x, y], [x + STEP_M * cos, y + STEP_M * sin]], 0.5 * STEP_M)
         };
+        // A standing vehicle has no path, but a vehicle ahead of it matters.
         let path = Path::through(points(), STEP_M).or_else(ahead)?;
         let mut piece = 0;
         let place = |point: [f64; 2]| {
@@ -53,6 +54,7 @@ impl OwnPath {
                 other.first_sample < track.end_sample() && track.first_sample < other.end_sample();
             *i != own && other.class.is_in_lanes() && overlaps
         };
+        // Collected once per vehicle, since the samples below share it.
         let others: Vec<usize> = (0..recording.tracks.len()).filter(is_together).collect();
         let lead_at = |at: usize| {
             let sample = track.first_sample + at;
@@ -78,6 +80,7 @@ impl OwnPath {
         let (x, y) = (other.x_m[there], other.y_m[there]);
         let reach_m = LEAD_GAP_M + 0.5 * (own.length_m + other.length_m);
         let away_m = libm::hypot(x - own.x_m[at], y - own.y_m[at]);
+        // Cheap and before the projection, because most vehicles are far away.
         if away_m > reach_m {
             return None;
         }
@@ -86,6 +89,8 @@ impl OwnPath {
         let [ux, uy] = self.path.direction(place.piece);
         let turned_rad = wrapped(other.heading_rad[there] - libm::atan2(uy, ux)).abs();
         let (sin, cos) = libm::sincos(turned_rad);
+        // Half the width of the strip and half the extent of the other box
+        // across it.
         let side_m = 0.5 * (own.width_m + other.width_m * cos.abs() + other.length_m * sin.abs());
         let is_on_strip = place.lateral_m.abs() < side_m && turned_rad < FRAC_PI_3;
         let gap_m = place.s_m - here.s_m - 0.5 * (own.length_m + other.length_m);

@@ -40,14 +40,18 @@ pub fn svg_overview(analysis: &Analysis) -> String {
     let centre_m = [0, 1].map(|axis| 0.5 * (low_m[axis] + high_m[axis]));
     let strips_px = [STRIP_PX, STRIP_PX];
     let mut canvas = SvgCanvas::new(centre_m, 0.0, px_per_m, [WIDTH_PX, drawn_px], strips_px);
+    // Borders first, since SVG paints in document order and the tracks belong
+    // on top.
     for carriageway in &analysis.frame.carriageways {
         draw_borders(&mut canvas, carriageway);
     }
+    // Ordered, so that the legend of equal recordings is equal byte by byte.
     let mut counts: BTreeMap<Class, usize> = BTreeMap::new();
     for track in &recording.tracks {
         *counts.entry(track.class).or_default() += 1;
         let points = track.x_m.iter().zip(&track.y_m).map(|(x, y)| [*x, *y]);
         let colour = colour(track.class);
+        // Translucent, so that the density of overlapping tracks is visible.
         let style = format!("stroke:{colour};stroke-width:0.8;stroke-opacity:0.35");
         canvas.line(points, &style);
     }
@@ -59,6 +63,7 @@ pub fn svg_overview(analysis: &Analysis) -> String {
         0 => String::new(),
         count => format!(", circles: {count} crossings with a PET below {CLOSE_PET_S} s"),
     };
+    // After the tracks, which would otherwise hide the circles.
     for crossing in close {
         let style = "fill:none;stroke:#e03131;stroke-width:1.5";
         canvas.circle(crossing.point_m, 5.0, style);
@@ -100,8 +105,12 @@ pub fn svg_instant(
     let (top_px, bottom_px) = (STRIP_PX + 2.0 * LINE_PX, STRIP_PX + 2.0 * LINE_PX);
     let angle_rad = own.heading_rad[at];
     let mut canvas = SvgCanvas::new(centre_m, angle_rad, px_per_m, size_px, [top_px, bottom_px]);
+    // The nearest come first, so that they get the labels when there are too
+    // many.
     let mut shown = shown(analysis, centre_m, sample);
     let lower_px = top_px + size_px[1];
+    // A box that is cut by the upper or lower edge would reach into the
+    // labels.
     shown.retain(|i| {
         let user = &recording.tracks[*i];
         let corners = corners_m(user, sample - user.first_sample).map(|it| canvas.place_px(it));
@@ -116,10 +125,13 @@ pub fn svg_instant(
         let user = &recording.tracks[*i];
         draw_past(&mut canvas, user, sample, recording.dt_s);
     }
+    // Borders and pasts run beyond the drawing. The cover hides them where the
+    // labels are written.
     canvas.cover(top_px, lower_px);
     for i in &shown {
         let user = &recording.tracks[*i];
         let corners = corners_m(user, sample - user.first_sample);
+        // Red marks the road user that the caption speaks of.
         let edge = if *i == track { "#e03131" } else { "#212529" };
         let edge_px = if *i == track { 2.0 } else { 0.8 };
         let colour = colour(user.class);
@@ -149,6 +161,7 @@ pub fn svg_instant(
     }
     canvas.scale();
     let mut classes: Vec<Class> = shown.iter().map(|i| recording.tracks[*i].class).collect();
+    // Sorted first, because `dedup` removes neighbours only.
     classes.sort_unstable();
     classes.dedup();
     let entry = |class: Class| (class, class.name().to_owned());
@@ -168,6 +181,7 @@ fn shown(analysis: &Analysis, centre_m: [f64; 2], sample: usize) -> Vec<usize> {
     let is_there = |i: &usize| (tracks[*i].first_sample..tracks[*i].end_sample()).contains(&sample);
     let mut shown: Vec<usize> = (0..tracks.len()).filter(is_there).collect();
     shown.retain(|i| far_m(*i) < 0.5 * SIGHT_M[0]);
+    // A stable sort: equal distances keep the order of the tracks.
     shown.sort_by(|a, b| far_m(*a).total_cmp(&far_m(*b)));
     shown
 }
@@ -193,6 +207,7 @@ fn extent_m(tracks: &[RoadUserTrack]) -> ([f64; 2], [f64; 2]) {
             extent.1[axis] = extent.1[axis].max(high(values));
         }
     }
+    // Infinite bounds would write NaN into the SVG.
     if tracks.is_empty() {
         return ([0.0; 2], [1.0; 2]);
     }
@@ -205,6 +220,7 @@ fn borders_m(carriageway: &Carriageway) -> Vec<f64> {
     let (Some(right), Some(left)) = (middles.first(), middles.last()) else {
         return Vec::new();
     };
+    // A border lies halfway between two lanes, as no border is recorded.
     let inner = middles.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
     let mut all = vec![right - HALF_LANE_M];
     all.extend(inner);
@@ -229,6 +245,8 @@ fn draw_near_borders(canvas: &mut SvgCanvas, carriageway: &Carriageway, centre_m
         };
         let points: Vec<[f64; 2]> = border.points().map(|(point, _)| point).collect();
         let is_near = |it: &[f64; 2]| far_m(*it) < SIGHT_M[0];
+        // A bend may leave the surroundings and return, which gives several
+        // parts.
         for part in points.chunk_by(|a, b| is_near(a) == is_near(b)) {
             if is_near(&part[0]) {
                 canvas.line(part.iter().copied(), BORDER);
@@ -239,6 +257,7 @@ fn draw_near_borders(canvas: &mut SvgCanvas, carriageway: &Carriageway, centre_m
 
 fn draw_past(canvas: &mut SvgCanvas, user: &RoadUserTrack, sample: usize, dt_s: f64) {
     let at = sample - user.first_sample;
+    // A track that begins later than that has a shorter past.
     let from = at.saturating_sub((PAST_S / dt_s).round() as usize);
     let points = (from..=at).map(|i| [user.x_m[i], user.y_m[i]]);
     let colour = colour(user.class);
@@ -270,6 +289,8 @@ impl LabelRows<'_> {
     /// Places a label where its line is shortest, or nowhere if no place is free.
     fn place(&mut self, canvas: &mut SvgCanvas, own: usize, text: &str) {
         let wide_px = text_px(text);
+        // Places are 10 px apart, which is fine enough and keeps the search
+        // short.
         let most = ((WIDTH_PX - wide_px - 2.0 * MARGIN_PX) / 10.0).max(0.0) as usize;
         let mut best: Option<(f64, CornersPx, [[f64; 2]; 2])> = None;
         for base_px in self.rows_px {
@@ -279,6 +300,8 @@ impl LabelRows<'_> {
                     continue;
                 };
                 let far = libm::hypot(line[0][0] - line[1][0], line[0][1] - line[1][1]);
+                // Strictly nearer, so that the first place wins a tie and
+                // pictures are reproducible.
                 if best.as_ref().is_none_or(|it| far < it.0) {
                     best = Some((far, label, line));
                 }
@@ -297,6 +320,8 @@ impl LabelRows<'_> {
     fn line(&self, own: usize, label: &CornersPx) -> Option<[[f64; 2]; 2]> {
         let (left, right) = (label[0][0], label[1][0]);
         let is_beside = |other: &CornersPx| {
+            // Labels of one row share its baseline exactly, so equality is
+            // safe here.
             let is_other_row = other[0][1] != label[0][1];
             is_other_row || right + 8.0 < other[0][0] || other[1][0] + 8.0 < left
         };
@@ -307,6 +332,8 @@ impl LabelRows<'_> {
         let middle = [0, 1].map(|axis| corners.iter().map(|it| it[axis]).sum::<f64>() / 4.0);
         let is_above = label[2][1] < middle[1];
         let end_y = if is_above { label[2][1] } else { label[0][1] };
+        // The nearest point of the label's edge gives the shortest and
+        // steepest line.
         let end = [middle[0].clamp(left, right), end_y];
         let line = [edge(corners, middle, end), end];
         let others = self.boxes.iter().enumerate().filter(|(i, _)| *i != own);
@@ -332,6 +359,8 @@ fn label_px([left, base]: [f64; 2], wide_px: f64) -> CornersPx {
 /// Returns true if a line crosses a box, or nearly touches one of its corners.
 fn is_over(line: [[f64; 2]; 2], corners: &CornersPx) -> bool {
     (0..4).any(|i| {
+        // A line closer than its width and the edge of a box reads as
+        // touching.
         let is_near = distance_px(corners[i], line[0], line[1]) < 2.5;
         is_near || do_cross(line, [corners[i], corners[(i + 1) % 4]])
     })
@@ -349,6 +378,8 @@ fn edge(corners: &CornersPx, middle: [f64; 2], end: [f64; 2]) -> [f64; 2] {
         let is_there = (0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&along);
         is_there.then_some(share)
     });
+    // Parallel edges give an infinite or NaN share, which the ranges above
+    // reject.
     let share = shares.fold(0.0, f64::max);
     [middle[0] + share * dx, middle[1] + share * dy]
 }
@@ -358,5 +389,6 @@ fn do_cross([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> bool {
     let side = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
         (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
     };
+    // Zero included: a line that ends on another one counts as a crossing.
     side(a, b, c) * side(a, b, d) <= 0.0 && side(c, d, a) * side(c, d, b) <= 0.0
 }

@@ -34,12 +34,16 @@ impl SpeedPlan {
     /// A rest of less than 0.5 s at the end is left out. Returns `None` for less than
     /// one piece.
     pub fn fit(s_m: &[f64], dt_s: f64) -> Option<SpeedPlan> {
+        // The tolerance retains a piece whose duration is a sum of inexact
+        // steps.
         let pieces = ((s_m.len().saturating_sub(1)) as f64 * dt_s / PIECE_S + 1e-6) as usize;
         if pieces == 0 {
             return None;
         }
         let last = (pieces as f64 * PIECE_S / dt_s).round() as usize;
         let first_m = s_m[0];
+        // Relative to the first position, so that the equations are not
+        // dominated by the offset.
         let rows: Vec<(f64, f64)> = s_m[..=last.min(s_m.len() - 1)]
             .iter()
             .enumerate()
@@ -63,6 +67,8 @@ impl SpeedPlan {
         let mut plan = SpeedPlan {
             start_m: rounded(start_m),
             start_mps,
+            // Rounded before the error is measured, which is then that of the
+            // written plan.
             to_mps: to_mps.map(rounded).collect(),
             worst_m: 0.0,
         };
@@ -88,6 +94,7 @@ impl SpeedPlan {
             left_s -= within_s;
             speed_mps = *to_mps;
         }
+        // Beyond its last piece a plan keeps its speed.
         s_m + speed_mps * left_s.max(0.0)
     }
 
@@ -127,6 +134,7 @@ fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<(f64, Vec<f64>)> 
             }
         }
     }
+    // The start is left free, because a shift of all positions costs nothing.
     for (i, row) in matrix.iter_mut().enumerate().skip(1) {
         row[i] += RIDGE;
     }
@@ -134,6 +142,8 @@ fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<(f64, Vec<f64>)> 
     // would rise.
     let mut is_zero = vec![false; n];
     let mut solution = bounded(&matrix, &right, &is_zero)?;
+    // Bounded, since rounding may let a speed enter and leave the set for
+    // ever.
     for _ in 0..4 * n {
         let lowest = (1..n).min_by(|a, b| solution[*a].total_cmp(&solution[*b]))?;
         if solution[lowest] < 0.0 {
@@ -160,6 +170,8 @@ fn least_squares(rows: &[(f64, f64)], pieces: usize) -> Option<(f64, Vec<f64>)> 
 fn bounded(matrix: &[Vec<f64>], right: &[f64], is_zero: &[bool]) -> Option<Vec<f64>> {
     let (mut matrix, mut right) = (matrix.to_vec(), right.to_vec());
     for i in (0..right.len()).filter(|i| is_zero[*i]) {
+        // A row of the identity fixes the unknown and keeps the indexes of all
+        // others.
         matrix[i].fill(0.0);
         matrix[i][i] = 1.0;
         right[i] = 0.0;
@@ -174,6 +186,7 @@ fn basis(unknown: usize, time_s: f64) -> f64 {
     };
     // The speed rises linearly before its joint and falls after it.
     let from_s = time_s - (joint as f64 - 1.0) * PIECE_S;
+    // Nothing comes before the first joint.
     let rises_s = if joint == 0 {
         0.0
     } else {
@@ -190,6 +203,7 @@ pub(crate) fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Option<V
         let pivot = (i..n).max_by(|a, b| matrix[*a][i].abs().total_cmp(&matrix[*b][i].abs()))?;
         matrix.swap(i, pivot);
         right.swap(i, pivot);
+        // A singular system has no unique solution.
         if matrix[i][i].abs() < 1e-14 {
             return None;
         }

@@ -78,6 +78,8 @@ impl RawTrack {
                 .filter(|it| it.size_m[0] > 0.0 && it.size_m[1] > 0.0)
         };
         let count = known().count();
+        // The meta file, then the class. A single recorded size has priority
+        // over both.
         if count == 0 {
             return (self.size_m.unwrap_or_else(|| class.usual_size_m()), false);
         }
@@ -97,6 +99,7 @@ impl RawTrack {
         for class in rows.iter().filter_map(|it| it.class) {
             shares[class as usize] += 1.0;
         }
+        // No row states a class, so the sums of the share columns decide.
         if shares.iter().all(|it| *it == 0.0) {
             shares = self.shares;
         }
@@ -126,5 +129,6 @@ pub(crate) struct RawTracks {
 pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     let turn = 2.0 * PI;
     let rest = angle_rad.rem_euclid(turn);
+    // `rem_euclid` gives [0, 2π), whose upper half is moved below zero.
     if rest > PI { rest - turn } else { rest }
 }

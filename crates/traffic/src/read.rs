@@ -78,14 +78,20 @@ impl CsvColumns<'_> {
     ) -> Result<(TrafficRecording, &'static str), ReadError> {
         let delimiter = self.map.and_then(|map| map.delimiter);
         let table = open_table(rows, delimiter, name)?;
+        // A map of the user is never second-guessed, even where a shipped map
+        // fits the header too.
         let (map, known) = match self.map {
             Some(map) => (map.clone(), "as given"),
             None => self.guess(table.names(), name)?,
         };
         let none = RecordingMeta::default();
         let meta = self.meta.unwrap_or(&none);
+        // Before the rows, because the rate of the meta file converts their
+        // frame numbers.
         let timed = meta.timed(&map)?;
         let recording = read_rows(table, name, &timed, meta)?;
+        // After the rows, because the period is fitted to all of their
+        // instants.
         meta.check_period(&timed, recording.dt_s, name)?;
         Ok((recording, known))
     }
@@ -93,6 +99,8 @@ impl CsvColumns<'_> {
     /// Returns the map that a header determines, with its name.
     fn guess(&self, header: &[String], name: &str) -> Result<(ColumnMap, &'static str), ReadError> {
         let guessed = ColumnMap::guess(header);
+        // Shipped maps have priority: they also know units and reference
+        // points, which names alone do not show.
         let shipped = guessed.and_then(|it| Some((ColumnMap::shipped(it)?, it)));
         let named = || Some((ColumnMap::by_names(header, self.time)?, BY_NAME));
         let Some((mut map, known)) = shipped.or_else(named) else {
@@ -101,6 +109,8 @@ impl CsvColumns<'_> {
                 header: header_shown(header),
             });
         };
+        // A shipped map states its units. A guess by name would take an unread
+        // unit for metres, so it is refused.
         if known == BY_NAME
             && let Some(column) = unread_unit(&map)
         {
@@ -109,6 +119,8 @@ impl CsvColumns<'_> {
                 column: column.to_owned(),
             });
         }
+        // A shipped map keeps its other columns. A guessed one has searched
+        // with this column already.
         if let Some(column) = self.time {
             map.time = TimeColumn::named(column);
         }
@@ -153,6 +165,8 @@ fn read_rows(
         parser.push(&record)?;
     }
     let is_frames = matches!(map.time, TimeColumn::Frames { .. });
+    // `finish` consumes the parser, and the meta file counts frames from the
+    // first row of the file.
     let first_frame = parser.origin.as_ref().map(|origin| origin.rest);
     let mut raw = parser.finish();
     let frame = first_frame.filter(|_| is_frames);
@@ -237,6 +251,7 @@ impl<'a> RowParser<'a> {
             return Ok(());
         }
         self.counts.rows += 1;
+        // Units first: everything after this line is in metres.
         let unit = self.map.length_unit.metres();
         let flip = match self.map.y_axis {
             YAxis::Left => 1.0,
@@ -256,8 +271,11 @@ impl<'a> RowParser<'a> {
             (Some(angle), Some(at)) => Some(angle.unit.heading_rad(self.number(record, at)?, flip)),
             _ => None,
         };
+        // The first call sets the origin, so this precedes the reading of the
+        // origin below.
         let time_s = self.time(record, [x_m, flip * y_m])?;
         let origin = self.origin.as_ref().map_or([0.0; 2], |it| it.position_m);
+        // Python, JSON and spreadsheets spell true in different ways.
         let marked = self
             .at
             .interpolated
@@ -292,6 +310,8 @@ impl<'a> RowParser<'a> {
         if self.tracks.get(self.last).is_some_and(|it| it.id == id) {
             return self.last;
         }
+        // The position is kept in the order of first appearance, so that
+        // output does not depend on the hash order.
         self.last = match self.ids.get(id) {
             Some(track) => *track,
             None => {
@@ -317,6 +337,8 @@ impl<'a> RowParser<'a> {
         let known = match (&self.map.class, text) {
             (ClassColumns::Codes { codes, .. }, Some(code)) => codes.get(code.trim()).copied(),
             (ClassColumns::Words(_), Some(words)) => class_of_words(&words),
+            // Before the comparison with trucks: a size of 0 means that it is
+            // not recorded.
             (ClassColumns::ByLength { without_size, .. }, _) if length_m == 0.0 => {
                 Some(*without_size)
             }
@@ -325,8 +347,11 @@ impl<'a> RowParser<'a> {
             }
             (ClassColumns::Fixed(class), _) => Some(*class),
             (ClassColumns::Shares(_), _) => return None,
+            // Of the classes by length, shorter than a truck. The other maps
+            // have returned above.
             _ => Some(Class::Car),
         };
+        // Counted, so that the summary shows how many classes are assumptions.
         self.counts.unknown_class += usize::from(known.is_none());
         // A vehicle of an unknown word is evaluated, one of an unlisted code is another.
         let unknown = match &self.map.class {
@@ -345,11 +370,14 @@ impl<'a> RowParser<'a> {
             return Ok([0.0; 2]);
         };
         let size = |at: usize, most_m: f64| {
+            // An empty cell is a size that was not recorded, and no mistake.
             if record[at].is_empty() {
                 return Ok(0.0);
             }
             let value = self.number(record, at)?;
             let size_m = value * self.map.length_unit.metres();
+            // A negative size would turn the box inside out, and a huge one
+            // touches everything.
             if (0.0..most_m).contains(&size_m) {
                 return Ok(size_m);
             }
@@ -372,6 +400,8 @@ impl<'a> RowParser<'a> {
     /// Returns a coordinate in the unit of the file.
     fn place(&self, record: &ByteRecord, at: usize) -> Result<f64, ReadError> {
         let value = self.number(record, at)?;
+        // Checked per row, because the first row becomes the origin of all
+        // others.
         if value.abs() * self.map.length_unit.metres() <= FARTHEST_M {
             return Ok(value);
         }
@@ -407,6 +437,8 @@ impl<'a> RowParser<'a> {
         if self.origin.is_some() && self.last_time.0 == field {
             return Ok(self.last_time.1);
         }
+        // Only the first row decides, so that a file does not mix dates and
+        // numbers.
         if self.origin.is_none() && matches!(self.map.time, TimeColumn::Seconds(_)) {
             self.is_iso = iso_of(field).is_some();
         }
@@ -431,6 +463,8 @@ impl<'a> RowParser<'a> {
             _ => 1.0,
         };
         let time_s = (whole_s - origin.whole_s) as f64 + (rest - origin.rest) * unit_s;
+        // The buffer is reused, since this runs once per frame of files with
+        // millions of rows.
         self.last_time.0.clear();
         self.last_time.0.extend_from_slice(field);
         self.last_time.1 = time_s;

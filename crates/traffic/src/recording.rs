@@ -63,6 +63,7 @@ impl Class {
             Class::Pedestrian => [0.5, 0.6],
             Class::Bicycle => [1.8, 0.7],
             Class::Motorcycle => [2.2, 0.8],
+            // An unknown road user is taken for the most frequent one.
             Class::Car | Class::Other => [4.5, 1.8],
             Class::Van => [5.5, 2.0],
             Class::Truck => [10.0, 2.5],

@@ -92,6 +92,8 @@ impl RecordingMeta {
     /// last frame and number of frames of a track contradict each other.
     pub fn with_tracks(self, rows: impl Read, name: &str) -> Result<RecordingMeta, ReadError> {
         let mut table = CsvTable::open(rows, name)?;
+        // inD and its successors call the column `trackId`, and highD calls it
+        // `id`.
         let id_column = if table.column("trackId").is_some() {
             "trackId"
         } else {
@@ -114,6 +116,8 @@ impl RecordingMeta {
                 *value = table.number(&row, column)?;
             }
             if let [Some(first), Some(last), Some(count)] = track.frames
+                // Frame numbers are whole and far below 2^53, so the
+                // comparison is exact.
                 && last - first + 1.0 != count
             {
                 return Err(ReadError::Contradiction {
@@ -145,6 +149,8 @@ impl RecordingMeta {
             return Ok(timed);
         };
         let shipped = ColumnMap::shipped_names().into_iter();
+        // The rate of a shipped map is only a default, so the meta file may
+        // replace it.
         let is_shipped = shipped.filter_map(ColumnMap::shipped).any(|it| it == *map);
         if !is_shipped && *rate_hz != meta.rate_hz {
             return Err(ReadError::Contradiction {
@@ -175,12 +181,15 @@ impl RecordingMeta {
             TimeColumn::Frames { rate_hz, .. } => Some(rate_hz),
             _ => None,
         }));
+        // First, because a wrong file would give an error for every track.
         self.check_counts(tracks, name)?;
         let Some(lines) = &self.tracks else {
             return Ok(());
         };
         for track in tracks {
             let id = track.id();
+            // The reverse is no error: a cut `NN_tracks.csv` lacks tracks that
+            // the meta file lists.
             let Some(line) = lines.by_id.get(&track.id) else {
                 return Err(ReadError::Contradiction {
                     file: name.to_owned(),
@@ -221,6 +230,7 @@ impl RecordingMeta {
                 .iter()
                 .flat_map(|it| it.rows.iter().map(|it| it.time_s))
         };
+        // Rows are not sorted yet, so the ends are searched.
         let first_s = instants().fold(f64::INFINITY, f64::min);
         let span_s = instants().fold(f64::NEG_INFINITY, f64::max) - first_s;
         let most_s = |duration_s: f64| LONGER_S + (1.0 + LONGER_SHARE) * duration_s;
@@ -306,6 +316,7 @@ impl TrackLine {
         ];
         let names = [("begins", "initialFrame"), ("ends", "finalFrame")];
         for ((end_s, (verb, column)), stated) in ends_s.into_iter().zip(names).zip(self.frames) {
+            // Rounded, because the way through seconds costs the last digits.
             let frame = (first_frame + end_s * rate_hz).round();
             if let Some(stated) = stated.filter(|it| *it != frame) {
                 return Err(differ(
@@ -338,6 +349,8 @@ impl TrackLine {
         };
         for row in &track.rows {
             for ((own_m, stated_m), name) in row.size_m.iter().zip([length_m, width_m]).zip(names) {
+                // 0 means that a size is not recorded, which contradicts
+                // nothing.
                 let is_known = *own_m > 0.0 && stated_m > 0.0;
                 if is_known && (own_m - stated_m).abs() > SIZE_M + SIZE_SHARE * stated_m {
                     return Err(differ(
@@ -362,6 +375,8 @@ impl TrackLine {
             counts.unknown_class += track.rows.len();
         }
         for row in &mut track.rows {
+            // The meta file has priority over a class that the rows only
+            // guess.
             row.class = Some(known.unwrap_or(Class::Other));
         }
     }

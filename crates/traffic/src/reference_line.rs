@@ -33,6 +33,7 @@ pub(crate) fn reference_line(recording: &TrafficRecording, free: &[usize]) -> Op
         .map(|i| (recording.tracks[*i].distance_m(), *i))
         .filter(|(length_m, i)| *length_m >= SEED_M && !is_loop(&recording.tracks[*i]))
         .collect();
+    // The longest first, since only a number of them is compared.
     candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
     let longest_m = candidates.first()?.0;
     candidates.retain(|it| it.0 >= SEED_SHARE * longest_m);
@@ -45,9 +46,13 @@ pub(crate) fn reference_line(recording: &TrafficRecording, free: &[usize]) -> Op
         let moved_m = sideways_m(recording, free, *seed, &path);
         let bends = bending(&path);
         let is_better = best.as_ref().is_none_or(|(least_m, least, _)| {
+            // Within the noise the straighter one wins, because bends of a
+            // seed are copied into the line.
             moved_m < least_m - NOISE_M || (moved_m < least_m + NOISE_M && bends < *least)
         });
         if is_better {
+            // The least of all so far, so that steps within the noise do not
+            // add up.
             let least_m = best.as_ref().map_or(moved_m, |it| it.0.min(moved_m));
             best = Some((least_m, bends, path));
         }
@@ -83,6 +88,7 @@ fn points(track: &RoadUserTrack) -> impl Iterator<Item = [f64; 2]> {
 /// Returns the mean range of the offsets of other tracks from a path.
 fn sideways_m(recording: &TrafficRecording, free: &[usize], seed: usize, path: &Path) -> f64 {
     let others = free.iter().filter(|i| **i != seed);
+    // Spread over all tracks, so that traffic of the whole recording votes.
     let step = free.len().div_ceil(COMPARED).max(1);
     let (mut n, mut sum_m) = (0.0, 0.0);
     for i in others.step_by(step) {
@@ -103,12 +109,14 @@ fn sideways_m(recording: &TrafficRecording, free: &[usize], seed: usize, path: &
             sum_m += most_m - least_m;
         }
     }
+    // A path that no other track runs beside contradicts none.
     if n == 0.0 { 0.0 } else { sum_m / n }
 }
 
 /// Returns how much the curvature of a path varies, 0 for lines and arcs.
 fn bending(path: &Path) -> f64 {
     let courses: Vec<f64> = (0..path.pieces())
+        // Points 20 m apart, so that jitter of single points is no bend.
         .step_by(4)
         .map(|piece| {
             let [x, y] = path.direction(piece);
@@ -136,6 +144,7 @@ pub(crate) fn turns_rad(path: &Path) -> (f64, f64) {
     }
     let within = (40.0 / STEP_M) as usize;
     let sharpest = (0..turned.len()).map(|i| {
+        // Shorter near the end of the path.
         let to = (i + within).min(turned.len() - 1);
         (turned[to] - turned[i]).abs()
     });
@@ -197,12 +206,15 @@ fn tail(track: &RoadUserTrack, path: &Path, is_end: bool) -> Option<(f64, Vec<[f
     } else {
         &rows[..=crossing]
     };
+    // The offset at the tip is removed, so that the extension continues the
+    // line of the lane.
     let tail: Vec<[f64; 2]> = rows
         .iter()
         .map(|i| [track.x_m[*i] + left_m * uy, track.y_m[*i] - left_m * ux])
         .collect();
     let (first, last) = (tail.first()?, tail.last()?);
     let gain_m = libm::hypot(last[0] - first[0], last[1] - first[1]);
+    // Shorter tails are not worth their noise.
     (4.0 * STEP_M < gain_m).then_some((gain_m, tail))
 }
 
@@ -210,6 +222,8 @@ fn tail(track: &RoadUserTrack, path: &Path, is_end: bool) -> Option<(f64, Vec<[f
 pub(crate) fn belongs(track: &RoadUserTrack, path: &Path) -> bool {
     let mut piece = path.place_anywhere([track.x_m[0], track.y_m[0]]).piece;
     let (mut along, mut seen) = (0, 0);
+    // A share needs no more rows, and this runs for every pair of track and
+    // line.
     for i in (0..track.len()).step_by(10) {
         let place = path.place([track.x_m[i], track.y_m[i]], piece);
         piece = place.piece;
@@ -219,5 +233,6 @@ pub(crate) fn belongs(track: &RoadUserTrack, path: &Path) -> bool {
         along += usize::from(is_along);
         seen += 1;
     }
+    // Four fifths, in whole numbers.
     4 * seen <= 5 * along
 }

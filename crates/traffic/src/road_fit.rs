@@ -62,7 +62,10 @@ impl FittedRoad {
     /// would turn too sharply.
     pub(crate) fn fit(points_m: &[[f64; 2]], how: RoadFit) -> Option<FittedRoad> {
         let path = Path::through(points_m.iter().copied(), POINT_M)?;
+        // At least one piece, so that a short path may still be an arc.
         let most = ((path.length_m() / how.piece_m) as usize).clamp(1, how.most_pieces);
+        // A line first: it has the fewest numbers, and worlds of straight
+        // roads can be shared.
         let mut pieces = 0;
         loop {
             let road = RoadGuess::fitted(&path, pieces);
@@ -70,6 +73,7 @@ impl FittedRoad {
             if most <= pieces || road.as_ref().is_some_and(is_near) {
                 return road.filter(|it| it.course.most_curvature_per_m() < how.most_per_m);
             }
+            // Doubled, so that a road costs few fits.
             pieces = (2 * pieces).max(1).min(most);
         }
     }
@@ -103,10 +107,12 @@ impl RoadGuess {
         let mut guess = RoadGuess::first(path, pieces);
         let points: Vec<Pose> = path.points().map(|(point, _)| place_at(point)).collect();
         for _ in 0..STEPS {
+            // A singular system ends the fit with the best road so far.
             let Some(change) = guess.change(&guess.course()?, &points) else {
                 break;
             };
             guess.add(&change);
+            // Far below the six decimals of a world file.
             if change.iter().all(|it| it.abs() < 1e-9) {
                 break;
             }
@@ -129,6 +135,7 @@ impl RoadGuess {
             heading_rad,
         } = self.begins;
         let is_place = |it: f64| it.abs() <= FARTHEST_M;
+        // A diverged fit may be NaN, for which the comparison is false, too.
         if ![x_m, y_m, heading_rad].into_iter().all(is_place) {
             return None;
         }
@@ -158,6 +165,8 @@ impl RoadGuess {
             .collect();
         let turns = |k: usize| match (courses.get(k.saturating_sub(1)), courses.get(k + 1)) {
             (Some(before), Some(after)) => {
+                // The first piece has no piece before it, so its turn is
+                // one-sided.
                 let pieces = if k == 0 { 1.0 } else { 2.0 };
                 wrapped(after - before) / (pieces * length_m)
             }
@@ -187,12 +196,17 @@ impl RoadGuess {
             let at = course.pose(s_m, 0.0);
             let along = |from: &Pose| -at.sees(from).x_m;
             let mut row = vec![0.0; n];
+            // A shift of the start to the left moves a later point by its part
+            // along that point's left.
             row[0] = libm::cos(at.heading_rad - self.begins.heading_rad);
+            // A turn at the start moves a point to the left by its distance
+            // ahead.
             row[1] = along(&self.begins);
             for k in 0..self.per_m.len() {
                 // The part of the piece before the point turns all that follows it.
                 let from_m = k as f64 * length_m;
                 let way_m = (s_m - from_m).min(length_m);
+                // Pieces behind the point do not move it.
                 if way_m <= 0.0 {
                     break;
                 }
@@ -237,6 +251,8 @@ impl RoadGuess {
 
     /// Rounds to the digits of a world file.
     fn round(&mut self) {
+        // World files have six decimals, and the stated error is that of the
+        // file.
         self.length_m = rounded(self.length_m);
         for per_m in &mut self.per_m {
             // World files state radii, so the radius is rounded and not the curvature.

@@ -45,6 +45,7 @@ impl BoundRules {
         rules: &TrafficRuleFile,
         recording: &TrafficRecording,
     ) -> Result<BoundRules, RulesError> {
+        // A file without rules would report that nothing was broken.
         if rules.rules.is_empty() {
             return Err(RulesError::Empty);
         }
@@ -84,6 +85,7 @@ impl BoundRules {
     ) -> Result<Vec<RuleResult>, RulesError> {
         let mut tallies: Vec<RuleTally> = self.monitors.iter().map(RuleTally::new).collect();
         let mut columns = VehicleColumns::default();
+        // Reused for every vehicle and rule.
         let mut robustness = Vec::new();
         let mut evaluated = 0;
         for (track, own) in recording.tracks.iter().enumerate() {
@@ -95,6 +97,8 @@ impl BoundRules {
                 continue;
             };
             columns.fill(own, &placed, leads.of_track(track));
+            // In the order of the schema, by which formulas find their
+            // signals.
             let all = vec![
                 &own.speed_mps[..],
                 &own.accel_mps2,
@@ -135,6 +139,7 @@ fn along_own_path(track: &crate::RoadUserTrack) -> Option<crate::PlacedTrack> {
         carriageway: 0,
         s_m: path.front_m(track),
         lateral_m: vec![0.0; track.len()],
+        // Becomes −1 in the signal, since formulas have no missing values.
         lane: vec![None; track.len()],
     })
 }
@@ -217,7 +222,11 @@ impl VehicleColumns {
         for (lead, speed_mps) in leads.iter().zip(&own.speed_mps) {
             self.present.push(f64::from(u8::from(lead.is_some())));
             let closing_mps = lead.map_or(0.0, |it| it.closing_mps);
+            // The own speed without a vehicle ahead, so that no rule sees a
+            // closing speed.
             self.lead_mps.push(speed_mps - closing_mps);
+            // The placeholder is the farthest gap that counts, so that a rule
+            // about gaps holds.
             self.gap_m.push(lead.map_or(LEAD_GAP_M, |it| it.gap_m));
             self.ttc_s.push(lead.map_or(TTC_MAX_S, |it| it.ttc_s()));
             self.closing_mps.push(closing_mps);
@@ -302,6 +311,7 @@ impl RuleTally {
         self.result.rows_evaluated += answered.count();
         self.result.distance_km += distance_km;
         let apart = (SAME_EPISODE_S / recording.dt_s).round() as usize;
+        // A robustness of 0 is no violation.
         let mut broken = (0..robustness.len())
             .filter(|i| robustness[*i] < 0.0)
             .peekable();
@@ -309,6 +319,7 @@ impl RuleTally {
             let (mut rows, mut worst) = (0, None);
             let mut row = Some(first);
             while let Some(at) = row {
+                // Doubtful rows join an episode but do not count in it.
                 if !is_doubtful(recording, leads, track, at) {
                     rows += 1;
                     worst = worst
@@ -317,6 +328,7 @@ impl RuleTally {
                 }
                 row = broken.next_if(|it| it - at <= apart);
             }
+            // All of its rows are doubtful, so the episode may be an artefact.
             let Some(worst) = worst else {
                 self.result.doubtful += 1;
                 continue;
@@ -339,6 +351,7 @@ impl RuleTally {
     fn note(&mut self, row: WorstRow) {
         self.vehicles.insert(row.id.clone());
         let worst = self.result.worst.as_ref();
+        // Strictly worse, so that the first of equal rows is reported.
         if worst.is_none_or(|it| row.robustness < it.robustness) {
             self.result.worst = Some(row);
         }

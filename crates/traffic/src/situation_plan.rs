@@ -16,6 +16,7 @@ pub const LANE_CHANGE_AT_S: f64 = 2.0;
 
 /// Time before and after the line whose offsets a lane change is fitted to.
 const CHANGE_BEFORE_S: f64 = 8.0;
+// Both lanes must be seen at rest to fit their offsets.
 const CHANGE_AFTER_S: f64 = 8.0;
 
 /// Offsets from the middle of a lane that are in a neighbouring lane, in metres.
@@ -127,6 +128,8 @@ impl SituationPlan {
         // One more sample, so that the last piece is whole.
         let samples = window.samples + 1;
         let way_m = own_way(pair.other, pair.other_at, samples, recording.dt_s)?;
+        // A plan that does not repeat the recording would be evidence of
+        // nothing.
         let speed = SpeedPlan::fit(&way_m, recording.dt_s).filter(SpeedPlan::repeats)?;
         let gap_m = analysis.leads.of[window.follower][pair.own_at]?.gap_m;
         let placed = analysis.frame.tracks[window.follower].as_ref()?;
@@ -134,6 +137,7 @@ impl SituationPlan {
         let lanes = &analysis.frame.carriageways[placed.carriageway].lanes;
         let place = pair.lane_place(placed, lanes.get(lane)?.offset_m);
         let mut plan = pair.plan(analysis, gap_m, speed, None, place)?;
+        // A following is as hard as its lead brakes.
         plan.hardness = slowing_mps(analysis, window);
         Some(plan)
     }
@@ -153,10 +157,12 @@ impl SituationPlan {
         if change.from.abs_diff(change.to) != 1 || cut_in.is_filled {
             return None;
         }
+        // All offsets count from the lane that the ego drives in.
         let middle_m = lanes.get(usize::from(change.to))?.offset_m;
         let samples = |seconds: f64| (seconds / dt_s).round() as usize;
         let line = change.sample - other.first_sample;
         let from = line.saturating_sub(samples(CHANGE_BEFORE_S));
+        // Vehicles often leave the recorded stretch soon after their change.
         let to = (line + samples(CHANGE_AFTER_S)).min(placed.lateral_m.len());
         let offsets: Vec<f64> = placed.lateral_m[from..to]
             .iter()
@@ -178,11 +184,13 @@ impl SituationPlan {
         let window = samples(WINDOW_S) + 1;
         let end = at.checked_add(window).filter(|end| *end <= other.len())?;
 
+        // From here on the change is counted from the plan's start.
         shape.first_sample = from + shape.first_sample - at;
         let recorded = placed.lateral_m[at..end].iter().enumerate();
         let off =
             recorded.map(|(i, it)| (it - middle_m - shape.lateral_m(i as f64 * dt_s, dt_s)).abs());
         let worst_m = off.fold(0.0, f64::max);
+        // Two changes or an aborted one fit a single change only this badly.
         if worst_m > ACROSS_M {
             return None;
         }
@@ -199,6 +207,8 @@ impl SituationPlan {
             other.first_sample + at,
         )?;
         let follower = analysis.frame.tracks[cut_in.follower].as_ref()?;
+        // Places along the carriageway are those of front bumpers, so the
+        // length leads to the rear.
         let gap_m = placed.s_m[at] - other.length_m - follower.s_m[pair.own_at];
         let across = AcrossPlan {
             change: shape,
@@ -214,6 +224,7 @@ impl SituationPlan {
         };
         let place = pair.lane_place(follower, right_lane_m);
         let mut plan = pair.plan(analysis, gap_m, speed, Some(across), place)?;
+        // At the line the follower learns of the cut-in at the latest.
         plan.hardness = cut_in.at_line.needed_mps2();
         // Bodies that overlap at the start are no situation.
         let is_clear = plan.place() != RecordedPlace::Beside || shape.from_m.abs() >= BESIDE_M;
@@ -222,6 +233,8 @@ impl SituationPlan {
 
     /// Returns the headway from the ego's front to the front of the stock body.
     pub fn headway_m(&self) -> f64 {
+        // Rounded as the world file has it, so that `place` decides on the
+        // written value.
         rounded(self.gap_m + self.body.length_m)
     }
 
@@ -269,6 +282,7 @@ impl<'a> RecordedPair<'a> {
         let [own, other] = both.map(|i| &analysis.recording.tracks[i]);
         let own_at = sample.checked_sub(own.first_sample)?;
         let other_at = sample.checked_sub(other.first_sample)?;
+        // A start that a recorder made up is no recorded situation.
         let is_filled = *own.filled.get(own_at)? || *other.filled.get(other_at)?;
         (!is_filled).then_some(RecordedPair {
             tracks: both,
@@ -282,6 +296,8 @@ impl<'a> RecordedPair<'a> {
 
     fn lane_place(&self, placed: &PlacedTrack, right_lane_m: f64) -> LanePlace {
         let (sin, cos) = libm::sincos(self.own.heading_rad[self.own_at]);
+        // Positions are box centres, and the state of a vehicle is that of its
+        // front bumper.
         let ahead_m = 0.5 * self.own.length_m;
         let (x, y) = (self.own.x_m[self.own_at], self.own.y_m[self.own_at]);
         LanePlace {
@@ -304,6 +320,7 @@ impl<'a> RecordedPair<'a> {
         let recording = &analysis.recording;
         let samples = (WINDOW_S / recording.dt_s).round() as usize + 1;
         let own = own_way(self.own, self.own_at, samples, recording.dt_s)?;
+        // Only its start is used, so this fit need not repeat the recording.
         let own = SpeedPlan::fit(&own, recording.dt_s)?;
         Some(SituationPlan {
             source: recording.name.clone(),
@@ -347,6 +364,8 @@ fn own_way(track: &RoadUserTrack, from: usize, samples: usize, dt_s: f64) -> Opt
     let apart = ((0.5 / dt_s).round() as usize).max(1);
     let thinned = points().step_by(apart).chain(points().next_back());
     let path = Path::through(thinned, 0.5)?;
+    // The search goes on from the last piece, which keeps it linear and on the
+    // right pass of a loop.
     let mut piece = 0;
     let place = points().map(|point| {
         let place = path.place(point, piece);
@@ -361,6 +380,7 @@ fn along_the_road(s_m: &mut [f64], change: &LaneChangePlan, dt_s: f64) {
     let mut longer_m = 0.0;
     for i in 1..s_m.len() {
         let way_m = s_m[i] - longer_m - s_m[i - 1];
+        // The rate in the middle of the step is exact to second order.
         let across_m = change.lateral_mps((i as f64 - 0.5) * dt_s, dt_s) * dt_s;
         // Invariant: a road user that stands does not move across.
         longer_m += way_m - libm::sqrt((way_m * way_m - across_m * across_m).max(0.0));

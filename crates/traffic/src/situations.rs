@@ -108,6 +108,7 @@ impl Situations {
         recording: &TrafficRecording,
     ) -> impl Iterator<Item = &RecordedFollowing> {
         let least = window_samples(recording);
+        // Overlapping boxes make the gap of the whole following doubtful.
         let is_long = move |it: &&RecordedFollowing| least <= it.samples && it.overlaps == 0;
         self.followings.iter().filter(is_long)
     }
@@ -117,6 +118,7 @@ impl Situations {
         let length = window_samples(recording);
         let windows = |it: &RecordedFollowing| {
             let it = *it;
+            // The rest at the end is shorter than a window and is dropped.
             (0..it.samples / length).map(move |i| RecordedFollowing {
                 first_sample: it.first_sample + i * length,
                 samples: length,
@@ -138,6 +140,7 @@ fn followings(recording: &TrafficRecording, leads: &Leads) -> Vec<RecordedFollow
         let mut at = 0;
         let same =
             |a: &Option<Lead>, b: &Option<Lead>| a.map(|it| it.track) == b.map(|it| it.track);
+        // `None` forms stretches, too, so that `at` counts every sample.
         for stretch in leads.chunk_by(same) {
             if let Some(lead) = stretch[0] {
                 let is_overlap = |it: &&Lead| it.gap_m < 0.0;
@@ -168,6 +171,8 @@ fn lane_changes(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<LaneChan
         let mut current: Option<u8> = None;
         let mut at = 0;
         for stretch in placed.lane.chunk_by(|a, b| a == b) {
+            // A shorter stay is noise at the line, and `current` stays as it
+            // is.
             let long = stay <= stretch.len();
             if let (Some(to), true) = (stretch[0], long) {
                 if let Some(from) = current.filter(|from| *from != to) {
@@ -212,12 +217,15 @@ fn cut_in(
             is_behind.is_some_and(|it| it.track == change.track) && was() == Some(change.to)
         })?;
     let behind = &recording.tracks[follower];
+    // At the first sample in the new lane, where the changing vehicle first is
+    // the lead.
     let at_line = leads.of[follower][change.sample - behind.first_sample]?;
     // So far ahead, the change demands nothing of the follower.
     if at_line.gap_m > CUT_IN_GAP_M {
         return None;
     }
     let at = change.sample - recording.tracks[change.track].first_sample;
+    // Half a second on either side, less at the ends of the track.
     let (a, b) = (
         at.saturating_sub(before / 2),
         (at + before / 2).min(placed.lateral_m.len() - 1),

@@ -11,6 +11,7 @@ const NARROW_M: f64 = 1.0;
 
 /// Returns a problem if most vehicles are wider than any, in metres.
 pub(crate) fn problem(tracks: &[RoadUserTrack]) -> Option<FileProblem> {
+    // Wider than long alone is no sign, as a pedestrian is.
     let is_swapped = |it: &&RoadUserTrack| it.width_m > WIDE_M.max(it.length_m);
     let mut swapped = tracks.iter().filter(is_swapped);
     if let Some(first) = swapped.next()
@@ -31,6 +32,8 @@ pub(crate) fn problem(tracks: &[RoadUserTrack]) -> Option<FileProblem> {
 pub(crate) fn narrow(tracks: &[RoadUserTrack]) -> usize {
     let cars = || tracks.iter().filter(|it| it.class == Class::Car);
     let narrow = cars().filter(|it| it.width_m < NARROW_M).count();
+    // A few narrow cars are microcars. Most of them are a wrong unit or
+    // column.
     if 2 * narrow > cars().count() {
         narrow
     } else {

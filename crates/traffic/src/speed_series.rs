@@ -25,6 +25,7 @@ pub fn speed_series(recording: &TrafficRecording, frame: &LaneFrame) -> Vec<Spee
         for stretch in own.filled.chunk_by(|a, b| a == b) {
             let range = at..at + stretch.len();
             at = range.end;
+            // `filled` is constant within a stretch.
             if stretch[0] {
                 continue;
             }

@@ -14,14 +14,19 @@ pub fn start_table(analyses: &[Analysis]) -> StartTable {
         for (track, leads) in analysis.recording.tracks.iter().zip(&analysis.leads.of) {
             let mut seen = 0_usize;
             for (i, lead) in leads.iter().enumerate() {
+                // Negative gaps and interpolated samples are artefacts of the
+                // recorder.
                 let Some(lead) = lead.filter(|it| it.gap_m >= 0.0 && !track.filled[i]) else {
                     continue;
                 };
                 seen += 1;
+                // A standing follower has a finite time gap.
                 let time_gap_s = lead.gap_m / track.speed_mps[i].max(0.1);
                 let gap = time_gaps_s.partition_point(|it| *it < time_gap_s);
                 // Number of closing speeds at or below the recorded one.
                 let closing = closings_mps.partition_point(|it| *it <= lead.closing_mps);
+                // Samples beyond the table count in `all`, so that its shares
+                // are of all followed time.
                 if let (Some(row), Some(at)) = (counts.get_mut(gap), closing.checked_sub(1)) {
                     row[at] += 1;
                 }
@@ -48,6 +53,7 @@ fn cumulated(counts: Vec<Vec<usize>>, all: usize) -> Vec<Vec<f64>> {
             row[at] += row[at + 1];
         }
     }
+    // After the rows, so that a cell sums a whole rectangle of the table.
     for gap in 1..sums.len() {
         for at in 0..sums[gap].len() {
             sums[gap][at] += sums[gap - 1][at];

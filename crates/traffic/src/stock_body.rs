@@ -59,6 +59,7 @@ impl StockBody {
     /// Returns the greatest speed at the start of a world, `None` without a limit.
     pub(crate) fn most_mps(&self) -> Option<f64> {
         match self.name {
+            // Limits of the starts in world files, which refuse more.
             "pedestrian" => Some(4.0),
             "bicyclist" => Some(10.0),
             _ => None,

@@ -114,6 +114,8 @@ impl Analysis {
     /// Counts the crossing paths by the classes of the two road users.
     pub fn crossing_summaries(&self) -> Vec<CrossingSummary> {
         let class = |track: usize| self.recording.tracks[track].class;
+        // Ordered by the classes, so that tables of equal recordings are
+        // equal.
         let mut rows: BTreeMap<[Class; 2], CrossingSummary> = BTreeMap::new();
         for crossing in &self.crossings {
             let (first, second) = (class(crossing.first), class(crossing.second));

@@ -48,6 +48,7 @@ impl SvgCanvas {
         let [cos, sin] = self.right;
         [
             self.middle_px[0] + self.px_per_m * (cos * dx + sin * dy),
+            // The y of SVG points downwards.
             self.middle_px[1] - self.px_per_m * (cos * dy - sin * dx),
         ]
     }
@@ -136,7 +137,10 @@ impl SvgCanvas {
             .text("font-family", "sans-serif")
             .text("font-size", "11")
             .text("role", "img")
+            // The name that a screen reader reads, before any drawing.
             .child(XmlElement::new("title").words(title))
+            // A background, because the texts are dark and the page of a
+            // viewer may be, too.
             .child(rectangle([0.0; 2], [WIDTH_PX, height_px], "#fff"))
             .children(self.body)
             .child(headline);
@@ -147,6 +151,7 @@ impl SvgCanvas {
 
 /// Returns a pixel with one decimal.
 fn px(value: f64) -> String {
+    // A tenth of a pixel is invisible, and short numbers make small files.
     format!("{value:.1}")
 }
 
@@ -173,6 +178,7 @@ fn words(at: [f64; 2], text: &str) -> XmlElement {
 /// Drops points that the line through the others misses by less than a quarter of a pixel.
 fn simplified(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut kept = vec![false; points.len()];
+    // A stack instead of recursion: a track has any number of points.
     let mut open = vec![(0, points.len().saturating_sub(1))];
     while let Some((from, to)) = open.pop() {
         for end in [from, to] {
@@ -196,6 +202,7 @@ fn simplified(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 pub(crate) fn distance_px([x, y]: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let square = dx * dx + dy * dy;
+    // Two equal points are a piece without a direction.
     let share = if square == 0.0 {
         0.0
     } else {
@@ -206,6 +213,7 @@ pub(crate) fn distance_px([x, y]: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
 
 /// Returns an estimate of the width of a text.
 pub(crate) fn text_px(text: &str) -> f64 {
+    // The mean advance of 11 px letters, since no font is loaded.
     6.2 * text.chars().count() as f64
 }
 

@@ -112,6 +112,8 @@ impl RecordedWorlds {
         let mut roads = LaneRoads::default();
         let mut groups: Vec<SituationGroup> = Vec::new();
         let mut planned = 0;
+        // Planned in the order of hardness, so that a cheap limit keeps the
+        // hardest.
         for (_, i, candidate) in &all {
             if most <= planned {
                 break;
@@ -122,12 +124,16 @@ impl RecordedWorlds {
                 let road = { road }(&plan)?;
                 Some((plan, road))
             }) else {
+                // Counted, since only harder situations than the last kept one
+                // are meant.
                 result.left_out += 1;
                 continue;
             };
             planned += 1;
             if others > 0 {
                 let sample = (plan.time_s / analysis.recording.dt_s).round() as usize;
+                // After the plan, because the others must not overlap its two
+                // road users.
                 plan.others = OtherPlan::nearest(analysis, plan.tracks, sample, others);
             }
             match groups.iter_mut().find(|it| it.fits(&road, &plan)) {
@@ -166,6 +172,7 @@ impl SituationGroup {
     /// Returns true if a situation may be a further point of the world.
     fn fits(&self, road: &Option<Arc<FittedRoad>>, plan: &SituationPlan) -> bool {
         let first = &self.situations[0];
+        // A crossing has roads of its own and stays alone.
         let (Some(own), Some(road)) = (&self.road, road) else {
             return false;
         };
@@ -229,15 +236,20 @@ impl LaneRoads {
             recording,
             carriageway: place.carriageway,
             right_lane_m: place.right_lane_m,
+            // A front bumper may lie before the start of the line.
             section: (place.s_m / SECTION_M).max(0.0) as usize,
         };
         // Situations of a part share a road, so that they can share a world.
         if let Some((_, road)) = self.all.iter().find(|it| it.0 == lane) {
             return Some(Some(Arc::clone(road)));
         }
+        // Roads begin early and end late, so that vehicles at the edge of a
+        // part have room.
         let from_m = lane.section as f64 * SECTION_M;
         let part_m = from_m - BEYOND_M[0]..from_m + SECTION_M + BEYOND_M[1];
         let path = &analysis.frame.carriageways[lane.carriageway].path;
+        // The carriageway's line is its right lane, and the world's right lane
+        // may be another.
         let middle = path.moved(|_| lane.right_lane_m, 1.0)?;
         let points: Vec<[f64; 2]> = middle
             .points()

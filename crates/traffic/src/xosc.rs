@@ -71,7 +71,9 @@ impl RecordedElements for XoscFile<'_> {
             "ScenarioObject" => {
                 self.entity = Some((tag.text("name")?, XoscEntity::default()));
             }
+            // An `Init` action has one entity of its own, without `Actors`.
             "Private" => self.actors = vec![tag.text("entityRef")?],
+            // The actors of the group before must not follow its trajectories.
             "ManeuverGroup" => self.actors.clear(),
             "EntityRef" if self.open.last().is_some_and(|it| it == "Actors") => {
                 let entity = tag.text("entityRef")?;
@@ -83,6 +85,7 @@ impl RecordedElements for XoscFile<'_> {
                     self.actors.push(entity);
                 }
             }
+            // An event does not inherit the start of the one before it.
             "Event" => self.start_s = None,
             "SimulationTimeCondition" if self.is_inside("Event") && self.start_s.is_none() => {
                 self.start_s = Some(tag.number("value")?);
@@ -110,10 +113,14 @@ impl RecordedElements for XoscFile<'_> {
         self.open.pop();
         match element {
             "ScenarioObject" => self.entities.extend(self.entity.take()),
+            // A `WorldPosition` takes the time away, so a time that is left
+            // had none.
             "Vertex" if self.vertex_s.take().is_some() => {
                 return Err(self.error(place, FileProblem::NoWorldPosition));
             }
             "Event" | "Private" => {
+                // Actions of `Init` begin with the run, so relative times have
+                // a start.
                 if element == "Private" {
                     self.start_s = Some(0.0);
                 }
@@ -177,6 +184,8 @@ impl<'a> XoscFile<'a> {
                 };
                 entity.class = Some(class);
             }
+            // No `vehicleCategory` follows, so the class is known here
+            // already.
             "MiscObject" => entity.class = Some(Class::Other),
             "CatalogReference" => {
                 let catalog = tag.text("catalogName")?;
@@ -199,6 +208,8 @@ impl<'a> XoscFile<'a> {
         match tag.name() {
             "Vertex" => self.vertex_s = Some(tag.number("time")?),
             "WorldPosition" => {
+                // Positions outside of a vertex, such as targets of other
+                // actions, are no rows.
                 let Some(time_s) = self.vertex_s.take() else {
                     return Ok(());
                 };
@@ -248,6 +259,8 @@ impl<'a> XoscFile<'a> {
             (true, None) => return Err(self.error(place, FileProblem::RelativeTime)),
         };
         let (scale, offset_s) = line.timing.unwrap_or((1.0, 0.0));
+        // Times would stand still or run backwards, and 0 would divide by
+        // zero.
         if scale <= 0.0 {
             return Err(self.error(
                 place,
@@ -259,6 +272,8 @@ impl<'a> XoscFile<'a> {
             ));
         }
         for id in &line.entities {
+            // An entity without a definition still has a motion, so its class
+            // is counted as unknown.
             let entity = self.entities.get(id).copied().unwrap_or_default();
             self.counts.rows += line.rows.len();
             if entity.class.is_none() {
@@ -275,6 +290,7 @@ impl<'a> XoscFile<'a> {
             match line.timing {
                 Some(_) => track.rows.extend(line.rows.iter().map(timed)),
                 None => {
+                    // At a speed of 0 no vertex is ever reached.
                     let Some(speed_mps) = speed_mps.filter(|it| *it > 0.0) else {
                         let problem = FileProblem::NoTiming(id.clone());
                         return Err(self.error(place, problem));

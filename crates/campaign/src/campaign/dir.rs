@@ -177,6 +177,7 @@ impl PlanDir {
         let mut contents = ProgramContents::new();
         for unit in &self.plan.units {
             let name = self.program_name(unit);
+            // Many units share an ego, and the files of its program are hashed once.
             if contents.contains_key(&name) {
                 continue;
             }
@@ -215,6 +216,8 @@ impl PlanDir {
                 pieces: self.plan.len(),
             });
         };
+        // A piece's question contains the program's hash, so the read below needs the
+        // binding.
         self.bind_programs(watch)?;
         // An existing piece is never made again, so retries of an engine are harmless.
         if self.read(&piece)?.is_ok() {
@@ -279,6 +282,8 @@ impl PlanDir {
     /// The merge does not read this file.
     fn note_cost(&self, piece: &CampaignPiece, began: Instant, cpu_s: f64) -> Result<(), RunError> {
         let path = piece::path_of(&self.dir, piece.number).with_extension("cost.json");
+        // Only Linux has this file. Elsewhere the name stays empty, because costs are no
+        // results.
         let machine = fs::read_to_string("/proc/sys/kernel/hostname");
         let cost = json!({
             "machine": machine.as_deref().map_or("", str::trim),

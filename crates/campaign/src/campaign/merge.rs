@@ -79,6 +79,8 @@ impl PlanDir {
             if watch.interrupted() {
                 return Err(CampaignError::Interrupted);
             }
+            // The parallel map keeps the order of the plan, on which the hash of the
+            // file depends.
             let checked: Result<Vec<_>, RunError> = batch
                 .par_iter()
                 .map(|piece| self.checked(piece, others))
@@ -215,6 +217,7 @@ impl PlanDir {
             }
             Work::Starts { unit, .. } => {
                 let training = self.plan.units[*unit].ado.training?;
+                // A missing training piece is among the errors already.
                 let trained = policies[training].as_ref()?;
                 (hash.as_ref() != Some(trained)).then(|| {
                     format!("foreign: it was played with another ado than piece {training} trained")
@@ -226,6 +229,8 @@ impl PlanDir {
     /// Refuses files among the pieces that do not belong to this plan.
     fn refuse_strangers(&self) -> Result<(), CampaignError> {
         let mut strangers = Vec::new();
+        // Without the directory there are no strangers, and its pieces are reported as
+        // missing.
         let dirs = fs::read_dir(self.dir.join(PIECES))
             .into_iter()
             .flatten()
@@ -234,6 +239,7 @@ impl PlanDir {
             for entry in fs::read_dir(dir.path()).into_iter().flatten().flatten() {
                 let path = entry.path();
                 let name = entry.file_name().to_string_lossy().into_owned();
+                // Files of costs lie beside the pieces and are no pieces.
                 let Some(stem) = name.strip_suffix(".jsonl") else {
                     continue;
                 };

@@ -281,6 +281,7 @@ impl Shrinking<'_> {
         self.reruns.count(tree.simulations);
         found.sort_by(|a, b| a.0.order(&b.0));
         let mut left = CONFIRMATIONS;
+        // The sort comes first, so the limit drops the largest sequences.
         found.truncate(SCREENED);
         found.into_iter().any(|(_, actions)| {
             if left == 0 || !self.passes(&actions) {
@@ -316,6 +317,8 @@ impl Shrinking<'_> {
             && self.aim.preventability == ShortLabel::of(self.scenario, &episode);
         if holds {
             self.best = Some(Smallest {
+                // The failure may come earlier than in the tried sequence, and later
+                // actions do not count.
                 actions: played,
                 effort,
                 episode,

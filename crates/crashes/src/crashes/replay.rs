@@ -293,6 +293,7 @@ pub fn newest_of_training(
     let noise = run.noise_of(&stored)?;
     let mut bench = scenario.bench();
     let all: Vec<(&Success, u64)> = stored.all().iter().zip(noise).collect();
+    // Saturating, because a training may have stored fewer than are skipped.
     let until = all.len().saturating_sub(skipped);
     let newest = &all[until.saturating_sub(most)..until];
     let replayed = newest.iter().map(|(success, noise)| {

@@ -42,9 +42,12 @@ pub(super) fn read(stream: &mut impl Read) -> Result<Option<HttpRequest>, Refuse
     loop {
         let mut headers = [httparse::EMPTY_HEADER; HEADERS];
         let mut head = httparse::Request::new(&mut headers);
+        // Parsed anew with each part, which costs little for heads of this
+        // size.
         match head.parse(&bytes).map_err(|_| NO_REQUEST)? {
             httparse::Status::Complete(length) => {
                 let mut request = HttpRequest::of(&head)?;
+                // Checked before any byte of the body is waited for.
                 let wanted = body_length(&head)?;
                 let mut body = bytes[length..].to_vec();
                 while body.len() < wanted {
@@ -52,6 +55,8 @@ pub(super) fn read(stream: &mut impl Read) -> Result<Option<HttpRequest>, Refuse
                         return Err(NO_REQUEST);
                     }
                 }
+                // Bytes behind the body would be a second request, which the
+                // closing answer refuses.
                 body.truncate(wanted);
                 request.body = body;
                 return Ok(Some(request));
@@ -75,6 +80,8 @@ fn more(
     bytes: &mut Vec<u8>,
     begun: Instant,
 ) -> Result<usize, RefusedRequest> {
+    // The timeout of the stream is per byte, and a byte every few seconds
+    // would last for ever.
     if begun.elapsed() > PATIENCE {
         return Err(TOO_SLOW);
     }
@@ -116,6 +123,8 @@ impl HttpRequest {
         let header = |name: &str| {
             let mut headers = head.headers.iter();
             let found = headers.find(|it| it.name.eq_ignore_ascii_case(name))?;
+            // A header that is no text counts as missing, which the checks
+            // refuse.
             std::str::from_utf8(found.value).ok().map(str::to_owned)
         };
         let (Some(method), Some(path)) = (head.method, head.path) else {

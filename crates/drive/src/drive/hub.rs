@@ -39,6 +39,8 @@ impl Hub {
             return None;
         }
         let (messages, receiver) = sync_channel(WAITING);
+        // Numbers are never used again, so an old page cannot ask as a new
+        // one.
         pages.next += 1;
         let id = pages.next;
         pages.listening.push(Page { id, messages });
@@ -61,6 +63,7 @@ impl Hub {
         let Ok(text) = serde_json::to_string(message) else {
             return;
         };
+        // One text for all pages, since frames are sent many times a second.
         let text: Arc<str> = text.into();
         self.pages().listening.retain(|page| {
             if to.is_some_and(|to| to != page.id) {

@@ -44,6 +44,8 @@ impl DrivenEpisode {
         // Two drives from one start differ in their actions and commands.
         let drive = json!([episode.start.0, episode.actions, kept.ego_commands]);
         let digest = crate::content_hash::fingerprint(&drive);
+        // Eight digits tell the drives of one start apart and keep the name
+        // short.
         let stem = format!("{}-{}", file_stem(world, ego.name(), 0, 0), &digest[..8]);
         Ok(kept.save_as(dir, &stem, &episode.trace)?)
     }

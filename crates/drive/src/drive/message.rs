@@ -132,6 +132,7 @@ impl Stage {
             BodyFigure::Van => "van",
             BodyFigure::Truck => "truck",
         });
+        // Once, so that sliders and egos are in one order.
         let egos = sandbox.egos();
         let clock = world.world().clock();
         let rules = world.rulebook().rules.iter().map(|rule| StageRule {

@@ -100,11 +100,15 @@ impl<'a> RealTime<'a> {
         let mut looked = Instant::now();
         loop {
             let now = Instant::now();
+            // By the time and not after each wait, since messages may come
+            // without a pause.
             if now.duration_since(looked) >= LOOK {
                 looked = now;
                 self.look();
             }
             let wait = if self.running {
+                // At most `LOOK`, because a slow speed must not delay the
+                // reload of a saved world.
                 self.due.saturating_duration_since(now).min(LOOK)
             } else {
                 LOOK
@@ -116,6 +120,8 @@ impl<'a> RealTime<'a> {
                 Ok(PageEvent::Asked(page, request)) => self.answer(page, request),
                 Err(RecvTimeoutError::Timeout) => {}
             }
+            // After every event, so that a page that asks often does not stop
+            // the clock.
             if self.running && self.due <= Instant::now() {
                 self.sample();
             }
@@ -187,6 +193,7 @@ impl<'a> RealTime<'a> {
             // Nobody is at the wheel, so nothing goes on.
             self.running = false;
         }
+        // Keys that the page held are never released by it.
         self.input = DriveInput::default();
         self.send_state(None);
     }
@@ -197,6 +204,7 @@ impl<'a> RealTime<'a> {
             return;
         }
         match request {
+            // Bounded here, since a page is foreign input like any other.
             DriveRequest::Keys(input) => self.input = input.bounded(),
             DriveRequest::Run(running) => self.go(running),
             DriveRequest::Step => {
@@ -208,12 +216,14 @@ impl<'a> RealTime<'a> {
                 self.speed = speed.clamp(*SPEEDS.start(), *SPEEDS.end());
                 self.send_state(None);
             }
+            // NaN passes a clamp, and a duration of it would panic.
             DriveRequest::Speed(_) => {}
             DriveRequest::Back(sample) => self.back(sample),
             DriveRequest::Begin(setup) => {
                 self.begin(&setup);
             }
             DriveRequest::Players(players) => self.players = Some(players),
+            // Saturating, because the index of a page is any number.
             DriveRequest::Next => self.start(self.index.saturating_add(1)),
             DriveRequest::Start(index) => self.start(index),
             DriveRequest::Keep => self.keep(),
@@ -221,7 +231,9 @@ impl<'a> RealTime<'a> {
     }
 
     fn go(&mut self, running: bool) {
+        // A world with mistakes shows them in place of the scene.
         self.running = running && !self.episode.is_done() && self.problems.is_none();
+        // The pause is not caught up.
         self.due = Instant::now();
         self.send_state(None);
     }
@@ -278,6 +290,8 @@ impl<'a> RealTime<'a> {
         };
         match first {
             Ok(first) => {
+                // Before the beginning, since the number of the setup is that
+                // of the present index.
                 let before = std::mem::replace(&mut self.index, index);
                 let is_begun = self.begin(&Setup {
                     ego: players.ego,
@@ -352,6 +366,7 @@ impl<'a> RealTime<'a> {
         };
         self.episode = DrivenEpisode::begin(&sandbox, &setup).map_err(|it| it.to_string())?;
         self.cause = None;
+        // Last, so that a world that cannot begin leaves the old one running.
         self.sandbox = sandbox;
         self.number = self.number_of(&setup);
         Ok(())
@@ -370,6 +385,7 @@ fn kept_setup(before: &Sandbox, setup: &Setup, after: &Sandbox) -> Option<Setup>
     };
     let axes = after.world().axes().into_iter().zip(first.start);
     let start = axes.map(|(axis, drawn)| match value(&axis.name) {
+        // The edit may have narrowed the axis.
         Some(value) => value.clamp(axis.lo, axis.hi),
         None => drawn,
     });

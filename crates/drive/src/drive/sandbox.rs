@@ -108,6 +108,7 @@ impl Sandbox {
         };
         let sets = drive.spec().action_sets();
         let ados: Vec<String> = sets.map(|(name, ..)| name.to_owned()).collect();
+        // `ego` first: an ado of that name would otherwise take the seat.
         let seat = match (seat, ados.iter().position(|it| it == seat)) {
             ("ego", _) => DriveSeat::Ego,
             (_, Some(ado)) => DriveSeat::Ado(ado),
@@ -161,6 +162,8 @@ impl Sandbox {
             DriveSeat::Ego => "ego".to_owned(),
             DriveSeat::Ado(ado) => self.ados().nth(ado).unwrap_or_default(),
         };
+        // A policy of other shapes would read observations that it was not
+        // trained on.
         let fits = world.spaces() == self.world.spaces();
         let trained = self.trained.clone().filter(|_| fits);
         Ok(Sandbox {
@@ -189,6 +192,7 @@ impl Sandbox {
     pub fn egos(&self) -> Vec<String> {
         let mut egos = Vec::new();
         if self.seat == DriveSeat::Ego {
+            // First, because a first episode takes the first name.
             egos.push(YOU.to_owned());
         }
         egos.push("nominal".to_owned());
@@ -254,6 +258,8 @@ impl Sandbox {
         if ego == YOU {
             return Vec::new();
         }
+        // An ego that cannot be built has no sliders. Its error comes when an
+        // episode begins.
         let Ok(ego) = self.ego(ego, &IndexMap::new(), &Hand::default()) else {
             return Vec::new();
         };
@@ -268,6 +274,7 @@ impl Sandbox {
             Slider {
                 name: parameter.name.to_owned(),
                 about: parameter.about.trim().to_owned(),
+                // The least value may be −∞, and a slider needs two ends.
                 lo: parameter.at_least.max(-hi),
                 hi,
                 value,
@@ -307,6 +314,8 @@ impl Sandbox {
             }
             egos.swap_remove(0)
         };
+        // Before any use of it: a page must not start a program without
+        // consent.
         consent_to(std::slice::from_ref(&found))?;
         if values.is_empty() {
             return Ok(found);

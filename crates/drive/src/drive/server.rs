@@ -106,10 +106,12 @@ pub fn serve(
     note: &(dyn Fn(&str) + Sync),
 ) -> Result<DriveEnded, DriveError> {
     let refused = |source| DriveError::Server { port, source };
+    // Never on another interface: the page has no password.
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(refused)?;
     // So that the program can end while nobody comes.
     listener.set_nonblocking(true).map_err(refused)?;
     let hub = Hub::default();
+    // Before the address is shown, so that a page finds an episode.
     let clock = RealTime::new(sandbox, settings, hub.clone(), note)?;
     let (events, received) = channel();
     let shared = Arc::new(DriveServer {
@@ -154,6 +156,7 @@ fn accept(listener: &TcpListener, shared: &Arc<DriveServer>, stop: &AtomicBool) 
                 thread::spawn(move || connection(stream, &shared));
             }
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => thread::sleep(LOOK / 20),
+            // The browser has given up, which is no fault of the listener.
             Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
             Err(error) => return Err(error),
         }
@@ -162,6 +165,8 @@ fn accept(listener: &TcpListener, shared: &Arc<DriveServer>, stop: &AtomicBool) 
 }
 
 fn connection(mut stream: TcpStream, shared: &DriveServer) {
+    // Counted before the check, so that two connections at once cannot both be
+    // the last.
     let before = shared.connections.fetch_add(1, Ordering::Relaxed);
     // A connection that breaks is the page's loss only.
     let _ = if before >= MOST_CONNECTIONS {
@@ -177,9 +182,12 @@ fn refuse(stream: &mut TcpStream, RefusedRequest(status, why): RefusedRequest) -
 }
 
 fn handle(stream: &mut TcpStream, shared: &DriveServer) -> io::Result<()> {
+    // Some systems pass the mode of the listener on.
     stream.set_nonblocking(false)?;
+    // Frames are small, and delayed they would arrive in bursts.
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(PATIENCE))?;
+    // A page that is suspended must not hold its thread for ever.
     stream.set_write_timeout(Some(PATIENCE))?;
     let request = match http::read(stream) {
         Ok(Some(request)) => request,
@@ -213,6 +221,7 @@ fn listen(stream: &mut TcpStream, shared: &DriveServer) -> io::Result<()> {
         http::begin_events(stream)?;
         write!(stream, "data: {{\"page\":{page}}}\n\n")?;
         stream.flush()?;
+        // After the number of the page, which has to be its first message.
         let _ = shared.events.send(PageEvent::Joined(page));
         loop {
             match messages.recv_timeout(QUIET) {
@@ -225,6 +234,7 @@ fn listen(stream: &mut TcpStream, shared: &DriveServer) -> io::Result<()> {
         }
     };
     let ended = stream_to();
+    // Before the event, so that the clock sees the next page at the wheel.
     shared.hub.leave(page);
     let _ = shared.events.send(PageEvent::Left);
     ended
@@ -255,12 +265,14 @@ impl DriveServer {
                 "open the address that the terminal shows",
             ));
         };
+        // After host and origin: a foreign site learns nothing about the word.
         if token != self.token {
             return Err(RefusedRequest(
                 404,
                 "open the address that the terminal shows",
             ));
         }
+        // After the token, so that strangers cannot use up the page's share.
         if !self.is_within_rate() {
             return Err(RefusedRequest(429, "too many requests"));
         }
@@ -295,6 +307,8 @@ impl DriveServer {
     fn ask(&self, body: &[u8]) -> Result<(), String> {
         let request: NumberedRequest =
             serde_json::from_slice(body).map_err(|error| error.to_string())?;
+        // Answered at once. The clock checks again, since the wheel may pass
+        // on meanwhile.
         if self.hub.wheel() != Some(request.page) {
             return Err("another page is at the wheel".to_owned());
         }

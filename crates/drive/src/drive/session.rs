@@ -38,6 +38,7 @@ pub struct DrivenEpisode {
 
 /// Returns a joint action with the action of one ado replaced.
 fn with_own(spaces: &Spaces, joint: usize, ado: usize, own: Option<usize>) -> usize {
+    // In a joint action, the first ado's action varies fastest.
     let unit: usize = spaces.parts[..ado]
         .iter()
         .map(|part| part.actions)
@@ -57,8 +58,11 @@ impl DrivenEpisode {
     /// # Errors
     /// The setup does not fit the world, or an ego is a program that is not allowed.
     pub fn begin(sandbox: &Sandbox, setup: &Setup) -> Result<DrivenEpisode, DriveError> {
+        // A hand of its own, so that an old episode does not obey the new
+        // keys.
         let hand = Hand::default();
         let ego = sandbox.ego(&setup.ego, &setup.ego_values, &hand)?;
+        // Before the search, which takes the start as valid.
         check_start(sandbox, setup)?;
         let bench = ego.scenario().bench();
         let spaces = bench.spaces();
@@ -150,6 +154,7 @@ impl DrivenEpisode {
         if sample >= self.frames.len() {
             return Err(DriveError::NotPlayed { sample });
         }
+        // Copies, since playing again clears both lists.
         let inputs = self.inputs[..sample].to_vec();
         // The decision at the sample itself is taken anew.
         let taken = sample.div_ceil(self.bench.clock().samples_per_decision());
@@ -161,9 +166,12 @@ impl DrivenEpisode {
     fn play_again(&mut self, inputs: &[DriveInput], actions: &[usize]) {
         let start = Start(self.setup.start.clone());
         let noise = self.setup.noise;
+        // The hand still has the command of the last sample that was played.
         self.hand.set(Command::default());
         // To the contact, which a kept file needs for its severity.
         self.bench.begin(&start, noise, Aftermath::Play);
+        // With the noise of the setup, so that a random player repeats its
+        // choices.
         self.player.begin(noise, &start);
         self.actions.clear();
         self.inputs.clear();
@@ -182,6 +190,7 @@ impl DrivenEpisode {
         if self.bench.is_decision_due() {
             self.decide(input, recorded);
         }
+        // Before the sample, in which the ego asks the hand.
         self.hand.set(Command {
             accel_mps2: input.accel_mps2,
             lateral_mps: input.lateral_mps,
@@ -239,6 +248,8 @@ impl DrivenEpisode {
             words,
             time_s,
             broken: self.bench.broken_rules().to_vec(),
+            // Failures that do not count are no successes of the ado and are
+            // not kept.
             keeps: matches!(verdict, Verdict::Counterexample { .. }),
         })
     }
@@ -291,6 +302,7 @@ fn check_start(sandbox: &Sandbox, setup: &Setup) -> Result<(), DriveError> {
         let why = format!("{} values for {} axes", setup.start.len(), axes.len());
         return Err(DriveError::BadStart { why });
     }
+    // NaN is in no range, so it is refused as well.
     let mut values = axes.iter().zip(&setup.start);
     let Some((axis, value)) = values.find(|(axis, value)| !(axis.lo..=axis.hi).contains(value))
     else {

@@ -46,6 +46,7 @@ impl WatchedWorld {
         let missing = self.files.missing();
         if let Some(file) = missing.filter(|_| !is_saved) {
             self.missing_looks = self.missing_looks.saturating_add(1);
+            // Exactly once, so that the message is not repeated at every look.
             let is_gone = self.missing_looks == GONE_LOOKS;
             return is_gone.then(|| Err(format!("the file is gone: {}", file.display())));
         }
@@ -56,6 +57,7 @@ impl WatchedWorld {
             return None;
         }
         let Reloaded { world, files } = (self.reload)();
+        // The edit may include other files than before.
         self.files.follow(files);
         Some(world)
     }

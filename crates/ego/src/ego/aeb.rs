@@ -73,6 +73,8 @@ impl Aeb {
             .others
             .iter()
             .map(|seen| self.needed_mps2(&percept.own, seen));
+        // The worst agent alone decides, since full braking answers all of
+        // them.
         if self.trigger_mps2 <= needed.fold(0.0, f64::max) {
             return -self.max_brake_mps2;
         }

@@ -53,6 +53,8 @@ impl CurveSpeed {
         if to_m <= 0.0 || self.preview_s * own.speed_mps < from_m {
             return None;
         }
+        // A straight piece divides by 0 and allows an infinite speed, which
+        // `min` ignores.
         let bend2 = self.side_accel_mps2 / piece.curvature_per_m.abs();
         Some((bend2 + 2.0 * self.plan_brake_mps2 * from_m).sqrt())
     }

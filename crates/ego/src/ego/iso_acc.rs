@@ -86,6 +86,8 @@ impl Following {
         } else {
             f64::INFINITY
         };
+        // A brake that has begun ends with the closing and not with the
+        // trigger, as braking lowers the need.
         closing_mps > 0.0 && (self.is_emergency || self.spec.aeb_trigger_mps2 <= needed_mps2)
     }
 }
@@ -99,6 +101,7 @@ impl Controller for Following {
         self.is_emergency = self.spec.aeb_brake_mps2 > 0.0 && self.brakes_hard(percept);
         let follow_mps2 = self.spec.follow_mps2(percept, self.last_mps2);
         self.last_mps2 = if self.is_emergency {
+            // Never weaker than the follower itself.
             follow_mps2.min(-self.spec.aeb_brake_mps2)
         } else {
             follow_mps2

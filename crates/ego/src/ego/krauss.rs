@@ -38,6 +38,7 @@ impl Krauss {
     pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
         let safe_mps = leader.map_or(f64::INFINITY, |(clearance_m, leader_mps)| {
             let step_mps = self.plan_brake_mps2 * self.reaction_s;
+            // Without room the root would be that of a negative number.
             let room_m = (clearance_m - self.min_gap_m).max(0.0);
             let away_mps = away_mps(leader_mps);
             let squares = step_mps * step_mps + away_mps * away_mps;

@@ -122,6 +122,7 @@ impl Pursuing {
         let closing_mps = (own.speed_mps - threat.speed_mps).max(0.1);
         let room = threat.room();
         let then_m = threat.lateral_mps * (room.near_m.max(0.0) / closing_mps);
+        // At least 0.3 m, so that a side margin of 0 does not graze the agent.
         let half_m = 0.5 * own.width_m + self.spec.side_m.max(0.3);
         // Behind a moving agent, or before the far edge of its future place.
         let left_m = room.left_m.max(room.left_m + then_m) + half_m;
@@ -141,6 +142,7 @@ impl Pursuing {
                 && others.all(|seen| self.is_free(own, seen, *aside_m))
         };
         let sides = [left_m, right_m].into_iter().filter(fits);
+        // The left side is first, and wins a tie.
         let nearer = sides.min_by(|a, b| a.abs().total_cmp(&b.abs()));
         nearer.map(|aside_m| own.lateral_m + aside_m)
     }
@@ -204,6 +206,7 @@ impl Controller for Pursuing {
                 Some(_) => braking_mps2.max(-self.spec.cruise_limit_mps2),
                 None => braking_mps2,
             },
+            // A standing car cannot move sideways, which the product states.
             lateral_mps: own.speed_mps * libm::sin(self.angle_rad),
         })
     }

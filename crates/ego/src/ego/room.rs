@@ -63,11 +63,14 @@ impl LaneOccupancy {
 
     /// Returns its time inside the corridor, at a constant speed to the left.
     fn inside_s(&self, half_m: f64, lateral_mps: f64) -> TimeInterval {
+        // Exactly 0: any other speed divides without harm.
         match lateral_mps == 0.0 {
             // A body without lateral motion is inside for ever or never.
             true if self.is_within(half_m) => (0.0, f64::INFINITY),
             true => (0.0, -1.0),
             false => {
+                // The leading edge enters first, and the trailing edge leaves
+                // last.
                 let (enters_m, leaves_m) = if lateral_mps > 0.0 {
                     (-half_m - self.left_m, half_m - self.right_m)
                 } else {
@@ -80,6 +83,7 @@ impl LaneOccupancy {
 
     /// Returns the time of the ego beside it, at a constant closing speed above 0.
     fn beside_s(&self, own: &Own, closing_mps: f64) -> TimeInterval {
+        // Until the rear of the ego has passed its far face.
         let (first_m, last_m) = (self.near_m, self.far_m + own.length_m);
         (first_m / closing_mps, last_m / closing_mps)
     }
@@ -134,6 +138,7 @@ impl Seen {
     pub(super) fn crosses_path(&self, own: &Own, side_m: f64, look_ahead_s: f64) -> bool {
         let room = self.room();
         let half_m = 0.5 * own.width_m + side_m;
+        // It is behind the ego's front, where braking changes nothing.
         if room.far_m <= 0.0 {
             return false;
         }

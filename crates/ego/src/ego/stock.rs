@@ -119,6 +119,7 @@ impl Actuated<ControllerSpec> {
     /// # Errors
     /// Neither has the name.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
+        // Before the controller, whose names do not include it.
         if name == "lag_s" {
             self.lag_s = value;
             return Ok(());

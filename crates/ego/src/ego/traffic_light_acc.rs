@@ -53,6 +53,8 @@ macro_rules! stops_for_lights {
                     junction_m: self.junction_m,
                     yellow_s: self.yellow_s,
                     reach: $reach,
+                    // Known only from the briefing, because the actuator
+                    // belongs to the car.
                     lag_s: 0.0,
                 }
             }
@@ -94,6 +96,7 @@ impl Stopping {
     fn reach_m(&self, speed_mps: f64, light: &SeenLight) -> f64 {
         match self.reach {
             Reach::UntilRed => {
+                // A yellow phase may last longer than the ego assumes.
                 let left_s = (self.yellow_s - light.phase_s).max(0.0);
                 // Braking ends at standstill, where the printed formula would
                 // reverse the car.
@@ -118,6 +121,8 @@ impl Stopping {
             // By the stopping distance it brakes as late as on yellow.
             (Phase::Yellow, _) | (Phase::Red, Reach::Stopping) => {
                 let reach_m = self.reach_m(percept.own.speed_mps, light);
+                // The complement of d(t) + δ < d_l, with the junction on the
+                // other side.
                 light.line_m <= reach_m + self.junction_m
             }
         }

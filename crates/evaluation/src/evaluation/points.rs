@@ -211,6 +211,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
 
 /// Returns the most changes of the ado's deviation from a plan.
 fn default_switches(scenario: &Scenario, starts: &TestStarts) -> usize {
+    // Invariant: `points` returns before this call if there is no start.
     let (start, noise) = &starts.starts[0];
     if copies(scenario, start, *noise) {
         SWITCHES

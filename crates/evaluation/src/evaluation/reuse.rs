@@ -131,6 +131,7 @@ pub(super) fn reused_with_coasting(
     let search = rows
         .iter()
         .find(|row| row.ado.is_search())
+        // An interrupted search has not tried all starts, so its share is unknown.
         .filter(|row| row.partial.is_none());
     let reused = ReusedOn {
         ego: ego.name().to_owned(),
@@ -156,6 +157,7 @@ fn union(rows: &[Row]) -> Option<f64> {
             .any(|row| row.solved[index] == StartOutcome::Solved)
     };
     let any = (0..first.solved.len()).filter(|&index| solved(index));
+    // Without starts the share is 0, not NaN.
     Some(any.count() as f64 / first.starts.max(1) as f64)
 }
 

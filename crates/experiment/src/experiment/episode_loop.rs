@@ -104,6 +104,7 @@ impl<'a> EpisodeLoop<'a> {
 
     fn tick(&self) {
         if let Some(total) = self.total {
+            // The counter guards no other memory, so it needs no ordering.
             let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
             (self.watch.progress)(done, total);
         }

@@ -52,6 +52,8 @@ impl TrivialStarts {
                     watch.faults.note(turn.index as u64, None);
                     return Some((Some(known), None));
                 }
+                // The first unknown start makes the bench, so a stored result costs
+                // none.
                 let bench = bench.get_or_insert_with(|| idle.bench());
                 let (from, mut coasting) = (NoisyStart::from(start), Constant(neutral));
                 let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
@@ -105,6 +107,7 @@ impl TrivialStarts {
         let known = outcomes.iter().map(|outcome| match outcome {
             StartOutcome::Trivial => Some(true),
             StartOutcome::Unsolved => Some(false),
+            // A start with a fault has no answer, so it is played again.
             _ => None,
         });
         TrivialStarts {

@@ -94,6 +94,7 @@ impl Bisimulation {
         // Centres lie on multiples of half a fine cell of either map, so this
         // unit divides every distance.
         let unit = 0.5 / f64::from(first.arena.refine * second.arena.refine);
+        // Without the tolerance, rounding could cut off a `most` that is itself a step.
         let steps = (most / unit + ROUNDING) as u32;
         let mut before = None;
         for epsilon in (0..=steps).map(|i| f64::from(i) * unit) {
@@ -102,6 +103,7 @@ impl Bisimulation {
                 .map(|(_, cells)| cells)
                 .max()
                 .unwrap_or(0);
+            // The table has this many entries, so the check comes before its allocation.
             if width.pow(4).saturating_mul(second.pairs()) > MOST_CANDIDATES {
                 return None;
             }

@@ -34,6 +34,7 @@ impl ValueTable {
         reward: impl Fn(&Verdict) -> f64,
     ) -> ValueTable {
         let mut table = ValueTable::zero(graph, discount, reward);
+        // Successors are one layer later, so a single pass from the end is exact.
         for layer in (0..table.layers.len()).rev() {
             table.layers[layer] = table.backed_up(layer);
         }
@@ -63,6 +64,7 @@ impl ValueTable {
         alpha: f64,
     ) -> (ValueTable, usize) {
         let mut table = ValueTable::zero(graph, discount, reward);
+        // The graph is layered, so the loop ends even for γ = 1, where this limit is 0.
         let close = alpha * (1.0 - discount) / (2.0 * discount);
         let mut sweeps = 0;
         loop {

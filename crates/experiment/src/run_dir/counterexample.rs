@@ -258,6 +258,7 @@ impl Counterexample {
             .iter()
             .flat_map(|&(accel, lateral)| [accel, lateral]);
         let mut numbers = kept.start.values().copied().chain(changed).chain(commands);
+        // RON reads `inf` and `NaN`, and neither belongs in a start or a command.
         if numbers.any(|value| !value.is_finite()) {
             return Err(format("a value in it is not finite".to_owned()));
         }
@@ -495,9 +496,11 @@ pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
         // FNV-1a (Fowler, Noll, Vo) over the bits of the row.
         let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
         let row = columns.iter().map(|column| column[sample]);
+        // The byte order is fixed, so digests are the same on all machines.
         for byte in row.flat_map(|value| value.to_bits().to_le_bytes()) {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
+        // The fold keeps the high bits, which a plain cut would lose.
         text.push_str(&format!("{:08x}", (hash ^ (hash >> 32)) as u32));
     }
     text

@@ -50,6 +50,8 @@ impl ProgramContent {
         let command = &process.command;
         if let Some((program, arguments)) = command.split_first() {
             reading.executable(program);
+            // Interpreters take code or a module name after these words, and neither is
+            // a file.
             let is_text = |word: &String| word == "-c" || word == "-e" || word == "-m";
             for (word, next) in arguments
                 .iter()
@@ -115,9 +117,11 @@ impl Reading {
 
     /// Adds a file, and the modules beside it that it imports.
     fn add(&mut self, name: &str, path: &Path) {
+        // Modules may import each other in a cycle.
         if self.files.contains_key(name) {
             return;
         }
+        // The size comes before the read, so a huge file never fills the memory.
         let size = path.metadata().map(|meta| meta.len());
         let read = match size {
             Ok(size) if size <= MOST_BYTES && self.files.len() < MOST_FILES => file_bytes(path),
@@ -153,6 +157,7 @@ impl Reading {
         let beside = path.parent().unwrap_or(Path::new(""));
         for module in imported(&String::from_utf8_lossy(bytes)) {
             let mut file = beside.join(&module);
+            // A module may be a package, which is a directory without the extension.
             self.package(&file);
             file.set_extension("py");
             if file.is_file() {
@@ -165,8 +170,10 @@ impl Reading {
     fn package(&mut self, dir: &Path) {
         let entries = std::fs::read_dir(dir).into_iter().flatten().flatten();
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        // Directories have no fixed order, and the limit on files depends on the order.
         paths.sort();
         for path in paths {
+            // A link may lead to a directory above, and the walk would not end.
             let is_link = path.is_symlink();
             if path.extension().is_some_and(|it| it == "py") && path.is_file() {
                 self.add(&path.display().to_string(), &path);

@@ -151,6 +151,7 @@ impl Proposal<'_> {
         let mut values = self.policy.action_values(obs).unwrap_or_default();
         if let Some(allowed) = allowed {
             let barred = values.iter_mut().zip(allowed).filter(|(_, it)| !**it);
+            // The softmax gives −∞ no weight, so a forbidden action is never drawn.
             barred.for_each(|(value, _)| *value = f32::NEG_INFINITY);
         }
         let action = match self.given.get(self.run.len()) {

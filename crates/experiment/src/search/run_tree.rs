@@ -167,6 +167,7 @@ fn softmax(values: &[f32], temperature: f64) -> Option<Vec<f64>> {
     if top == f32::NEG_INFINITY {
         return None;
     }
+    // The largest value is subtracted, so no exponential overflows.
     let weight = |value: &f32| libm::exp(f64::from(value - top) / temperature);
     let weights: Vec<f64> = values.iter().map(weight).collect();
     let sum: f64 = weights.iter().sum();
@@ -202,6 +203,7 @@ pub(super) fn temperature(run: &[ValuedDecision], reward: f64, departures: f64) 
         });
         decisions * shares.sum::<f64>() / sum.max(f64::MIN_POSITIVE)
     };
+    // Temperatures span five decades, so the halvings work on logarithms.
     let [mut low, mut high] = TEMPERATURES.map(libm::log);
     for _ in 0..HALVINGS {
         let middle = f64::midpoint(low, high);

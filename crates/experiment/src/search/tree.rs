@@ -196,6 +196,7 @@ impl<'a> Tree<'a> {
         // The prefix up to a switch repeats the first run. A deterministic ego reaches the
         // same state there.
         let whole = self.prefix.clone();
+        // At `depth` the held action was not played yet, so a change there is no switch.
         let switchable = (depth + 1..whole.len()).filter(|&at| self.may_switch(at));
         for at in switchable.collect::<Vec<_>>() {
             for other in (0..self.actions).filter(|&other| other != action) {
@@ -207,6 +208,8 @@ impl<'a> Tree<'a> {
                 if self.explore(bench, other, switches - 1) == WalkControl::Stop {
                     return WalkControl::Stop;
                 }
+                // A later switch cuts the prefix at a greater depth, so it must be whole
+                // again.
                 self.prefix.extend_from_slice(&whole[at..]);
             }
         }

@@ -83,10 +83,12 @@ pub(crate) fn first_non_finite(text: &str) -> Option<Range<usize>> {
         } else if is_word(first) || first == '+' {
             cursor.word();
             let token = &text[start..cursor.at];
+            // RON allows a sign before words, too.
             let bare = token.trim_start_matches(['+', '-']);
             // RON allows underscores in numbers, which Rust's parser does not.
             let number = token.replace('_', "").parse::<f64>();
             let word = bare == "NaN" || bare == "inf";
+            // Only numbers, because Rust also parses words such as `infinity`.
             let digits = bare.starts_with(|c: char| c.is_ascii_digit() || c == '.');
             if word || (digits && number.is_ok_and(|n| !n.is_finite())) {
                 return Some(start..cursor.at);
@@ -263,6 +265,7 @@ impl RonCursor<'_> {
                 return None;
             }
             let before = self.at;
+            // Elements of lists have no name, and the cursor stays for them.
             let name = self.named();
             let wanted = match (steps.first(), &name) {
                 (Some(ValueStep::Name(want)), Some(name)) => want == name,

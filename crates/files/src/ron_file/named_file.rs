@@ -72,7 +72,9 @@ pub fn file_bytes(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = open_file(path)?;
     let size = file.metadata().map_or(0, |about| about.len());
+    // A file that is known to be too large is not read at all.
     if size <= MAX_BYTES {
+        // A file may grow while it is read, and a pipe has no size.
         file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
     }
     if size.max(bytes.len() as u64) > MAX_BYTES {

@@ -30,6 +30,7 @@ impl<'a> Problems<'a> {
         label: &str,
         help: Option<String>,
     ) {
+        // Before the place is searched, whose cost grows with the text.
         if self.list.len() >= MOST {
             return;
         }

@@ -57,6 +57,7 @@ pub fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
 /// Returns an error if the file cannot be read, or has other content.
 pub fn read_file<T: DeserializeOwned>(path: &FilePath) -> Result<(String, String, T), LoadError> {
     let file = path.display().to_string();
+    // Without the mark, so that positions count as in an editor.
     let text = without_mark(&text(&file, path)?).to_owned();
     match parse(&text) {
         Ok(value) => Ok((file, text, value)),
@@ -141,6 +142,7 @@ fn meant(code: &Error) -> Option<&'static str> {
 
 fn problem(text: &str, error: &SpannedError) -> Problem {
     let start = offset(text, error.span.start);
+    // A reversed span would panic in a slice.
     let end = offset(text, error.span.end).max(start);
     let (what, label, help) = explain(&error.code);
     let mut span = match error.code {
@@ -153,6 +155,7 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
         _ if shape(&error.code).is_some() => next_token(text, start),
         _ => token(text, start, end),
     };
+    // Before the general places, because a name is the most precise one.
     if let Some(found) = culprit(&error.code) {
         // The reader's span is around the name, but not always on it.
         let margin = found.len() + 8;
@@ -374,6 +377,7 @@ fn token(text: &str, start: usize, end: usize) -> std::ops::Range<usize> {
     let before = text[..start].trim_end();
     let from = before.char_indices().next_back().map_or(0, |(i, _)| i);
     if before.is_empty() {
+        // An empty text still needs a place to mark.
         0..text.len().min(1)
     } else {
         from..before.len()

@@ -99,6 +99,8 @@ impl<T> Respelled<T> {
     /// Returns the place in the original text of a place in the text.
     pub fn original(&self, span: &Range<usize>) -> Range<usize> {
         let (mut start, mut end) = (span.start, span.end);
+        // The last edit first, since each one's places are those of the text
+        // before it.
         for edit in self.edits.iter().rev() {
             let after = edit.start + edit.meant;
             // A place within a name is the whole name.

@@ -57,6 +57,7 @@ impl Growing {
     /// Returns an error if the disk refuses, or valid bytes are missing.
     pub fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
         let Counting { text, hash } = counting(&path, known)?;
+        // Only if needed, since each cut is a change of the disk.
         if known.bytes < text.len() as u64 {
             cut(&path, known.bytes)?;
         }
@@ -73,6 +74,7 @@ impl Growing {
     ///
     /// Returns an error if the disk refuses.
     pub fn append(&mut self, text: &str) -> Result<(), RunError> {
+        // Before the count: bytes that may be missing must not be recorded.
         append(&self.path, text.as_bytes())?;
         self.bytes += text.len() as u64;
         self.hash.update(text);
@@ -83,6 +85,7 @@ impl Growing {
     pub fn now(&self) -> Grown {
         Grown {
             bytes: self.bytes,
+            // A copy, because hashing goes on with the next line.
             sha256: in_digits(&self.hash.clone().finalize()),
         }
     }
@@ -105,6 +108,7 @@ fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
         path: path.into(),
         why,
     };
+    // A manifest may state any number, and a slice beyond the end would panic.
     let Some(counts) = text.get(..known.bytes as usize) else {
         let (found, known) = (text.len(), known.bytes);
         return Err(damaged(format!(

@@ -30,6 +30,8 @@ pub fn make_dir(path: &Path) -> Result<(), RunError> {
         .take_while(|dir| !dir.exists())
         .filter(|dir| !dir.as_os_str().is_empty())
         .collect();
+    // From the outermost inwards. Each name is flushed before anything is in
+    // it.
     for dir in missing.into_iter().rev() {
         step(dir).map_err(&failed)?;
         match fs::create_dir(dir) {
@@ -105,6 +107,7 @@ impl WholeFile {
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
         let failed = io_error("writing", &self.path);
         step(&self.path).map_err(&failed)?;
+        // Hashed on the way, since the file may be too large to read again.
         self.hash.update(bytes);
         match &mut self.file {
             Some(file) => file.write_all(bytes).map_err(failed),
@@ -120,6 +123,8 @@ impl WholeFile {
     /// untouched.
     pub fn finish(mut self) -> Result<String, RunError> {
         let failed = io_error("writing", &self.path);
+        // Taken, so that the buffer is flushed here, where an error can be
+        // returned.
         if let Some(file) = self.file.take() {
             let file = file
                 .into_inner()
@@ -334,6 +339,8 @@ pub fn lock(path: &Path) -> Result<File, RunError> {
         // To open a pipe for writing waits for its reader without end.
         return Err(failed(io::Error::other("it is no ordinary file")));
     }
+    // The file stays after the run: a lock that was removed could be held
+    // twice.
     let file = File::create(&file_path).map_err(&failed)?;
     match file.try_lock() {
         Ok(()) => Ok(file),

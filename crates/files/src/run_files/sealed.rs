@@ -90,6 +90,7 @@ impl SealedFiles {
         let invalid = |error: serde_json::Error| damaged(error.to_string());
         let seal: Seal = serde_json::from_str(&text).map_err(invalid)?;
         let files: SealedFiles = serde_json::from_str(&text).map_err(invalid)?;
+        // Before the files, because their hashes are those of this text.
         content_hash::check(&text, &seal.sha256).map_err(damaged)?;
         let is_due = seal.checkpoint.is_some() || files.policy_sha256.is_some();
         timing_s(run, is_due)?;
@@ -114,6 +115,7 @@ impl SealedFiles {
         if let Some(bank) = &self.bank_sha256 {
             read_verified(run, BANK, Some(bank))?;
         }
+        // A copy of a trained ado needs no failures of its training.
         if let (Some(known), true) = (&self.known_sha256, run.join(KNOWN).exists()) {
             read_verified(run, KNOWN, Some(known))?;
         }
@@ -169,6 +171,7 @@ pub fn manifest_text(run: &Path) -> Result<String, RunError> {
         return Err(not_a_run(why.to_owned()));
     }
     let file = run.join(MANIFEST);
+    // Before the general message, which would not name the members.
     if !file.is_file() && run.join(POPULATION).is_file() {
         return Err(RunError::Population { path: run.into() });
     }
@@ -182,6 +185,8 @@ pub fn manifest_text(run: &Path) -> Result<String, RunError> {
         Ok(layout) => layout,
         Err(error) => return Err(damaged(error.to_string())),
     };
+    // Any other version, since a newer layout may give a field another
+    // meaning.
     if format != FORMAT {
         return Err(damaged(format!("format {format} is not {FORMAT}")));
     }

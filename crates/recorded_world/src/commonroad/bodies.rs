@@ -32,6 +32,7 @@ pub(super) fn body(class: Class, bounds: &ObstacleBox) -> Option<Body> {
     body.com_ahead_m = rounded(body.com_ahead_m * along);
     body.length_m = rounded(bounds.length_m);
     body.width_m = rounded(bounds.width_m);
+    // The shape of the stock body would keep its old size.
     body.shape = Default::default();
     // Boxes that differ by less than a millimetre share a body.
     let mm = |value: f64| (1000.0 * value).round();
@@ -41,6 +42,7 @@ pub(super) fn body(class: Class, bounds: &ObstacleBox) -> Option<Body> {
         mm(bounds.length_m),
         mm(bounds.width_m)
     );
+    // An extreme box gives a wheelbase that the physics refuses.
     body.validate().is_ok().then_some(body)
 }
 

@@ -23,6 +23,7 @@ impl Drops {
 
     /// Counts several elements, the first of them at a line.
     pub(super) fn add_many(&mut self, kind: &'static str, line: usize, count: usize) {
+        // Nothing of a kind would otherwise be listed with a count of 0.
         if count == 0 {
             return;
         }

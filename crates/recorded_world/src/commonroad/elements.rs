@@ -107,6 +107,7 @@ pub(super) fn interval(state: &XmlNode, name: &str) -> Result<Option<ValueRange>
     let Some(node) = state.child(name) else {
         return Ok(None);
     };
+    // An exact value is the interval of that value alone.
     if node.child("exact").is_some() {
         let value = number_in(node, "exact")?;
         return Ok(Some(ValueRange {
@@ -118,6 +119,7 @@ pub(super) fn interval(state: &XmlNode, name: &str) -> Result<Option<ValueRange>
         number_in(node, "intervalStart")?,
         number_in(node, "intervalEnd")?,
     );
+    // Reversed bounds would make a formula that nothing can satisfy.
     if most < least {
         let what = format!("the interval from {least} to {most} is reversed");
         return Err(node.refused(what, "write the lower value as `intervalStart`"));

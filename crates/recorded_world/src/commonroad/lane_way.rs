@@ -63,18 +63,24 @@ impl EgoRoad {
             problem.at.error(what).helped(help)
         };
         let line = reference(route, origin_m)?;
+        // The origin is the ego's start, so its place on the line is that of
+        // [0, 0].
         let from_m = line.place_anywhere([0.0, 0.0]).s_m - BEHIND_M;
         let kept = line.points().filter(|it| it.1 >= from_m).map(|it| it.0);
         let line = Path::through(kept, STEP_M).ok_or_else(|| no_road("its way has no length"))?;
         let mut widths: Vec<f64> = route.steps.iter().map(|it| it.lanelet.width_m()).collect();
         widths.sort_by(f64::total_cmp);
+        // The median, which single lanelets of another width do not move.
         let lane_width_m = (100.0 * widths[widths.len() / 2]).round() / 100.0;
         let driven = visited(route);
         // Sharp bends leave no room for lanes that the ego does not need.
         for beside in [beside(map, route, driven), driven] {
             let right_m = beside.right as f64 * lane_width_m;
             let lanes = beside.right + beside.left + 1;
+            // The leftmost edge would have no radius in a sharper bend of lane
+            // 0.
             let radius_m = ROOM * lane_width_m * (lanes as f64 - 0.5);
+            // Lane 0 of a world is the rightmost one.
             let lane_0 = line.moved(|_| -right_m, STEP_M);
             let points: Vec<[f64; 2]> = lane_0
                 .iter()
@@ -94,6 +100,7 @@ impl EgoRoad {
                 parts: Vec::new(),
                 length_m: 0.0,
             };
+            // Last, because stations are those of the fitted road.
             made.parts = parts(route, &made)?;
             made.length_m = made.parts.iter().map(|it| it.to_m).fold(0.0, f64::max);
             return Ok(made);
@@ -129,6 +136,8 @@ fn reference(route: &EgoRoute<'_>, origin_m: [f64; 2]) -> Result<Path, ImportErr
         let middle = step.lanelet.middle()?;
         let end_m = middle.points().last().map_or([0.0; 2], |it| it.0);
         if step.by == RouteTurn::Ahead {
+            // After a change of lanes the line goes on beside the lane of the
+            // start.
             let moved = middle.moved(|_| -left_m, STEP_M);
             points.extend(moved.iter().flat_map(Path::points).map(|it| it.0));
         } else if let Some(before) = &before {
@@ -174,6 +183,7 @@ fn beside(map: &RoadMap, route: &EgoRoute<'_>, least: LanesBeside) -> LanesBesid
     let count = |from: &str, is_left: bool| {
         let mut lanes = 0;
         let mut id = from;
+        // The limit ends lanelets that are beside each other in a circle.
         while let Some(lanelet) = map.lanelets.get(id).filter(|_| lanes < MOST_BESIDE) {
             let next = if is_left {
                 &lanelet.left
@@ -193,6 +203,7 @@ fn beside(map: &RoadMap, route: &EgoRoute<'_>, least: LanesBeside) -> LanesBesid
     };
     let mut at = 0;
     let (mut right, mut left) = (i32::MAX, i32::MAX);
+    // Up to the goal only: lanes that end behind it are of use on the way.
     for step in &route.steps[..route.to_goal] {
         at += change(step.by);
         right = right.min(count(step.id, false) - at);

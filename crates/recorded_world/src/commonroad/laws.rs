@@ -78,17 +78,25 @@ impl EgoOnWay<'_> {
         let mut stretches: Vec<([f64; 2], f64)> = Vec::new();
         for (i, lanelet) in self.lanelets() {
             let part = &self.road.parts[i];
+            // A lanelet without a limit interrupts a stretch, which is checked
+            // by its stations below.
             let Some(limit_mps) = self.map.limit_mps(lanelet) else {
                 continue;
             };
+            // A lanelet may end behind its beginning in the frame of the
+            // fitted road.
             let to_m = part.to_m.max(part.from_m);
+            // The ego has passed it, so it cannot violate it.
             if to_m < self.front_m {
                 continue;
             }
             let from_m = part.from_m.max(self.front_m);
+            // The limit counts from where the ego enters it.
             let way_m = from_m - self.front_m;
             let fast_mps = self.problem.speed_mps;
             let least_mps2 = fast_mps * fast_mps - 2.0 * BRAKE_MPS2 * way_m;
+            // v² − 2·a·s is the least squared speed there. Such a limit is
+            // violated whatever the ego does.
             if least_mps2 > limit_mps * limit_mps {
                 let line = self.problem.line;
                 drops.add("speed limits below the speed of the ego's start", line);
@@ -107,6 +115,8 @@ impl EgoOnWay<'_> {
             |it: &([f64; 2], f64)| it.0[0] <= self.front_m && it.0[1] >= self.road.length_m - 1.0;
         let stl = match &stretches[..] {
             [] => return None,
+            // Without stations the formula is shorter, and its robustness is
+            // in m/s alone.
             [one] if is_whole(one) => format!("always (ego.speed <= {:?})", rounded(one.1)),
             several => {
                 let each = several.iter().map(|([from_m, to_m], limit_mps)| {
@@ -125,10 +135,12 @@ impl EgoOnWay<'_> {
 
     /// Returns the station of a lanelet's stop line, if it is ahead of the ego.
     fn stop_m(&self, part: usize, lanelet: &MapLanelet) -> Option<f64> {
+        // A stop line without points is at the end of its lanelet.
         let line_m = match lanelet.stop_m.flatten() {
             Some(line_m) => self.road.place(line_m).s_m,
             None => self.road.parts[part].to_m,
         };
+        // No rise past a line is ever seen behind it.
         (line_m > self.front_m).then(|| cm(line_m))
     }
 
@@ -165,6 +177,8 @@ impl EgoOnWay<'_> {
                 let Some(light) = self.map.lights.get(id) else {
                     continue;
                 };
+                // A light for another turn stays green or red without a
+                // meaning for the ego.
                 let is_for = light.direction == "all"
                     || light.direction.is_empty()
                     || light.direction.to_ascii_lowercase().contains(turn);
@@ -173,6 +187,8 @@ impl EgoOnWay<'_> {
                 else {
                     continue;
                 };
+                // Before the schedule, so that a light that is off is not
+                // listed a second time.
                 used.push(id);
                 let Some((first, schedule)) = self.schedule(&light.cycle, light.offset) else {
                     drops.add("traffic lights that are off", light.line);
@@ -209,6 +225,7 @@ impl EgoOnWay<'_> {
         let parts = &self.road.parts;
         let course = &self.road.road.course;
         let from = course.pose(parts[part].to_m, 0.0).heading_rad;
+        // The turn is that of the next lanelet, which lies in the junction.
         let to_m = parts.get(part + 1).map_or(parts[part].to_m, |it| it.to_m);
         let turn_rad = wrapped(course.pose(to_m, 0.0).heading_rad - from);
         if turn_rad > TURN_RAD {
@@ -227,6 +244,7 @@ impl EgoOnWay<'_> {
             return None;
         }
         let time = self.time;
+        // `rem_euclid`, since an offset may be later than the start.
         let mut before = (time.first - offset).rem_euclid(steps);
         let mut at = 0;
         while cycle[at].0 <= before {
@@ -236,8 +254,12 @@ impl EgoOnWay<'_> {
         let first = cycle[at].1;
         let (mut phase, mut changes) = (first, Vec::new());
         let mut ends_s = (cycle[at].0 - before) * time.step_s;
+        // Both bounds: a cycle of single steps over a long horizon would have
+        // any number of changes.
         while ends_s < time.horizon_s && changes.len() < MOST_PHASES {
             at = (at + 1) % cycle.len();
+            // Red and red-yellow are one phase here, and a change to itself is
+            // no change.
             if cycle[at].1 != phase {
                 phase = cycle[at].1;
                 changes.push((rounded(ends_s), phase));
@@ -260,9 +282,12 @@ impl EgoOnWay<'_> {
 
     fn one_goal(&self, goal: &GoalState, drops: &mut Drops) -> Option<String> {
         let time = self.time;
+        // An interval that has begun already counts from the start.
         let sample = |step: f64| (step - time.first).max(0.0) * time.step_s / SAMPLE_S;
         // Bounds are whole samples within the interval. The tolerance is that of products.
         let last = (sample(goal.steps.most) + 1e-6).floor();
+        // An interval between two samples keeps the earlier one instead of
+        // becoming empty.
         let first = (sample(goal.steps.least) - 1e-6).ceil().clamp(0.0, last);
         let (from_s, to_s) = (rounded(first * SAMPLE_S), rounded(last * SAMPLE_S));
         if goal.has_heading {
@@ -286,6 +311,7 @@ impl EgoOnWay<'_> {
                 continue;
             };
             let ends = |line: &[[f64; 2]]| [line[0], line[line.len() - 1]];
+            // The ends suffice for the box, since stations run along the lane.
             let corners: Vec<[f64; 2]> = ends(&lanelet.left_m)
                 .into_iter()
                 .chain(ends(&lanelet.right_m))
@@ -372,5 +398,6 @@ pub(super) fn goal_m(map: &RoadMap, problem: &PlanningProblem) -> Option<f64> {
     let lanelets = problem.goals.iter().flat_map(|it| &it.lanelets);
     let ends = lanelets.filter_map(|id| map.lanelets.get(id)?.left_m.last().copied());
     let ways = shapes.chain(ends).map(|it| far_m(it, problem.position_m));
+    // The farthest, because the road must cover all places of the goals.
     ways.reduce(f64::max)
 }

@@ -92,6 +92,8 @@ impl RoadMap {
                 _ => {}
             }
         }
+        // Refused lanelets are reported already, and this would hide the
+        // reason.
         if map.lanelets.is_empty() && blockers.is_empty() {
             let help = "export it with its lanelet network";
             blockers.add(root.refused("it has no lanelet", help));
@@ -114,6 +116,8 @@ fn keep<T>(
     read: Result<T, ImportError>,
     blockers: &mut Blockers,
 ) {
+    // Both are read before anything is kept, so that one error is reported per
+    // element.
     let pair = identity(node).and_then(|id| read.map(|it| (id, it)));
     let Some((id, it)) = blockers.keep(pair) else {
         return;
@@ -137,6 +141,7 @@ fn lanelet(node: &XmlNode) -> Result<MapLanelet, ImportError> {
     };
     let beside = |name: &str| {
         let found = node.child(name);
+        // A neighbour in the opposite direction is no lane to change to.
         let is_same = |it: &&XmlNode| it.raw("drivingDir") == Some("same");
         let same = found.filter(is_same);
         same.map(|it| it.need("ref").map(str::to_owned)).transpose()
@@ -148,6 +153,8 @@ fn lanelet(node: &XmlNode) -> Result<MapLanelet, ImportError> {
         signs.extend(references(line, "trafficSignRef")?);
         lights.extend(references(line, "trafficLightRef")?);
     }
+    // Sorted first, since the stop line often names the lights of its lanelet
+    // again.
     lights.sort();
     lights.dedup();
     let stop_m = stop.map(points).transpose()?.map(|ends| match ends[..] {
@@ -168,6 +175,7 @@ fn lanelet(node: &XmlNode) -> Result<MapLanelet, ImportError> {
         signs,
         lights,
         stop_m,
+        // A lanelet without a type is driven, since version 2018b has none.
         is_driven: node.all("laneletType").all(is_lane),
     })
 }
@@ -183,6 +191,8 @@ fn sign(node: &XmlNode) -> Result<RoadSign, ImportError> {
         let kind = element.inner("trafficSignID")?.words.as_str();
         if LIMITS.contains(&kind) {
             let Some(value) = element.child("additionalValue") else {
+                // A limit without a value limits nothing that a formula could
+                // state.
                 sign.is_other = true;
                 continue;
             };
@@ -216,6 +226,7 @@ fn light(node: &XmlNode) -> Result<CycleLight, ImportError> {
         match color.words.as_str() {
             "green" => phases.push((steps, Phase::Green)),
             "yellow" => phases.push((steps, Phase::Yellow)),
+            // The ego must not pass at red-yellow either.
             "red" | "redYellow" => phases.push((steps, Phase::Red)),
             "inactive" => is_active = false,
             _ => {
@@ -229,6 +240,7 @@ fn light(node: &XmlNode) -> Result<CycleLight, ImportError> {
         return Err(cycle.refused("it has no phases", "add a `cycleElement`"));
     }
     if !is_active {
+        // A light that is off shows none of the phases that it lists.
         phases.clear();
     }
     let offset = match cycle.child("timeOffset") {
@@ -258,6 +270,8 @@ impl MapLanelet {
 
     /// Returns the mean distance of its bounds in metres.
     pub(super) fn width_m(&self) -> f64 {
+        // Three places are enough for a mean, and every bound has at least two
+        // points.
         let ends = |line: &[[f64; 2]]| [line[0], line[line.len() / 2], line[line.len() - 1]];
         let pairs = ends(&self.left_m).into_iter().zip(ends(&self.right_m));
         pairs.map(|(a, b)| far_m(a, b)).sum::<f64>() / 3.0
@@ -279,8 +293,12 @@ impl MapLanelet {
             .collect();
         let next = outline.iter().cycle().skip(1);
         let crosses = |(a, b): &(&[f64; 2], &[f64; 2])| {
+            // One strict comparison, so that a corner on the ray counts once.
+            // A level edge never divides by 0.
             (a[1] > y) != (b[1] > y) && x < a[0] + (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1])
         };
+        // A ray to the right leaves a polygon through an odd number of its
+        // edges.
         outline.iter().zip(next).filter(crosses).count() % 2 == 1
     }
 }

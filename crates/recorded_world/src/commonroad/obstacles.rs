@@ -77,6 +77,8 @@ impl Obstacles {
                     found.dropped.push(("phantom obstacles", node.line));
                     continue;
                 }
+                // Listed and not built, since buildings neither move nor lie
+                // on lanes.
                 "environmentObstacle" => {
                     found
                         .dropped
@@ -114,6 +116,7 @@ fn obstacle(node: &XmlNode, is_dynamic: bool) -> Result<FileObstacle, ImportErro
     let (start, motion) = if is_dynamic {
         let step = whole_step(state)?;
         let motion = motion(node, step)?;
+        // A moving obstacle without an orientation heads along its motion.
         let heading_rad = exact(state, "orientation")?.unwrap_or_default();
         (
             ObstacleStart {
@@ -126,6 +129,8 @@ fn obstacle(node: &XmlNode, is_dynamic: bool) -> Result<FileObstacle, ImportErro
     } else {
         let start = ObstacleStart {
             position_m,
+            // An obstacle that stands has no motion from which it would
+            // follow.
             heading_rad: needed(state, "orientation")?,
             step: 0.0,
         };
@@ -164,15 +169,19 @@ fn motion(node: &XmlNode, first_step: f64) -> Result<ObstacleMotion, ImportError
     let mut last_step = first_step;
     for state in trajectory.all("state") {
         let step = whole_step(state)?;
+        // Steps are whole and below 2^53, so the comparison is exact.
         if step != last_step + 1.0 {
             let what = format!("time step {step} follows {last_step}");
             let help = "write a state for every time step, in order";
             return Err(state.refused(what, help));
         }
+        // Read again by the recording, but only here with the line of an
+        // error.
         position(state)?;
         exact(state, "orientation")?;
         last_step = step;
     }
+    // Equal only without a state, because steps ascend by one.
     if last_step == first_step {
         return Err(trajectory.refused("it has no state", "add a `state`"));
     }
@@ -255,6 +264,8 @@ pub(super) fn outline(shape: &XmlNode) -> Result<Vec<[f64; 2]>, ImportError> {
         }
         "circle" => {
             let radius_m = positive_in(shape, "radius")?;
+            // Only the box around a shape is used, which these four points
+            // span.
             let sides = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
             let at = |[x, y]: [f64; 2]| [centre_m[0] + radius_m * x, centre_m[1] + radius_m * y];
             Ok(sides.map(at).to_vec())

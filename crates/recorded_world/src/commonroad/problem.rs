@@ -79,6 +79,7 @@ fn problem(node: &XmlNode) -> Result<PlanningProblem, ImportError> {
         let what = format!("the ego starts with {speed_mps} m/s");
         return Err(state.refused(what, "write a speed from 0 on: worlds have no reverse gear"));
     }
+    // Files state tiny rates for a straight start.
     let turns = |name: &str| Ok(exact(state, name)?.is_some_and(|it| it.abs() > TURNS_RAD));
     let step = whole_step(state)?;
     // Version 2018b has goals of both names.
@@ -110,6 +111,7 @@ fn goal(node: &XmlNode, first_step: f64) -> Result<GoalState, ImportError> {
         let help = "add a `time` with `intervalStart` and `intervalEnd`";
         node.refused("it has no time", help)
     })?;
+    // A goal that ends before the start could never be reached.
     if steps.most <= first_step || steps.least < 0.0 {
         let what = format!(
             "its time steps {} to {} do not follow the start at {first_step}",

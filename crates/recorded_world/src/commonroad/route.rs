@@ -52,6 +52,7 @@ impl<'a> EgoRoute<'a> {
         let start = start(map, problem)?;
         let goals = goal_lanelets(map, problem);
         let found = shortest(map, start, &goals);
+        // A goal of a time or a speed needs no way.
         let misses_goal = found.is_none() && has_goal_place(problem);
         let ids = found.unwrap_or_else(|| vec![(start, RouteTurn::Ahead)]);
         let steps = ids.into_iter().filter_map(|(id, by)| {
@@ -63,6 +64,7 @@ impl<'a> EgoRoute<'a> {
             to_goal: 0,
             misses_goal,
         };
+        // Before the prolongation, whose lanelets are behind the goal.
         route.to_goal = route.steps.len();
         route.prolong(map, least_m)?;
         if goals.is_empty() || misses_goal {
@@ -75,6 +77,7 @@ impl<'a> EgoRoute<'a> {
     fn prolong(&mut self, map: &'a RoadMap, least_m: f64) -> Result<(), ImportError> {
         let ahead = self.steps.iter().filter(|it| it.by == RouteTurn::Ahead);
         let mut way_m: f64 = ahead.map(|it| it.lanelet.length_m()).sum();
+        // Both bounds: lanelets of no length would be added for ever.
         while way_m < least_m && self.steps.len() < MOST_LANELETS {
             let Some(last) = self.steps.last() else { break };
             let course_rad = end_rad(last.lanelet)?;
@@ -84,6 +87,7 @@ impl<'a> EgoRoute<'a> {
                     continue;
                 };
                 let turn_rad = wrapped(end_rad(lanelet)? - course_rad).abs();
+                // A road has no loops, so a roundabout is driven once at most.
                 let is_new = self.steps.iter().all(|it| it.id != id.as_str());
                 if is_new && lanelet.is_driven && best.is_none_or(|it| turn_rad < it.0) {
                     best = Some((turn_rad, id, lanelet));
@@ -114,6 +118,7 @@ fn start<'a>(map: &'a RoadMap, problem: &PlanningProblem) -> Result<&'a str, Imp
     let driven = || map.lanelets.iter().filter(|(_, it)| it.is_driven);
     let inside: Vec<_> = driven().filter(|(_, it)| it.contains(at_m)).collect();
     let near = || driven().filter(|(_, it)| beside_m(it, at_m) <= BESIDE_M);
+    // Starts may lie beside all lanelets by a rounding of the file.
     let candidates = if inside.is_empty() {
         near().collect()
     } else {
@@ -137,6 +142,8 @@ fn start<'a>(map: &'a RoadMap, problem: &PlanningProblem) -> Result<&'a str, Imp
         let help = "move its `initialState` onto a lanelet";
         return Err(problem.at.error(what).helped(help));
     };
+    // The best lanelet leads the other way, which is likelier a wrong angle
+    // than a wrong lane.
     if misfit > core::f64::consts::FRAC_PI_2 {
         let what = format!("the ego starts against the direction of lanelet {id}");
         let help = "correct the `orientation` of its `initialState`, in radians";
@@ -199,6 +206,8 @@ impl Ord for ReachedLanelet<'_> {
         other
             .way_m
             .total_cmp(&self.way_m)
+            // By identity after equal ways, so that the route does not depend
+            // on the heap.
             .then_with(|| self.id.cmp(other.id))
     }
 }
@@ -225,6 +234,8 @@ fn shortest<'a>(
         if goals.contains(&id) {
             return Some(way_back(&came, start, id));
         }
+        // An older entry of the heap, to which a shorter way has been found
+        // since.
         if came.get(id).is_some_and(|it| it.0 < way_m) {
             continue;
         }
@@ -233,6 +244,7 @@ fn shortest<'a>(
         let left = lanelet.left.iter().map(|id| (id, RouteTurn::ToLeft));
         let right = lanelet.right.iter().map(|id| (id, RouteTurn::ToRight));
         for (next, by) in ahead.chain(left).chain(right) {
+            // Files of a cut map name lanelets that they lack.
             let Some((next, to)) = map.lanelets.get_key_value(next) else {
                 continue;
             };

@@ -33,6 +33,7 @@ impl BoxPlaces {
             middles: (0..=(until_s / STEP_S).round() as usize)
                 .map(middle)
                 .collect(),
+            // Half the room on each of both boxes.
             half_m: size_m.map(|it| 0.5 * (it + CLEAR_M)),
         }
     }

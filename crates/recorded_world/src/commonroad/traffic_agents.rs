@@ -56,6 +56,8 @@ pub(super) fn agents(
     let first_step = obstacles.first_step().unwrap_or_default();
     let mut found: Vec<(f64, TrafficAgent)> = Vec::new();
     for obstacle in &obstacles.all {
+        // Listed and not refused, since the rest of the scenario is still a
+        // test.
         let Some(body) = body(obstacle.class, &obstacle.bounds) else {
             drops.add("obstacles larger or smaller than any body", obstacle.line);
             continue;
@@ -105,6 +107,7 @@ pub(super) fn agents(
         // A contact of any two agents ends an episode, which is no fault of the ego.
         if kept.iter().any(|it| it.places.touches(&agent.places)) {
             drops.add("obstacles that touch a nearer one", line);
+        // After the contacts, so that a body that is dropped takes no place.
         } else if kept.len() < MOST_AGENTS {
             kept.push(agent);
         } else {
@@ -201,6 +204,8 @@ impl PlacedObstacle<'_> {
         let front = middle.ahead(self.body.half_length_m());
         let course = &self.road.road.course;
         let on_road = course.locate(&front);
+        // There and back: the coordinates along the road must lead to the same
+        // place.
         let again = course.pose(on_road.s_m, on_road.lateral_m);
         let off_m = libm::hypot(again.x_m - front.x_m, again.y_m - front.y_m);
         let rear = middle.ahead(-self.body.half_length_m());
@@ -248,11 +253,14 @@ impl PlacedObstacle<'_> {
             drops.add("obstacles that appear after the start", line);
             return None;
         }
+        // A single state is no motion to follow.
         if last_step <= time.first {
             drops.add("obstacles that vanish before the start", line);
             return None;
         }
         let dt_s = recording.dt_s;
+        // The grid of the recording begins with the first state of any
+        // obstacle.
         let sample = ((time.first - first_step) * time.step_s / dt_s).round() as usize;
         let is_there = |it: &&RoadUserTrack| {
             it.id == self.obstacle.id && (it.first_sample..it.end_sample()).contains(&sample)
@@ -262,6 +270,7 @@ impl PlacedObstacle<'_> {
             return None;
         };
         let from = sample - track.first_sample;
+        // One more sample, so that the last piece is whole.
         let most = (time.horizon_s.min(LONGEST_S) / dt_s).round() as usize + 1;
         let end = (from + most).min(track.len());
         // Plans move the rear axle, and files state another point.

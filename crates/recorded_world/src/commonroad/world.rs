@@ -63,6 +63,8 @@ impl ScenarioParts<'_> {
     pub(super) fn road(&self) -> Result<EgoRoad, ImportError> {
         let problem = self.problem;
         let least_m = goal_m(self.map, problem).unwrap_or_default()
+            // Bounded, so that a hostile speed or time asks for no endless
+            // road.
             + problem.speed_mps.min(50.0) * self.horizon_s().min(60.0)
             + BEYOND_M;
         let route = EgoRoute::find(self.map, problem, least_m)?;
@@ -97,6 +99,7 @@ impl ScenarioParts<'_> {
             y_m: 0.0,
             heading_rad: problem.heading_rad,
         };
+        // Positions of the file are middles, and a start is that of the front.
         let front = road.road.course.locate(&middle.ahead(body.half_length_m()));
         let ego = EgoOnWay {
             map: self.map,
@@ -114,8 +117,10 @@ impl ScenarioParts<'_> {
         let lights = ego.lights(drops);
         self.list_signs(road, drops);
         let formulas = self.formulas(&ego, &traffic, &lights, drops);
+        // An ado may block the way, which is no failure of the ego.
         let is_rule = |it: &&NamedFormula| it.name != "goal" || request.ado.is_none();
         let rules: Vec<&str> = formulas.iter().filter(is_rule).map(|it| it.name).collect();
+        // A world that nothing can violate would pass every ego.
         if rules.is_empty() {
             let what = "it has nothing that the ego could violate";
             let help = "add an obstacle, a speed limit, or a place or a velocity of the goal";
@@ -146,6 +151,7 @@ impl ScenarioParts<'_> {
         let mut world = ScenarioFile::new(request.name, question, clock, own_road, all, spec);
         let file = request.scenario.file_name().unwrap_or_default();
         world.source = format!("{}: {benchmark}", plain(&file.to_string_lossy()));
+        // Recorded motion is played exactly only without forces.
         world.plant = PlantKind::Kinematic;
         world.judge = JudgeKind::UntilContact;
         let roads = traffic
@@ -247,6 +253,7 @@ impl ScenarioParts<'_> {
             .iter()
             .map(|it| 0.5 * (it.steps.least + it.steps.most));
         let mean_s = middles.fold(0.0, f64::max) * self.step_s;
+        // Fast enough to arrive in the middle of the goal's interval.
         let wish_mps = match goal_m(self.map, self.problem) {
             Some(way_m) if mean_s > 0.0 => (way_m / mean_s).max(speed_mps),
             _ => speed_mps,
@@ -285,6 +292,7 @@ impl ScenarioParts<'_> {
             .iter()
             .filter(|it| it.plan.is_some())
             .map(|it| &*it.id)
+            // A message of hundreds of names helps no reader.
             .take(20)
             .collect();
         let help = format!("name one of {}", names.join(", "));
@@ -333,6 +341,7 @@ fn offsets(text: &str, names: &[(String, At)]) -> Vec<(usize, At)> {
         let mentions = text.match_indices(&quoted).map(|it| it.0);
         found.extend(mentions.map(|offset| (offset, at.clone())));
     }
+    // In the order of the text, in which a later error is looked up.
     found.sort_by_key(|it| it.0);
     found
 }
@@ -340,5 +349,6 @@ fn offsets(text: &str, names: &[(String, At)]) -> Vec<(usize, At)> {
 /// Returns letters, digits and signs of a foreign text, cut to a line.
 fn plain(text: &str) -> String {
     let is_plain = |it: &char| it.is_alphanumeric() || "-_.: ".contains(*it);
+    // Foreign text may hold quotes, line ends and control characters.
     text.chars().filter(is_plain).take(80).collect()
 }

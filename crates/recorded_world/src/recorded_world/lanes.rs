@@ -59,6 +59,8 @@ pub(super) fn world(recorded: &RecordedWorld) -> CommentedWorld {
     );
     world.source = sources(situations);
     world.plant = PlantKind::Kinematic;
+    // A recorded lead does not react, so its motion after a contact means
+    // nothing.
     world.judge = JudgeKind::UntilContact;
     world.points = table.table(situations.len());
     let mut comments = vec![TextComment::heading(heading(road, situations))];
@@ -101,6 +103,7 @@ fn sources(situations: &[SituationPlan]) -> String {
     let mut names: Vec<String> = Vec::new();
     for it in situations {
         let name = file_name(&it.source);
+        // A list and no set, so that the order is that of the situations.
         if !names.contains(&name) {
             names.push(name);
         }
@@ -184,6 +187,8 @@ impl SituationAdo<'_> {
         let middle_m = LANE_WIDTH_M * lane as f64;
         let offset_m = table.number_from(middle_m, &format!("{name}.lateral"), offset);
         let speed_mps = table.number(&format!("{name}.speed"), all().map(|it| it.speed.start_mps));
+        // Three accelerations times the lateral speeds: the neutral action is
+        // the middle one.
         let (lateral_mps, neutral) = if self.is_cut_in {
             (vec![-0.3, 0.0, 0.3], 4)
         } else {

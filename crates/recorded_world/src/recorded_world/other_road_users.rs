@@ -40,6 +40,8 @@ pub(super) fn add(
             .push(on_path(&name, other.body.into(), &name, start, drive));
         let path = path_of(other.body.width_m, &other.road, origin);
         world.roads.0.insert(name, path);
+        // A scripted road user may run into an ego that stands, which is no
+        // failure of the ego.
         world.counts = CAUSED;
     }
     comments

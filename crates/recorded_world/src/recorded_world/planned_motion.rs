@@ -52,6 +52,7 @@ pub(crate) fn steps_of(speed: &SpeedPlan) -> Vec<PlanStep> {
 /// Returns the pieces of a fitted road, none if it is straight.
 fn pieces(road: &FittedRoad) -> impl Iterator<Item = Piece> {
     let piece = |Bend { length_m, per_m }| match per_m {
+        // An exact comparison: the fit sets the curvature of lines to 0.
         0.0 => Piece::Line { length_m },
         _ => Piece::Arc {
             length_m,
@@ -88,6 +89,7 @@ pub(crate) fn own_road(
 
 /// Returns a fitted path as a road of one lane for a width, in a world with an origin.
 pub(crate) fn path_of(body_width_m: f64, road: &FittedRoad, origin: Pose) -> RoadFile {
+    // Roads of a world are placed relative to its own road.
     let start = origin.sees(&road.course.start());
     // A margin of 0.2 m on both sides leaves the body inside its lane. A lane is at least
     // 1 m wide.

@@ -38,11 +38,14 @@ impl PointColumns {
         let values: Vec<f64> = values.map(rounded).collect();
         let lo = values.iter().copied().fold(f64::INFINITY, f64::min);
         let hi = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        // An axis of one value would be a dimension without an extent.
         if lo == hi {
             return lo.into();
         }
         self.0.push(PointColumn {
             axis: axis.to_owned(),
+            // The file states offsets from a lane, and axes of a start state
+            // positions on the road.
             values: values.into_iter().map(|it| origin + it).collect(),
         });
         NumberOrRange(Range { lo, hi })

@@ -55,6 +55,7 @@ impl CampaignPage {
 
     fn drawn(&self) -> Markup {
         let drawn = &self.maps[..self.maps.len().min(MAX_MAPS)];
+        // Counted, so that the page drops nothing silently.
         let left_out = self.maps.len() - drawn.len();
         html! {
             h2 { "Where it is unsafe" }

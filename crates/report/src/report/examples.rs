@@ -149,6 +149,7 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
         .into_iter()
         .filter(|i| signals[*i].kind == SignalKind::Real)
         .collect();
+    // A formula over flags alone has no curve.
     let first = &signals[*read.first()?];
     // Only signals of the first unit share an axis.
     let shown: Vec<usize> = read
@@ -165,6 +166,8 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             let constant = column
                 .iter()
                 .zip(&margin)
+                // Rounding alone, since the margin is a difference of the same
+                // numbers.
                 .all(|(value, margin)| (value - margin - bound).abs() < 1e-9);
             constant.then_some(bound)
         }),
@@ -203,6 +206,7 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
 }
 
 fn instants(scenario: &Scenario, episode: &Episode) -> Vec<Mark> {
+    // A specification that holds is decided, too, but not violated.
     let decided = decided(scenario, episode).filter(|_| ego_failed(episode));
     let violated = decided.map(|decided| Mark {
         at: decided.time_s,

@@ -85,6 +85,8 @@ fn by_lane(
     let lane = world.spec().road.lane_at(agents[own].lateral_m.lo);
     let road = &begun.spec().road;
     let off_m = (at.lateral_m - road.lane_middle_m(lane)).abs();
+    // By its centre: a vehicle that only touches the line has not left its
+    // lane.
     Some(if off_m < 0.5 * road.lane_width_m() {
         (format!("{opponent} was in {ego}'s lane"), "b-not")
     } else {

@@ -164,6 +164,7 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
             y: (-run.junction_m, 0.0),
             word: "runs the red light".to_owned(),
         }],
+        // The zone stays in sight even if no vehicle reaches it.
         y_span: Some((-BEYOND * run.junction_m, 0.0)),
         ..Chart::default()
     });

@@ -66,6 +66,7 @@ fn blocks(sheet: &str) -> Vec<(&str, &str)> {
                 if depth == 0 {
                     open = at;
                 }
+                // Depth counts, since rules are nested in media queries.
                 depth += 1;
             }
             '}' => {
@@ -92,6 +93,7 @@ fn variables(body: &str) -> Vec<(&str, &str)> {
 
 /// Replaces every `var(--name)` by its value.
 fn resolved(body: &str, variables: &[(&str, &str)]) -> String {
+    // Values have no variables themselves, so one pass is enough.
     let replaced =
         |text: String, (name, value): &(&str, &str)| text.replace(&format!("var({name})"), value);
     variables.iter().fold(body.trim().to_owned(), replaced)

@@ -51,6 +51,7 @@ impl RowCases<'_> {
     ) -> Vec<TestCase> {
         let marks: Vec<StartOutcome> = self.row.solved.iter().copied().collect();
         let outcomes = self.outcomes.unwrap_or(&marks);
+        // Only the time of the whole row is measured.
         let share_s = self.row.cpu_s / outcomes.len().max(1) as f64;
         let numbered = outcomes.iter().enumerate();
         let cases = numbered.map(|(start, outcome)| TestCase {
@@ -75,6 +76,8 @@ impl RowCases<'_> {
         let skipped = |why: &str| TestOutcome::Skipped(why.to_owned());
         match outcome {
             StartOutcome::Solved => failed("the ego fails, every rule kept"),
+            // A failure that the world's criterion does not count fails no
+            // test.
             StartOutcome::Held | StartOutcome::Uncounted => TestOutcome::Passed,
             // A mark does not tell on which of these starts an ado broke its rule.
             StartOutcome::Unsolved if !row.violations.is_empty() => {
@@ -102,6 +105,7 @@ impl RowCases<'_> {
 fn cases_of(report: &Report<'_>, tested: &Tested) -> Vec<TestCase> {
     let row = &tested.row;
     let solved = |outcome: &StartOutcome| *outcome == StartOutcome::Solved;
+    // The explanation of the row is that of its first counterexample.
     let first = row.solved.iter().position(solved);
     let name = format!("ego {} against ado {}", row.ego, row.ado);
     let cases = RowCases {

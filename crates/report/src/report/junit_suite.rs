@@ -70,6 +70,7 @@ pub fn junit(suites: &[TestSuite]) -> String {
     report.time = suites
         .iter()
         .map(|suite| suite.time_s)
+        // One unknown duration makes the sum unknown.
         .sum::<Option<f64>>()
         .map(duration);
     report.add_test_suites(suites.iter().map(TestSuite::element));
@@ -102,11 +103,14 @@ fn nothing_tested() -> TestSuite {
 }
 
 fn duration(time_s: f64) -> Duration {
+    // A negative or huge time of a damaged row must not panic.
     Duration::try_from_secs_f64(time_s).unwrap_or_default()
 }
 
 impl TestSuite {
     fn element(&self) -> XmlSuite {
+        // XML 1.0 has no control characters, and one of them would spoil the
+        // whole file.
         let mut suite = XmlSuite::new(&*visible_markup(&self.name));
         suite.time = self.time_s.map(duration);
         suite.add_test_cases(self.cases.iter().map(TestCase::element));

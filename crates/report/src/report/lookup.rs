@@ -34,6 +34,7 @@ pub(super) fn map_card(map: &HeatMap) -> Markup {
     // The worst cell says most.
     let known = map.cells.iter().filter(|cell| cell.share.is_some());
     let worst = known.max_by(|a, b| a.share.unwrap_or(-1.0).total_cmp(&b.share.unwrap_or(-1.0)));
+    // A map without any known cell starts at the lower left.
     let first = worst.map_or((0, 0), |cell| cell.at);
     let (across, up) = (ranges(&map.x, map.size.0), ranges(&map.y, map.size.1));
     let at = |column: usize, row: usize| map.cells.iter().find(|cell| cell.at == (column, row));
@@ -51,6 +52,7 @@ pub(super) fn map_card(map: &HeatMap) -> Markup {
                         tr { th {} th colspan=(across.len()) { (map.x.0) } }
                         tr { th { (map.y.0) } @for range in &across { th class="n" { (range) } } }
                     }
+                    // From the top, as in the picture.
                     tbody { @for (row, range) in up.iter().enumerate().rev() { tr {
                         th class="n" { (range) }
                         @for column in 0..across.len() { td class="n" { (at(column, row).map_or("unknown", |cell| &cell.short)) } }
@@ -64,6 +66,7 @@ pub(super) fn map_card(map: &HeatMap) -> Markup {
 /// Ranges of the cells along an axis, with as many decimals as tell them apart.
 fn ranges((_, lo, hi): &(String, f64, f64), cells: usize) -> Vec<String> {
     let step = (hi - lo) / cells.max(1) as f64;
+    // One decimal more than the step has, because its multiples are not round.
     let places = (1.0 - libm::floor(libm::log10(step))).clamp(0.0, 6.0) as usize;
     let edge = |nth: usize| format!("{:.places$}", lo + step * nth as f64);
     (0..cells)
@@ -119,6 +122,8 @@ pub(super) fn sweep_chart(swept: &Swept) -> Chart {
     let share = |point: &SweepPoint| percent(point.failing as f64 / point.starts as f64);
     let estimates = swept.points.iter().map(|point| {
         let interval = known(point);
+        // An unknown share may be any, which the question mark stands in the
+        // middle of.
         let [lo, hi] = interval.unwrap_or([0.0, 1.0]).map(percent);
         Estimate {
             at: point.value,

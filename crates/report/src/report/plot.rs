@@ -101,8 +101,12 @@ impl PlotAxis {
             .into_iter()
             .map(|m| m * power)
             .into_iter()
+            // The next round step above, so that there are never more ticks
+            // than wanted.
             .find(|s| rough <= *s)
             .unwrap_or(rough);
+        // As many decimals as the step has, which tell neighbouring ticks
+        // apart.
         let places = (-libm::floor(libm::log10(step))).max(0.0) as usize;
         // The tolerance keeps a tick that rounding puts just outside the axis.
         let first = libm::ceil(self.lo / step - 1e-9) as i64;
@@ -151,6 +155,7 @@ pub(super) fn chart(chart: &Chart) -> Markup {
         .map(|p| p.0)
         .chain(chart.estimates.iter().map(|it| it.at));
     let at_y = chart.at_y.iter().map(|mark| mark.at);
+    // Part of the span and no limit, so that no curve leaves the frame.
     let wanted = chart.y_span.into_iter().flat_map(|(lo, hi)| [lo, hi]);
     let ys = span(points().map(|p| p.1).chain(at_y).chain(wanted));
     // A small margin keeps curves off the frame.
@@ -242,6 +247,8 @@ fn shaded(region: &Region, x: &PlotAxis, y: &PlotAxis) -> Markup {
 
 /// Left, top, right and bottom of a region on the canvas.
 fn rectangle(region: &Region, x: &PlotAxis, y: &PlotAxis) -> [f64; 4] {
+    // Clipped exactly, unlike curves: a rectangle must not reach over the
+    // frame.
     let clip = |value: f64, axis: &PlotAxis| axis.at(value.clamp(axis.lo, axis.hi));
     [
         clip(region.x.0, x),
@@ -343,6 +350,7 @@ pub(super) fn heat_map(map: &HeatMap) -> Markup {
                         Some(share) => { rect class="hot" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) fill-opacity=(format!("{share:.2}")) {} }
                         None => { text class="unknown" x=(px(left + width / 2.0)) y=(px(top + height / 2.0 + 3.5)) text-anchor="middle" { "?" } }
                     }
+                    // The area is the share, so the radius is its root.
                     @if cell.dot > 0.0 {
                         circle class="foul" cx=(px(left + width / 2.0)) cy=(px(top + height / 2.0)) r=(px(0.45 * width.min(height) * cell.dot.sqrt())) {}
                     }
@@ -393,14 +401,17 @@ pub(super) fn histogram(histogram: &Histogram) -> Markup {
     let (lo, hi) = span(finite());
     // Zero is an edge, so that no bar holds both signs.
     let step = (hi - lo) / histogram.bars.max(1) as f64;
+    // Bars are numbered from 0, on both sides of it.
     let (first, last) = (libm::floor(lo / step) as i64, libm::floor(hi / step) as i64);
     let mut counts = vec![0usize; (last - first + 1).max(1) as usize];
     for value in finite() {
+        // The clamp is for rounding at the outermost edges.
         let bar = (libm::floor(value / step) as i64 - first).clamp(0, last - first);
         counts[bar as usize] += 1;
     }
     let most = counts.iter().copied().max().unwrap_or(1).max(1);
     let ends = (first as f64 * step, (last + 1) as f64 * step);
+    // Five percent of room above the tallest bar.
     let (x, y) = frame(ends, (0.0, 1.05 * most as f64));
     let bar = |i: usize| (first + i as i64) as f64 * step;
     svg(

@@ -162,6 +162,8 @@ impl PointsPage<'_> {
         });
         let outcome = match &point.failure {
             Some(failure) => failed("the ego fails at this point", failure),
+            // Before the skipped ones: a fault is an error, whatever else is
+            // known.
             None if point.invalid => did_not_run(),
             None => match &point.skipped {
                 Some(why) => TestOutcome::Skipped(why.clone()),

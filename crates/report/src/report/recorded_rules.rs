@@ -31,6 +31,7 @@ fn case_of(recording: &str, rule: &RuleResult) -> TestCase {
         time_s: None,
         requirement: None,
         outcome: match (rule.episodes, rule.doubtful) {
+            // Nothing was measured, so a pass would be wrong.
             _ if rule.rows == 0 => TestOutcome::Skipped("no row of a motor vehicle".to_owned()),
             (0, 0) if !rule.is_evaluated() => {
                 TestOutcome::Skipped("no answer: no recorded row has a vehicle ahead".to_owned())

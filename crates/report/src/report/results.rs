@@ -46,6 +46,7 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
             ..Chart::default()
         })
     };
+    // A run may be without progress, and two empty pictures show nothing.
     let any = trainings.iter().any(|t| !t.progress.is_empty());
     html! {
         @if any {
@@ -93,6 +94,7 @@ pub(super) fn interval(row: &Row) -> String {
 /// Returns the success of a row, of an interrupted row the least that it can be.
 pub(super) fn success(row: &Row) -> String {
     match (row.starts, row.partial) {
+        // Of an interrupted row the undecided starts may still be solved.
         (_, Some(partial)) => format!("at least {} of {}", row.successes, partial.of),
         (0, None) => "–".to_owned(),
         (starts, None) => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
@@ -112,6 +114,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
     });
     let maps: Vec<HeatMap> = pairs.map(|(x, y)| by_start(nominal, axes, x, y)).collect();
     let values = nominal.starts.iter().filter_map(|(_, v)| rho(v));
+    // Apart, because few deep violations would vanish beside many margins.
     let (violated, held): (Vec<f64>, Vec<f64>) = values.partition(|rho| *rho < 0.0);
     html! {
         div class="cards" {
@@ -148,6 +151,7 @@ fn rho(verdict: &Option<Verdict>) -> Option<f64> {
 fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
     // Few starts get larger cells, since a share of one start says little.
     let wanted = (nominal.starts.len() as f64 / PER_CELL).sqrt() as usize;
+    // Two at least, so that a map shows a difference.
     let bins = wanted.clamp(2, BINS);
     let bin = |axis: &Axis, value: f64| axis.bin(value, bins);
     let mut counts = vec![[0usize; 3]; bins * bins];
@@ -159,6 +163,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         if *verdict == Verdict::Invalid {
             continue;
         }
+        // Row by row from the lower left, as `at` below reads it.
         let cell = &mut counts[bin(&axes[y], *b) * bins + bin(&axes[x], *a)];
         cell[0] += 1;
         cell[1] += usize::from(verdict.is_success());
@@ -213,6 +218,8 @@ pub(super) fn sweeps(sweeps: &[Swept]) -> Markup {
 
 /// Simulations for n new starts, and the break-even of the trained ado.
 pub(super) fn costs(costs: &[TestingCost]) -> Markup {
+    // The first method is the trained ado, which does not break even with
+    // itself.
     let even: Vec<(f64, &TestingCost)> = costs
         .iter()
         .skip(1)
@@ -230,6 +237,7 @@ pub(super) fn costs(costs: &[TestingCost]) -> Markup {
         Curve {
             name: cost.name.clone(),
             class: format!("c-{}", nth % 6),
+            // Costs are linear, so two points draw the whole line.
             points: [0.0, until].map(|n| (n, cost.at(n))).into(),
             dots: Vec::new(),
         }

@@ -78,6 +78,8 @@ fn sorted(tested: &[Tested]) -> Vec<&Tested> {
         let egos = (b.ego == "nominal")
             .cmp(&(a.ego == "nominal"))
             .then(by_trained(&b.ego).total_cmp(&by_trained(&a.ego)));
+        // By name after equal successes, so that rows of one ego stay
+        // together.
         egos.then_with(|| a.ego.cmp(&b.ego))
             .then(b.success_rate.total_cmp(&a.success_rate))
     });
@@ -102,6 +104,7 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
     let mut compared = 0;
     for trained in rows().filter(|row| is_trained(row)) {
         let own = rows().filter(|row| row.ego == trained.ego && is_baseline(row));
+        // Only the best baseline, since the others say less.
         let best = own.max_by(|a, b| a.success_rate.total_cmp(&b.success_rate));
         let Some(best) = best else { continue };
         // Rows may have different numbers of starts, of which the shorter list
@@ -118,6 +121,7 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
             ));
         }
     }
+    // Without a comparison the sentence would claim a victory over nothing.
     if beaten.is_empty() && compared > 0 {
         beaten.push(format!(
             "On {} no baseline of this table is as good as the trained ado.",

@@ -133,6 +133,7 @@ type Corner = (usize, usize);
 
 /// Edges between cells inside and outside of the boundary.
 fn edges(map: &StartMap, columns: usize) -> Vec<(Corner, Corner)> {
+    // A map with too few cells has no statement there, instead of a panic.
     let inside = |column: usize, row: usize| map.cells.get(row * columns + column)?.inside;
     let rows = map.cells.len() / columns;
     // A cell without a statement has no boundary.
@@ -161,6 +162,7 @@ fn ticks(values: usize) -> impl Iterator<Item = usize> {
 /// Number with as many decimals as needed, three at most.
 fn number(value: f64) -> String {
     let rounded = (1e3 * value).round() / 1e3;
+    // −0 + 0 is 0, which drops the sign.
     format!("{}", rounded + 0.0)
 }
 

@@ -50,6 +50,7 @@ impl TextTable {
     pub fn to_terminal(&self, width: usize) -> String {
         let is_shown = |column: &usize| {
             let mut cells = self.rows.iter().filter_map(|row| row.get(*column));
+            // A table without rows keeps its headings.
             self.rows.is_empty() || cells.any(|cell| !matches!(cell.as_str(), "–" | ""))
         };
         let shown: Vec<usize> = (0..self.columns.len()).filter(is_shown).collect();
@@ -95,6 +96,7 @@ fn terminal_table(headings: &[impl AsRef<str>], columns: usize) -> comfy_table::
     table
         .load_style(presets::UTF8_FULL_CONDENSED)
         .set_content_arrangement(ContentArrangement::Dynamic)
+        // A terminal reports any width, and the library counts to 65,535.
         .set_width(u16::try_from(columns).unwrap_or(u16::MAX))
         .set_header(headings.iter().map(AsRef::as_ref));
     table

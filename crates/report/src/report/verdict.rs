@@ -79,6 +79,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     if !ego_failed(&example.episode) {
         let words = outcome_in_words(scenario, &example.episode);
         return match example.episode.verdict {
+            // The words of a table become a sentence.
             Verdict::Held { .. } => format!("The ego {}", words.replacen(':', ",", 1)),
             _ => capital(&words),
         };
@@ -108,6 +109,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
         "ego" => "the ego".to_owned(),
         name => format!("the ego ({name})"),
     };
+    // Without a severity the sides are unknown, and the words name none.
     let words = match &example.about.severity {
         Some(severity) => hit(&ego, opponent, severity, turned(scenario, example)),
         None => format!("{ego} and {opponent} met"),
@@ -190,6 +192,7 @@ fn turned(scenario: &Scenario, example: &Example) -> Option<TurnedAcross> {
     if agents[ego].road == agents[opponent].road {
         return None;
     }
+    // Over the whole drive, because a turn is complete only at its end.
     let (first, last) = (example.frames.first()?, example.frames.last()?);
     let turn_rad = |who: usize| {
         let [from, to] = [first, last].map(|frame| frame.placements[who].heading_rad());
@@ -290,6 +293,7 @@ fn by_braking(chance: &LastChance) -> String {
     let driver = &chance.driver;
     match (chance.at_s, chance.answer()) {
         (Some(at_s), _) => {
+            // A rounding error must not print a negative time.
             let before_s = (chance.violated_s - at_s).max(0.0);
             format!("{driver} {before_s:.2} s before the failure would have avoided it")
         }

@@ -92,6 +92,7 @@ impl Words {
         // The strict comparison keeps the first of equal positions, so the
         // layout is stable.
         let best = costs.reduce(|a, b| if b.0 < a.0 { b } else { a });
+        // A word that fits nowhere on the canvas is left out.
         if let Some((_, (x, y))) = best {
             self.placed.push(PlacedWord {
                 word: word.to_owned(),

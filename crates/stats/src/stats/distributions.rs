@@ -17,6 +17,7 @@ pub fn student_quantile(share: f64, freedom: f64) -> f64 {
     let tail = share.min(1.0 - share);
     let x = (2.0 * tail).inv_inc_beta(half, 0.5, half.ln_beta(0.5));
     let t = libm::sqrt(freedom * (1.0 - x) / x);
+    // The law is symmetric, so the quantile of the smaller tail serves both sides.
     if share > 0.5 { t } else { -t }
 }
 
@@ -28,6 +29,7 @@ pub fn normal_cdf(z: f64) -> f64 {
 
 /// Returns the standard normal quantile. Shares are inside (0, 1).
 pub fn normal_quantile(share: f64) -> f64 {
+    // Below −38.5 the distribution function underflows to 0, so no share lies outside.
     let (mut lo, mut hi) = (-40.0, 40.0);
     // Eighty halvings exhaust the digits of this range.
     for _ in 0..80 {
@@ -45,6 +47,7 @@ pub fn normal_quantile(share: f64) -> f64 {
 ///
 /// The rate is above it with a probability of at most `error`. 1 for n = 0.
 pub fn clopper_pearson_upper(hits: usize, n: usize, error: f64) -> f64 {
+    // Without a miss no rate is excluded, and the beta law below has no parameter 0.
     if n <= hits {
         return 1.0;
     }
@@ -71,6 +74,7 @@ pub fn poisson_tail(count: usize, mean: f64) -> f64 {
         below += term;
         term *= mean / (i as f64 + 1.0);
     }
+    // Rounding may carry the sum slightly above 1.
     (1.0 - below).max(0.0)
 }
 
@@ -83,11 +87,14 @@ pub fn pareto_shape(excesses: &[f64]) -> Option<f64> {
     x.sort_by(f64::total_cmp);
     let (n, largest) = (x.len(), *x.last()?);
     let quartile = x[((n as f64 / 4.0 + 0.5) as usize).max(1) - 1];
+    // The grid below divides by the quartile.
     if n < 5 || quartile <= 0.0 {
         return None;
     }
     let grid = 30 + libm::sqrt(n as f64) as usize;
     let theta = |j: usize| {
+        // The root is above 1, so θ is below 1 / largest and each logarithm of 1 − θ x
+        // exists.
         let root = libm::sqrt(grid as f64 / (j as f64 + 0.5));
         1.0 / largest + (1.0 - root) / (3.0 * quartile)
     };
@@ -107,6 +114,7 @@ pub fn pareto_shape(excesses: &[f64]) -> Option<f64> {
     let sum: f64 = weights.iter().sum();
     let mean: f64 = thetas.iter().zip(&weights).map(|(t, w)| t * w / sum).sum();
     let n = n as f64;
+    // The prior counts as ten more excesses with a shape of 0.5.
     Some((n * shape(mean) + 5.0) / (n + 10.0))
 }
 

@@ -39,9 +39,11 @@ impl Equilibrium {
         for iteration in 1..=ITERATIONS {
             let gains = row_gains(payoffs, &column_player.strategy());
             row_player.update(&gains, iteration);
+            // Updates alternate as in CFR+, so the columns answer the new row strategy.
             let losses = column_losses(payoffs, &row_player.strategy());
             let gains: Vec<f64> = losses.iter().map(|loss| -loss).collect();
             column_player.update(&gains, iteration);
+            // A check costs as much as the updates of both players.
             if iteration % CHECKS == 0 {
                 let found = Equilibrium::rated(payoffs, &row_player, &column_player);
                 if found.exploitability < ENOUGH {
@@ -119,10 +121,13 @@ impl MatrixPlayer {
         let strategy = self.strategy();
         let expected: f64 = strategy.iter().zip(gains).map(|(p, gain)| p * gain).sum();
         for (regret, gain) in self.regrets.iter_mut().zip(gains) {
+            // Regret matching+ forgets negative regrets, so a better action returns at
+            // once.
             *regret = (*regret + gain - expected).max(0.0);
         }
         let strategy = self.strategy();
         for (sum, p) in self.sum.iter_mut().zip(&strategy) {
+            // Linear weights, as in CFR+, let the early strategies fade.
             *sum += iteration as f64 * p;
         }
     }

@@ -86,6 +86,8 @@ impl CrossEntropySearch {
             let mut points: Vec<Vec<f64>> = (1..self.population)
                 .map(|_| draw(&mean, &spread, dice))
                 .collect();
+            // The mean is measured too, so the result is never worse than the starting
+            // point.
             points.push(mean.clone());
             let measured = costs(&points);
             let mut order: Vec<usize> = (0..points.len()).collect();
@@ -168,6 +170,8 @@ pub fn descend(
             .iter()
             .zip(free.iter().zip(&moved))
             .map(|(there, (&d, moved))| {
+                // Rounding and the edge of the box change the distance, so it is
+                // measured.
                 let by = moved[d] - here[d];
                 let pairs = there.iter().zip(&deviations);
                 pairs.map(|(there, here)| (there - here) / by).collect()
@@ -326,6 +330,8 @@ pub fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
             let wanted = worth.abs() * missing / curved;
             add_equation(&mut left, &mut right, row, curved, wanted);
         }
+        // The weights' regularisation keeps the matrix positive definite, as Cholesky
+        // requires.
         let step = left.cholesky()?.solve(&right);
         let mut share = 1.0;
         let there = loop {

@@ -171,6 +171,7 @@ impl Incidence {
             units,
             expected,
             interval95: [
+                // Quantiles of skewed errors may lie on one side of the estimate.
                 bound(at(0.025)).min(expected),
                 bound(at(0.975)).max(expected),
             ],
@@ -220,6 +221,7 @@ impl Incidence {
 
 /// Draws the number of successes of `n` trials, by the gaps between successes.
 fn binomial(n: u64, rate: f64, dice: &mut ChaCha8Rng) -> u64 {
+    // A rate of 0 would make the scale infinite, and the loop would never end.
     if rate <= 0.0 {
         return 0;
     }

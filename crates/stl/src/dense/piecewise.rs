@@ -122,6 +122,7 @@ impl Piecewise {
         let mut i = 0;
         let mut out = Piecewise::default();
         for (k, t) in times.iter().enumerate() {
+            // `times` has the breakpoints bit for bit, so the comparison is exact.
             let is_breakpoint = self.times.get(i + 1) == Some(t);
             if k != 0 {
                 let from = times[k - 1];
@@ -173,6 +174,7 @@ impl Piecewise {
                 start: all(from),
                 end: all(t),
             };
+            // Crossings lie between breakpoints, where the extremum has no jump.
             let at = if t == ends.1 { point } else { piece.end };
             self.push(piece, t, at);
             from = t;

@@ -131,6 +131,8 @@ impl<'a> StoppingRule<'a> {
         (self.calibration, self.ended) = (Some(now), ended);
         if ended.is_none() {
             let more = (EXTENSION * self.requested as f64) as u64;
+            // At least 1, or the training would never end. The difference is positive
+            // here.
             learner.extend(more.max(1).min(self.longest - taken));
             self.watch.note(&format!("going on: {}", now.in_words()));
         }

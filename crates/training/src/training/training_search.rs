@@ -92,6 +92,7 @@ impl<'a> TrainingSearch<'a> {
         watch: &Watch<'_>,
     ) -> Vec<Option<Scouted>> {
         let all = EpisodeLoop::counted_from(watch, progress.done, progress.total);
+        // The loop above reports the progress, so the searches inside stay quiet.
         let watch = watch.quiet();
         let worker = || SearchWorker::new(&self.0, &watch);
         all.run(indices, worker, |worker, &index, turn| {

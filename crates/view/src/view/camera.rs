@@ -80,6 +80,7 @@ impl ViewExtent {
             let [ahead_m, left_m] = own
                 .to_local(Point2::new(other.centre_m[0], other.centre_m[1]))
                 .into();
+            // A far agent would shrink the encounter to a few pixels.
             if ahead_m.abs() <= ViewExtent::FAR_M && left_m.abs() <= ViewExtent::FAR_M {
                 around.ahead_m = grown(around.ahead_m, ahead_m);
                 around.left_m = grown(around.left_m, left_m);
@@ -113,6 +114,8 @@ impl ViewExtent {
         // The extent of a turned body across the ego's heading.
         let turned_rad = body.heading_rad() - frame.placements[story.ego()].heading_rad();
         let half_m = 0.5 * (length_m * turned_rad.sin().abs() + width_m * turned_rad.cos().abs());
+        // Agents within a metre of the ego's line go to the left, since its
+        // own label is on the right.
         let is_right = who == story.ego() || left_m < -1.0;
         let side = if is_right { -1.0 } else { 1.0 };
         let aside_m = side * (half_m + f64::from(beside_m));

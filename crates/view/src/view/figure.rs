@@ -38,6 +38,7 @@ pub(super) fn log(
         .with_labels([agent.name.as_str()]);
     let wheels = wheels(figure, &scale);
     let limbs = limbs(figure, &scale, colour, agent.colour);
+    // One message per agent, since each one costs the viewer a chunk.
     let mut parts: Vec<&dyn AsComponents> = vec![&body, &name];
     parts.extend(wheels.iter().map(|wheels| wheels as &dyn AsComponents));
     parts.extend(limbs.iter().map(|limbs| limbs as &dyn AsComponents));
@@ -67,6 +68,7 @@ fn surface(agent: &AgentDescription, colour: Rgb) -> FaceMesh {
 
 /// Adds the parts of a collision shape, in shades of one colour.
 fn add_parts(parts: &[BodyPart], height_m: f64, colour: Rgb, faces: &mut FaceMesh) {
+    // In turn, so that neighbouring parts stay distinguishable.
     for (part, keep) in parts.iter().zip([1.0, 0.8, 0.65].into_iter().cycle()) {
         faces.part(part, -0.5 * height_m, palette::dimmed(colour, keep));
     }
@@ -84,6 +86,7 @@ fn add_car(body: &Scale, radius_m: f32, colour: Rgb, faces: &mut FaceMesh) {
         layer([-0.5, 0.5], 0.5, 0.46),
         layer([-0.485, 0.47], 0.48, 0.58),
     ];
+    // A colour per side between two layers, so one fewer than layers.
     faces.loft(&hull, &[colour; 3]);
     let cabin = [
         layer([-0.44, 0.22], 0.455, 0.58),

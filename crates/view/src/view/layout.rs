@@ -45,6 +45,7 @@ fn latest_episode(story: &ViewedEpisode<'_>) -> TimeAxis {
     };
     let length_s = story.motion_end_s().max(1.0);
     TimeAxis::new().with_view_range(datatypes::TimeRange {
+        // Relative to the current time, because a stream has no known end.
         start: from_now(-ROOM * length_s),
         end: from_now((ROOM - 1.0) * length_s),
     })
@@ -118,6 +119,8 @@ impl<'a> BlueprintBuilder<'a> {
         // All plots have the same axis, so that they are comparable.
         let axis = TimeAxis::new().with_view_range(datatypes::TimeRange {
             start: instant(0.0),
+            // An episode may end at its first sample, and an axis needs an
+            // extent.
             end: instant(ROOM * story.plotted_until_s().max(0.1)),
         });
         self.property(&view, "TimeAxis", &axis)?;
@@ -220,6 +223,7 @@ impl<'a> BlueprintBuilder<'a> {
         match kind {
             ContainerKind::Horizontal => about = about.with_col_shares(shares.iter().copied()),
             ContainerKind::Vertical => about = about.with_row_shares(shares.iter().copied()),
+            // Tabs lie behind each other, so shares have no meaning.
             ContainerKind::Tabs | ContainerKind::Grid => {}
         }
         self.journal
@@ -240,6 +244,7 @@ impl<'a> BlueprintBuilder<'a> {
     fn node(&mut self, kind: &str) -> BlueprintNode {
         // Consecutive ids keep equal layouts equal, unlike random ids.
         self.next += 1;
+        // The digits 4 and 8 mark version and variant of a UUID.
         let id = 0xb7a6_e000_0000_4000_8000_0000_0000_0000_u128 + u128::from(self.next);
         let hex = format!("{id:032x}");
         let parts = [

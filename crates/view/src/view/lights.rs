@@ -82,6 +82,7 @@ fn log_post(light: &LightPost, journal: &mut LogWriter) -> Result<(), ViewError>
 }
 
 fn lamp(phase: Phase, ahead_m: f32) -> [f32; 3] {
+    // A phase without a lamp of its own is shown in the middle.
     let down = PHASES.iter().position(|other| *other == phase).unwrap_or(1) as f32;
     [ahead_m, -ASIDE_M, LAMP_M + (1.0 - down) * APART_M]
 }

@@ -70,6 +70,7 @@ pub(super) fn log_lines(
         instants = after_last(&instants);
         values.extend(pens.iter().map(|_| f64::NAN));
     }
+    // After the NaN row of a stream, which counts as a row.
     let rows = values.len() / pens.len();
     let style = SeriesLines::new()
         .with_names(pens.iter().map(|(name, _, _)| *name))

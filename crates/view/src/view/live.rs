@@ -93,11 +93,15 @@ impl LiveView {
     pub fn start(stream: EpisodeStream, share: ShownShare) -> std::io::Result<LiveView> {
         let shared = Arc::new(Shared::default());
         let (sender, messages) = sync_channel(WAITING);
+        // Room for the one result, so that the thread ends even without a
+        // receiver.
         let (end, ended) = sync_channel(1);
         let seen = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("viewer".to_owned());
         thread.spawn(move || {
             let written = write(stream, &messages, &seen);
+            // Before the result, so that no episode is recorded for a stream
+            // that has ended.
             seen.closed.store(true, Ordering::Relaxed);
             // The command may have ended without the rest.
             let _ = end.send(written);
@@ -127,6 +131,8 @@ impl LiveView {
             .unwrap_or_else(PoisonError::into_inner)
             .take()?;
         let written = match self.share {
+            // A viewer that reads nothing must not keep the command from
+            // ending.
             ShownShare::InTime => ended.recv_timeout(PATIENCE),
             ShownShare::All => ended.recv().map_err(|_| RecvTimeoutError::Disconnected),
         };
@@ -146,6 +152,7 @@ impl LiveView {
     fn send(&self, message: Message) -> bool {
         let sender = self.sender.lock().unwrap_or_else(PoisonError::into_inner);
         let sent = sender.as_ref().map(|sender| sender.try_send(message));
+        // A full queue drops the message, as the work never waits here.
         matches!(sent, Some(Ok(())))
     }
 
@@ -172,6 +179,8 @@ impl Audience for LiveView {
         if self.share == ShownShare::All {
             return true;
         }
+        // Processor time on both sides: a busy machine does not change the
+        // share.
         let spent_s = 1e-9 * self.shared.spent_ns.load(Ordering::Relaxed) as f64;
         let allowed_s = HEAD_START_S + SHARE * self.work.elapsed().as_secs_f64();
         // The place is taken here, so that of several workers only the first records.
@@ -190,6 +199,8 @@ impl Audience for LiveView {
             decisions: shown.decisions,
         };
         if !self.send_episode(Message::Episode(Box::new(owned))) {
+            // The place was taken in `is_ready`, and the thread will not
+            // release it.
             self.shared.busy.store(false, Ordering::Relaxed);
             self.left_out.fetch_add(1, Ordering::Relaxed);
         }
@@ -227,6 +238,8 @@ fn write(
                     decisions: owned.decisions,
                 })?;
                 shared.shown.fetch_add(1, Ordering::Relaxed);
+                // Released after the writing, so that the next episode is
+                // recorded only then.
                 shared.busy.store(false, Ordering::Relaxed);
             }
             Message::Progress(progress) => stream.progress(&progress)?,

@@ -193,6 +193,7 @@ impl LogWriter {
         parts: &[&dyn AsComponents],
     ) -> Result<(), ViewError> {
         let SampleInstant { sample, time_s } = instant;
+        // In a stream the timelines are those of all episodes together.
         if let Some(place) = self.place {
             return self.row(entity.into(), place.at(sample, time_s), parts);
         }
@@ -242,6 +243,7 @@ impl LogWriter {
                 .map(|column| (column.descriptor, column.list_array))
                 .collect(),
         )?;
+        // Without another timeline, all rows stay in one chunk.
         let Some(opening) = self.opening else {
             return self.push(chunk);
         };
@@ -269,6 +271,7 @@ impl LogWriter {
         at: TimePoint,
         parts: &[&dyn AsComponents],
     ) -> Result<(), ViewError> {
+        // All parts in one row, so that the viewer never shows a half of them.
         let batches = parts.iter().flat_map(|part| part.as_serialized_batches());
         let chunk = Chunk::builder(entity)
             .with_serialized_batches(RowId::new(), at, batches)

@@ -26,6 +26,7 @@ impl FaceMesh {
     /// Adds a convex face, whose corners turn left as seen from outside.
     pub(super) fn face(&mut self, corners: &[MeshPoint], colour: Rgb) {
         let from = self.corners.len() as u32;
+        // A face without an area has no normal, and nothing to draw.
         let Some(normal) = normal(corners) else {
             return;
         };
@@ -34,6 +35,7 @@ impl FaceMesh {
         self.colours.extend(corners.iter().map(|_| colour));
         let last = corners.len() as u32 - 1;
         self.triangles
+            // A fan fills any convex face.
             .extend((1..last).map(|i| [from, from + i, from + i + 1]));
     }
 
@@ -50,6 +52,7 @@ impl FaceMesh {
             }
         }
         if let (Some(low), Some(colour)) = (layers.first(), colours.first()) {
+            // Reversed, because from below the corners turn the other way.
             let from_below: Vec<MeshPoint> = low.iter().rev().copied().collect();
             self.face(&from_below, *colour);
         }
@@ -113,6 +116,7 @@ impl FaceMesh {
 
     /// Adds all points within a radius of a line.
     fn capsule(&mut self, from: MeshPoint, to: MeshPoint, radius_m: f32, colour: Rgb) {
+        // A capsule of no length is a ball, for which any direction serves.
         let along = unit(minus(to, from)).unwrap_or([0.0, 0.0, 1.0]);
         // Any direction that is not along the line spans a plane with it.
         let aside = if along[2].abs() < 0.9 {

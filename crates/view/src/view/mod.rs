@@ -136,6 +136,7 @@ pub fn record(
         path: out.into(),
         source,
     };
+    // Encoded before any file is made, so that an error leaves none.
     let bytes = Recording::new(scenario, episode, caption).encode()?;
     write_whole(out, &bytes).map_err(refused)?;
     Ok(RecordingFile {
@@ -157,6 +158,7 @@ fn write_whole(out: &Path, bytes: &[u8]) -> std::io::Result<()> {
     // Written beside the target, since a rename does not cross file systems.
     let mut file = tempfile::Builder::new().tempfile_in(directory)?;
     std::io::Write::write_all(&mut file, bytes)?;
+    // Before the file gets its name, since it is visible from then on.
     readable(file.as_file())?;
     file.persist(out).map_err(|error| error.error)?;
     Ok(())

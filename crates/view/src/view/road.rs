@@ -21,6 +21,8 @@ const POST_M: f64 = 0.6;
 
 /// Logs the part of the road with agents on it.
 pub(super) fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewError> {
+    // Roads may be kilometres long, and the viewer needs the part with agents
+    // alone.
     let reach = reach(story.poses(), MARGIN_M);
     for (number, side) in story.shown.stage.side_roads_m.iter().enumerate() {
         // Each side road lies slightly lower, so that crossing surfaces do not
@@ -43,6 +45,8 @@ fn one_road(
         return Ok(());
     };
     let verge = (beside(right, left, -VERGE_M), beside(left, right, -VERGE_M));
+    // The verge is one strip below the road, so that no seam shows between
+    // them.
     let surface = ribbons([
         (
             &verge.0[..],

@@ -75,6 +75,8 @@ pub(super) fn log_frames(
         let size = agent.size_m.map(|size_m| size_m as f32 + 0.2);
         for (at, seen) in turns {
             if seen {
+                // Data holds until it is replaced, so a frame has to be
+                // cleared.
                 journal.from(at, entity.clone(), &[&Clear::flat()])?;
                 continue;
             }

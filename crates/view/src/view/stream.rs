@@ -71,6 +71,7 @@ impl EpisodeStream {
         shows_learning: bool,
     ) -> Result<EpisodeStream, ViewError> {
         let options = EncodingOptions::PROTOBUF_COMPRESSED;
+        // Eager, so that the header is written before the first episode.
         let encoder = Encoder::new_eager(CrateVersion::LOCAL, options, out).map_err(refused)?;
         EpisodeStream::through(Sink::Bytes(Box::new(encoder)), name, shows_learning)
     }
@@ -121,11 +122,14 @@ impl EpisodeStream {
             decisions: shown.decisions.map(|(from, to)| (signed(from), signed(to))),
             samples_per_decision: story.samples_per_decision as i64,
         });
+        // Cleared before the new episode, whose data then holds from the same
+        // instant.
         for entity in REPLACED {
             self.recording.always(entity, &[&Clear::recursive()])?;
         }
         panels::log(&story, &mut self.recording)?;
         let headline = TextLog::new(format!("episode {}: {}", self.episodes, shown.caption));
+        // A line in the log that goes on separates the events of two episodes.
         self.recording.always("verdict/events", &[&headline])?;
         // Episodes lie one after another on the viewer's clock, with a pause between.
         self.shown_ns += nanos(story.motion_end_s() + PAUSE_S);
@@ -133,6 +137,7 @@ impl EpisodeStream {
         let is_grid = shown.scenario.grid().is_some();
         // Panels are never taken away again, because earlier episodes still use them.
         let kinds = (self.laid_out.0 || !is_grid, self.laid_out.1 || is_grid);
+        // Only then, since each new layout resets what the user has arranged.
         if kinds != self.laid_out {
             self.laid_out = kinds;
             self.lay_out(&story)?;

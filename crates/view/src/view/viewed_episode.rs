@@ -77,6 +77,7 @@ impl<'a> ViewedEpisode<'a> {
 
     /// First sample at or after an instant.
     pub(super) fn sample_of(&self, time_s: f64) -> usize {
+        // Upwards, since a contact between two samples shows in the later one.
         let sample = (time_s / self.episode.trace.dt_s()).ceil() as usize;
         sample.min(self.samples().saturating_sub(1))
     }
@@ -128,6 +129,7 @@ impl<'a> ViewedEpisode<'a> {
         let pairs = self.shown.frames.windows(2);
         let moving = pairs.map(|pair| {
             let [from, to] = [&pair[0], &pair[1]].map(|it| &it.frame.placements[who]);
+            // Two poses may have one instant, at a contact right on a sample.
             let time_s = (pair[1].time_s - pair[0].time_s).max(1e-9);
             let way_m = Vector3::from(to.centre_m) - Vector3::from(from.centre_m);
             (to.rotation.inverse() * way_m / time_s).into()
@@ -149,6 +151,8 @@ impl<'a> ViewedEpisode<'a> {
 
     /// Number of samples in the plots.
     pub(super) fn plotted_samples(&self) -> usize {
+        // The tolerance keeps an instant right on a sample from taking the
+        // next one.
         let last = self.sample_of(self.plotted_until_s() - 1e-9);
         self.samples().min(last + 1)
     }
@@ -199,6 +203,7 @@ fn departure(episode: &Episode, again: &crate::trace::Trace) -> Option<usize> {
         return Some(0);
     }
     let differs = |sample: &usize| {
+        // Exactly: a replay has equal bits, or it is another run.
         (0..signals).any(|i| recorded.column(i)[*sample] != again.column(i)[*sample])
     };
     // A replay that ends early departs where the record continues.

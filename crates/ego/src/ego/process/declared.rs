@@ -55,6 +55,7 @@ impl DeclaredParameter {
 
 /// Returns the first problem of the parameters in a hello.
 pub(super) fn flaw(declared: &[DeclaredParameter]) -> Option<String> {
+    // Before the comparison of all names, whose cost grows with the square.
     if declared.len() > MOST {
         let count = declared.len();
         return Some(format!("declares {count} parameters, more than {MOST}"));
@@ -79,6 +80,8 @@ pub(super) fn values<'a>(
     set: &BTreeMap<String, f64>,
 ) -> Result<BTreeMap<&'a str, f64>, Fault> {
     let fail = |what: String| Fault::new(FaultKind::Protocol, format!("`{program}` {what}"));
+    // Every set value is checked, since a misspelt one would silently change
+    // nothing.
     for (name, value) in set {
         let Some(one) = declared.iter().find(|one| one.name == *name) else {
             let names: Vec<&str> = declared.iter().map(|one| one.name.as_str()).collect();

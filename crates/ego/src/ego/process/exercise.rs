@@ -423,6 +423,7 @@ fn is_repeatable(
     let mut comparison = TranscriptComparison::default();
     // The latest episodes have the longest history.
     let sample: Vec<Arc<Transcript>> = all.iter().rev().cloned().collect();
+    // The slow replay mostly sleeps, so it runs beside the comparison.
     let slow = thread::scope(|scope| {
         let slow = scope.spawn(|| all.first()?.replay(&mut *make(), Pace::Slow(PAUSES)).ok());
         for batch in sample.chunks(rayon::current_num_threads().max(2)) {

@@ -257,6 +257,7 @@ impl Process {
         if !self.fresh {
             self.pool.give_back(talk);
         }
+        // Foreign text that goes into tables and file names.
         let is_short = (1..=MOST_NAME_CHARS).contains(&name.chars().count());
         (is_short && !name.contains(char::is_control)).then_some(name)
     }
@@ -322,6 +323,8 @@ impl Controller for ProcessController {
     }
 
     fn reset(&mut self, seed: u64) {
+        // Kept only: the program is asked with the first percept, when its
+        // start can fail.
         self.seed = seed;
         self.fresh = true;
     }

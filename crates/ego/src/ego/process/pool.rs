@@ -230,6 +230,8 @@ impl Talk {
         timeout: Duration,
         occasion: &dyn Fn() -> String,
     ) -> Result<A, Fault> {
+        // One buffer per program, since a question is written for every
+        // sample.
         self.question.clear();
         serde_json::to_writer(&mut self.question, question).map_err(|error| {
             Fault::error(format!("the question cannot be written as JSON: {error}"))

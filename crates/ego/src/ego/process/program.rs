@@ -78,6 +78,8 @@ impl Program {
             return Err(cannot("no program is named: `command` is empty".to_owned()));
         };
         let value = new_mark();
+        // In the form that an environment has, so that it is compared without
+        // parsing.
         let mark = format!("{MARK}={value}");
         let mut watchdog = Command::new("/bin/sh")
             .args(["-c", WATCHDOG, &mark])
@@ -99,6 +101,8 @@ impl Program {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
+            // The group exists already, so the program is in it from its first
+            // instruction.
             .process_group(Pid::from_child(&watchdog).as_raw_nonzero().get())
             .spawn();
         let mut child = match started {
@@ -115,6 +119,7 @@ impl Program {
             let _ = child.wait();
             return Err(cannot(format!("`{name}` has no pipes")));
         };
+        // From here on, `Drop` ends everything on an error.
         let program = Program {
             name: name.clone(),
             child,
@@ -183,9 +188,12 @@ impl Program {
             let shown = shown(&self.unread);
             return Err(self.protocol(format!("answered `{shown}` without being asked")));
         }
+        // One deadline for sending and answering, so that a slow reader gains
+        // no time.
         let deadline = Instant::now() + timeout;
         let mut unsent = line;
         loop {
+            // In each round, since the pipe takes a long question in pieces.
             self.send(&mut unsent, occasion)?;
             let now = Instant::now();
             if deadline <= now {
@@ -235,6 +243,7 @@ impl Program {
         match end {
             Some(end) => {
                 answer.extend(self.unread.drain(..=end));
+                // The line end is no part of the answer.
                 answer.pop();
                 Ok(true)
             }
@@ -250,6 +259,8 @@ impl Program {
     /// Reads the available output. Returns `false` once the output has ended.
     fn receive(&mut self) -> Result<bool, Fault> {
         let mut chunk = [0; 4096];
+        // A flood stays in its pipe, which blocks the program and not the
+        // memory.
         while self.unread.len() < MAX_LINE_BYTES {
             match self.output.read(&mut chunk) {
                 Ok(0) => return Ok(false),
@@ -304,6 +315,7 @@ impl Program {
             tv_nsec: i64::from(timeout.subsec_nanos()),
         };
         let waited = poll(&mut fds, Some(&timeout));
+        // The second entry is stderr as long as that is open.
         let spoke = fds.get(1).is_some_and(|fd| !fd.revents().is_empty());
         match waited {
             Ok(0) => {

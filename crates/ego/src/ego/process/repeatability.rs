@@ -70,6 +70,7 @@ impl Transcript {
         if let Some(briefing) = &self.briefing {
             ego.brief(briefing);
         }
+        // After the briefing, as in an episode.
         ego.reset(self.seed);
         let count = u32::try_from(self.steps.len().max(1)).unwrap_or(u32::MAX);
         let mut commands = Vec::with_capacity(self.steps.len());
@@ -112,6 +113,8 @@ impl Transcript {
 /// Returns the first step at which commands differ.
 pub(super) fn first_difference(one: &[Command], other: &[Command]) -> Option<usize> {
     let mut pairs = one.iter().zip(other);
+    // Exactly: equal programs give equal bits, and a tolerance would hide
+    // drifts.
     pairs.position(|(a, b)| a != b)
 }
 
@@ -306,6 +309,8 @@ impl Transcripts {
             if !is_first && allowed < mean {
                 return RepeatabilityCheck::default();
             }
+            // The lock ends here. Episodes go on while the sample is played
+            // again.
             (log.take_sample(), allowed, is_first, log.is_paced)
         };
         // Pauses cost no processor time, and no more time than the comparison beside them.
@@ -325,6 +330,8 @@ impl Transcripts {
                 } else if all.compared > 0 && began.elapsed() + mean > allowed {
                     break;
                 } else {
+                    // One per thread, so that a batch lasts as long as one
+                    // episode.
                     rayon::current_num_threads()
                 };
                 let last = sample.len().min(all.compared + batch);

@@ -175,6 +175,8 @@ impl Sample {
         ];
         while lists.iter().any(|list| !list.is_empty()) {
             for list in &mut lists {
+                // In turns, so that a check that ends early has seen a part of
+                // each list.
                 all.extend(list.pop_front().filter(|it| known.insert(it.number)));
             }
         }
@@ -189,7 +191,9 @@ fn rank(
     most: usize,
     transcript: &Arc<Transcript>,
 ) {
+    // After equal scores, so that the earlier episode stays.
     let at = list.partition_point(|(other, _)| *other <= score);
+    // Most episodes are no candidates and cost a search only.
     if at < most {
         list.insert(at, (score, Arc::clone(transcript)));
         list.truncate(most);
@@ -245,6 +249,7 @@ impl Recorder {
     fn close(&mut self) {
         if let Some(episode) = self.episode.take().filter(|it| !it.steps.is_empty()) {
             self.log.note(episode, self.hardness, self.before);
+            // State that is kept shows in the episode after a hard one.
             self.before = self.hardness;
         }
     }

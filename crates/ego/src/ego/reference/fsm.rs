@@ -47,6 +47,8 @@ impl FsmDriver {
     /// Returns both numbers, 0 if the agent will not be in the way in time.
     pub fn satisfaction(&self, encounter: &Encounter) -> Satisfaction {
         if self.passes_first(encounter) {
+            // Both numbers are 0: the models rate no agent that arrives too
+            // late.
             return Satisfaction::default();
         }
         Satisfaction {
@@ -99,6 +101,7 @@ impl FsmDriver {
     /// agent's speed.
     fn critical(&self, encounter: &Encounter) -> f64 {
         let (ego_mps, other_mps) = (encounter.ego.speed_mps, encounter.other.speed_mps);
+        // A gap that does not close is never critical.
         if ego_mps <= other_mps {
             return 0.0;
         }
@@ -160,6 +163,7 @@ impl DriverModel for FsmDriver {
         } else {
             proactive * self.comfort_brake_mps2
         };
+        // Both are at least 0, so the sum is 0 only without any danger.
         (proactive + critical > 0.0).then_some(demanded_mps2)
     }
 }

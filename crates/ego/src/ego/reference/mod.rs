@@ -108,6 +108,8 @@ impl Encounter {
     /// Returns s, the lateral closing speed.
     pub fn approach_mps(&self) -> f64 {
         let apart_mps = self.other.lateral_mps - self.ego.lateral_mps;
+        // The sign depends on the side: towards the ego is to the right for an
+        // agent on its left.
         if self.ego.y_m < self.other.y_m {
             -apart_mps
         } else {
@@ -122,6 +124,7 @@ impl Encounter {
         if closing_mps == 0.0 || opens {
             f64::INFINITY
         } else {
+            // The published models take the magnitude, also alongside.
             (self.gap_m() / closing_mps).abs()
         }
     }
@@ -262,6 +265,8 @@ impl<M: DriverModel> Reflexes<M> {
     ///
     /// If several agents are dangerous, the hardest braking counts.
     pub fn step(&mut self, ego: &LaneBody, others: &[LaneBody]) -> Response {
+        // At every sample, also while latched, so that the difference spans
+        // one sample.
         let last_mps = self.last_mps.replace(ego.speed_mps);
         let accel_mps2 = last_mps.map_or(0.0, |last| (ego.speed_mps - last) / self.sample_s);
         let meet = |other: &LaneBody| Encounter {
@@ -328,6 +333,7 @@ impl<M: DriverModel> Reflexes<M> {
         // The build-up starts from the deceleration of the last sample.
         let built_up_mps2 = self.brake_mps2 + self.pedal.jerk_mps3 * self.sample_s;
         let most_mps2 = self.pedal.max_brake_mps2.min(demanded_mps2);
+        // Less braking takes effect at once. Only the build-up has a jerk.
         self.brake_mps2 = built_up_mps2.min(most_mps2);
         Response::Brake(self.brake_mps2)
     }

@@ -39,6 +39,8 @@ impl<M> ReferenceController<M> {
 
     /// Stores perceived agents in their places and marks the rest as unseen.
     fn look(&mut self, percept: &Percept) {
+        // Before the visible ones, so that an agent that is hidden now is not
+        // remembered in place.
         self.others.fill(LaneBody::unseen());
         for (at, seen) in percept.others.iter().enumerate() {
             // Usually no agent is hidden, and the places do not change.
@@ -95,6 +97,8 @@ impl LaneBody {
         let heading = rotation_by(own.heading_rad);
         // Turning moves the front sideways, and not the middle.
         let lateral_mps = own.lateral_mps - 0.5 * own.length_m * own.yaw_rate_rad_per_s;
+        // The own velocity is along the car, and models need it along the
+        // lane.
         let velocity_mps = heading * Vector2::new(own.speed_mps, lateral_mps);
         let front_m = Vector2::zeros();
         LaneBody::behind_front(front_m, velocity_mps, heading, own.length_m, own.width_m)
@@ -142,6 +146,8 @@ impl<M: DriverModel + Clone + 'static> Controller for ReferenceController<M> {
         Ok(Command::accelerate(
             match driver.step(&LaneBody::of_own(own), &self.others) {
                 Response::Nominal => {
+                    // The acceleration that reaches the nominal speed within
+                    // this sample.
                     let wish_mps2 = (self.nominal_mps - own.speed_mps) / percept.sample_s;
                     wish_mps2.clamp(-NOMINAL_MPS2, NOMINAL_MPS2)
                 }

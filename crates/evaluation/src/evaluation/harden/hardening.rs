@@ -366,6 +366,7 @@ impl Hardening<'_> {
             own.extend(trial.play(&self.request.parameters.own(), slice)?);
         }
         self.searched = StartCount::of(&own.outcomes);
+        // An ego without failures leaves no reduction to measure.
         if own.failing() == 0 {
             return Some(Vec::new());
         }

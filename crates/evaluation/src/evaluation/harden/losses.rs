@@ -109,6 +109,8 @@ impl DrivingLoss {
     /// # Errors
     /// The text has another form.
     pub fn parse(text: &str) -> Result<DrivingLoss, HardenError> {
+        // The last sign separates the limit, because formulas such as `x >= 3` contain
+        // others.
         let parts = text.rsplit_once('=');
         let limit = parts.and_then(|(measure, limit)| Some((measure, LossLimit::parse(limit)?)));
         let Some((name, limit)) = limit else {
@@ -169,6 +171,7 @@ impl DrivingLoss {
         let n = runs.len();
         let (mean, own_mean) = (total(runs) / n as f64, total(own) / n as f64);
         let ratio = mean / own_mean;
+        // One run has no variance, and a ratio of 0 has no inverse for the travel time.
         if n < 2 || !ratio.is_finite() || ratio <= 0.0 {
             return None;
         }
@@ -181,6 +184,7 @@ impl DrivingLoss {
         let half = normal_quantile(0.975) * variance.sqrt() / own_mean.abs();
         let ends = [(ratio - half).max(0.0), ratio + half];
         Some(match self.measure {
+            // Time is the inverse of speed, so the ends change places.
             Measure::TravelTime => [1.0 / ends[1], 1.0 / ends[0]],
             _ => ends,
         })
@@ -242,6 +246,7 @@ impl<'a> NaturalDriving<'a> {
         if watch.stopped() {
             return Ok(None);
         }
+        // The stop is handled above, because it leaves every run empty as well.
         if easy.iter().all(Option::is_none) {
             return Err(HardenError::NoRuns {
                 world: world.name().to_owned(),
@@ -279,6 +284,8 @@ impl<'a> NaturalDriving<'a> {
             return None;
         }
         let with_easy = runs.into_iter().enumerate().map(|(nth, run)| {
+            // The coasting ego has no answer for later runs, so hard braking in them is
+            // excused.
             let is_easy = self.is_easy.get(first + nth).copied().unwrap_or(false);
             run.map(|values| self.excused(values, is_easy))
         });

@@ -135,6 +135,7 @@ impl Optimizer<'_> {
         let own = self.own();
         let parameters = self.conditions.parameters.iter().enumerate();
         let points = parameters.flat_map(|(at, one)| {
+            // A sweep of a single step would divide by 0.
             let last = one.steps.saturating_sub(1).max(1) as f64;
             let own = own.clone();
             (0..one.steps).map(move |step| {
@@ -188,6 +189,8 @@ impl Optimizer<'_> {
         for stage in 0..self.slices.len() {
             for at in &alive {
                 self.advance(&mut all[*at], stage + 1);
+                // Later stages continue the same candidates, so only the first stage
+                // counts them.
                 if let (0, Some(planned)) = (stage, progress) {
                     planned.advance(self.watch);
                 }
@@ -293,6 +296,7 @@ impl Optimizer<'_> {
         let (mut fails, mut smallest) = (one.own, best);
         for _ in 0..HALVINGS {
             let middle = one.at(0.5 * (one.x_of(fails) + one.x_of(smallest.values[at])));
+            // Neighbouring values have no value between them.
             let is_new = middle != fails && middle != smallest.values[at];
             if !is_new || self.watch.stopped() {
                 break;

@@ -125,6 +125,7 @@ fn check_names(names: &[String]) -> Result<(), SamplesError> {
     {
         return Err(SamplesError::Blanks);
     }
+    // Such a line is the first sample, and it would be lost as a header.
     if is_values(names.iter().map(String::as_str)) {
         return Err(SamplesError::NoHeader { line: 1 });
     }
@@ -221,6 +222,7 @@ impl SampleTable {
     /// Returns a time as a number, that of a date since the first one.
     fn instant(&mut self, time: usize, field: &[u8]) -> Option<f64> {
         let index = &mut self.times[time];
+        // Times never pass `value`, which clears this mark for other columns.
         self.boolean[index.column] = false;
         let text = std::str::from_utf8(field).ok()?;
         self.digits[time] = self.digits[time].max(digits_of(text));
@@ -238,6 +240,8 @@ impl SampleTable {
         }
         let (whole_s, rest_s) = parse_iso(text)?;
         let (first_s, first_rest_s) = self.since[time].as_ref()?.instant_s;
+        // Integers are subtracted first, because seconds since 1970 cost an `f64` its
+        // small digits.
         Some((whole_s - first_s) as f64 + (rest_s - first_rest_s))
     }
 
@@ -253,6 +257,8 @@ impl SampleTable {
         let column = self.times.first().map(|it| (it.column, it.unit_s));
         let signals = signals.map(|(i, (name, boolean))| match (boolean, column) {
             (true, _) => Signal::boolean(name, "read from CSV"),
+            // Stamps of another unit keep their numbers, so their signal does not claim
+            // seconds.
             (_, Some((at, 1.0))) if at == i => Signal::real(name, "s", "time"),
             _ => Signal::real(name, "", "read from CSV"),
         });

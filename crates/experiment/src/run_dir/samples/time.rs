@@ -134,6 +134,7 @@ impl StampColumn<'_> {
         let steps = || times_s.windows(2).map(|two| two[1] - two[0]);
         let mut sorted: Vec<f64> = steps().collect();
         sorted.sort_by(f64::total_cmp);
+        // Invariant: `fit` has at least two times, so there is a step.
         let usual_s = sorted[(sorted.len() - 1) / 2];
         let off = |step_s: f64| (step_s - usual_s).abs();
         let not_later = times_s.windows(2).position(|two| two[1] <= two[0]);
@@ -166,6 +167,7 @@ impl StampColumn<'_> {
 fn rounding_s(times_s: &[f64], digits: usize, unit_s: f64) -> f64 {
     let most_s = times_s.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
     let written_s = if digits < FULL_DIGITS {
+        // Half of the last digit, with room for the binary fraction of the stamp.
         0.51 * unit_s / f64::from(10_u32.pow(digits as u32))
     } else {
         0.0
@@ -185,6 +187,7 @@ fn rounding_s(times_s: &[f64], digits: usize, unit_s: f64) -> f64 {
 
 /// Returns the digits behind the point of a written number.
 pub(super) fn digits_of(text: &str) -> usize {
+    // An exponent moves the point, so the digits behind it show no rounding.
     if text.contains(['e', 'E']) {
         return FULL_DIGITS;
     }

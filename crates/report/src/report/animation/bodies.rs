@@ -17,6 +17,7 @@ pub(in crate::report) fn colour_class(agents: &[AgentDescription], who: usize) -
         .count();
     match role {
         Role::Ego => "c-ego".to_owned(),
+        // The style has four colours of ados, which repeat.
         Role::Ado => format!("c-ado{}", before % 4),
         Role::Scripted => "c-by".to_owned(),
     }

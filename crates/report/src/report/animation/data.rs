@@ -28,6 +28,7 @@ pub(super) fn json(picture: &Picture<'_>) -> String {
     let lights: Vec<String> = (0..film.phases.len())
         .map(|light| turns(&picture.shown, light))
         .collect();
+    // `null` and not a missing key, so that the script reads one shape.
     let contact = picture
         .contact_m()
         .map_or("null".to_owned(), |at| list(&at, 3));

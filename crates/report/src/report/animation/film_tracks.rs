@@ -67,6 +67,7 @@ impl FilmTracks {
     /// `after` has the collisions after the contact, in worlds that play them.
     pub(super) fn of(shown: &EpisodeFrames, after: Option<&FilmAfterContact>) -> FilmTracks {
         let stage = &shown.stage;
+        // A world with long samples shows all of them.
         let every = ((APART_S / shown.sample_s).round() as usize).max(1);
         // The verdict and the end are always shown, even between regular samples.
         let special = [
@@ -77,6 +78,8 @@ impl FilmTracks {
         let is_kept =
             |it: &&ShownFrame| it.sample.is_multiple_of(every) || special.contains(&it.sample);
         let kept: Vec<&ShownFrame> = shown.frames.iter().filter(is_kept).collect();
+        // Samples ascend, and those after the contact follow the recorded
+        // ones.
         let recorded = kept.partition_point(|it| it.sample < shown.recorded);
         let times_s: Vec<f64> = kept.iter().map(|it| it.time_s).collect();
         let hit_s = |who: usize| after?.hit_s(&stage.agents[who].name);
@@ -163,6 +166,8 @@ impl FilmTracks {
         let headings = &self.tracks[shown.ego()].heading_rad;
         let heading_rad = headings.get(self.at(shown.judged.time_s)).copied();
         match heading_rad {
+            // A small turn would only tilt the road, and pictures of one world
+            // would differ.
             Some(heading_rad) if heading_rad.abs() >= STRAIGHT_RAD => heading_rad,
             _ => 0.0,
         }
@@ -193,6 +198,8 @@ impl FilmTracks {
             let apart_m = |who: &usize| self.apart_m(ego, *who, i);
             apart_m(a).total_cmp(&apart_m(b))
         });
+        // A contact has priority: the nearest centre may be that of another
+        // body.
         touched_by_ego(shown).or(nearest)
     }
 
@@ -301,6 +308,7 @@ fn unwound(angles_rad: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut unwound: Vec<f64> = Vec::new();
     for angle_rad in angles_rad {
         let before = unwound.last().copied().unwrap_or(angle_rad);
+        // The remainder is the short way round, and the sum never jumps.
         unwound.push(before + libm::remainder(angle_rad - before, std::f64::consts::TAU));
     }
     unwound
@@ -309,6 +317,8 @@ fn unwound(angles_rad: impl Iterator<Item = f64>) -> Vec<f64> {
 /// Rates of change, from central differences over a short time.
 fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
     let slope = |i: usize| {
+        // Times are sums of steps, so an equal distance may be slightly
+        // larger.
         let near = |j: &usize| (times_s[*j] - times_s[i]).abs() <= ACCEL_S + 1e-9;
         let from = (0..i)
             .rev()

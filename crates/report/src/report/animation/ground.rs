@@ -121,6 +121,8 @@ fn parts(line: &[GroundPoint], is_inside: impl Fn(GroundPoint) -> bool) -> Vec<V
             let share = step as f64 / steps as f64;
             let place =
                 [0, 1, 2].map(|axis| pair[0][axis] + share * (pair[1][axis] - pair[0][axis]));
+            // An empty part is dropped below, so stretches within the region
+            // cost nothing.
             if is_inside(place) {
                 parts.push(std::mem::take(&mut part));
                 continue;
@@ -134,6 +136,7 @@ fn parts(line: &[GroundPoint], is_inside: impl Fn(GroundPoint) -> bool) -> Vec<V
         }
     }
     parts.push(part);
+    // A single point is no line.
     parts.retain(|part| part.len() > 1);
     parts
 }

@@ -83,6 +83,8 @@ pub(super) fn labels_over_time(
         let mut labels = Vec::new();
         let mut jumps = Vec::new();
         for (who, lines) in everybody.clone().zip(frame.lines) {
+            // In the order of the cast: earlier labels have the first choice
+            // of places.
             let spots = spots(&frame.rooms[who], sizes[who], who == ego, camera);
             // The side of the sample before is tried first, so that labels rest.
             let side = free_side(&spots, sizes[who], sides[who], &taken);
@@ -118,6 +120,8 @@ impl LabelFrame {
                 let track = &film.tracks[who];
                 let [x, y] = camera.at(film.turned(track.x_m[i], track.y_m[i]));
                 let half = film.half_room(stage.agents[who].size_m, who, i);
+                // The box around the turned body, because labels are not
+                // turned.
                 let [w, h] = half.map(|half_m| half_m * camera.scale);
                 [x - w, y - h, x + w, y + h]
             })
@@ -253,6 +257,8 @@ fn free_side(
     };
     let mut sides = std::iter::once(before).chain(0..spots.len());
     let free = sides.find(|side| covered_px2(*side) == 0.0);
+    // Every place covers something in a crowd, and a missing label would be
+    // worse.
     let least = || (0..spots.len()).min_by(|a, b| covered_px2(*a).total_cmp(&covered_px2(*b)));
     free.or_else(least).unwrap_or(before)
 }
@@ -273,6 +279,7 @@ pub(super) fn drawn(label: &PlacedLabel, class: &str) -> maud::Markup {
     let [x, y] = label.at_px;
     let [w, h] = label.size_px;
     let empty = String::new();
+    // Always two elements, because play.js replaces texts and adds none.
     let second = label.lines.get(1).unwrap_or(&empty);
     let [[body_x, body_y], [end_x, end_y]] = label.leader_px();
     maud::html! {

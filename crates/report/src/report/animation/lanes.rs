@@ -55,6 +55,8 @@ fn stretch(end_s: f64, it: &LaneSegment<'_>) -> Markup {
     let share = (it.until_s - it.from_s) / end_s;
     // Two letters more than the text, for the padding.
     let letters = (it.words.chars().count() + 2) as f64;
+    // Both widths are known here only, and the page has no script for its
+    // layout.
     let fits = PHONE_LETTER_SHARE * letters < share;
     let class = format!("{}{}", it.class, if fits { " fits" } else { "" });
     let title = format!("{:.2} to {:.2} s: {}", it.from_s, it.until_s, it.words);

@@ -42,6 +42,7 @@ pub(super) fn moments(
         let chance = why.last_chance.as_ref();
         moments.extend(chance.and_then(|chance| {
             let words = format!("last chance: {}", chance.driver);
+            // Without an instant there is no last chance to show.
             Some(moment(chance.at_s?, words, "k-chance"))
         }));
     }
@@ -80,6 +81,8 @@ pub(super) fn captions(after: &FilmAfterContact) -> Vec<(f64, String)> {
 /// Actions of the ados from a time on. Neutral actions are omitted.
 fn done_at(time_s: f64, moves: &[(String, Vec<Move>)]) -> String {
     let now = moves.iter().filter_map(|(ado, moves)| {
+        // The tolerance is for times that are products of the decision's
+        // length.
         let mut begun = moves.iter().rev().filter(|it| it.from_s < time_s + 1e-9);
         begun.next().map(|it| (ado, it))
     });
@@ -101,6 +104,8 @@ fn together(moments: Vec<KeyMoment>) -> Vec<KeyMoment> {
                     "k-start" => format!("start; {}", moment.words),
                     _ => format!("{}; {}", last.words, moment.words),
                 };
+                // Of the last, because the still of both must show the
+                // outcome.
                 (last.class, last.time_s) = (moment.class, moment.time_s);
             }
             _ => joined.push(moment),

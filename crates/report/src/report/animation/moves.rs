@@ -76,6 +76,7 @@ pub(super) fn moves(
                     words,
                     kind,
                 }),
+                // An action after the end was chosen but never shown.
                 _ => {}
             }
         }

@@ -58,6 +58,7 @@ impl<'a> Picture<'a> {
         let mut moves = moves(scenario, &example.episode, film.recorded_end_s());
         let mut moments = moments(scenario, example, violated_s, &moves);
         if let Some(after) = &example.after {
+            // After the moments, which are those of the recorded drive.
             go_on(&mut moves, after, film.end_s());
             moments.push(KeyMoment {
                 time_s: film.end_s(),
@@ -146,6 +147,7 @@ impl<'a> Picture<'a> {
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
         let end_s = self.film.recorded_end_s();
+        // The tolerance is for a moment at the very end, whose time is a sum.
         let is_past = end_s + 1e-9 < moment.time_s;
         let touched = self
             .contact_m()
@@ -178,6 +180,7 @@ impl<'a> Picture<'a> {
             (_, true) => 0,
             _ => return html! {},
         };
+        // The triangle is 8 px long and stays whole at the edge.
         let (x, y) = (x.clamp(9.0, width_px - 9.0), y.clamp(9.0, height_px - 9.0));
         html! {
             polygon class={ "beyond " (self.classes[who]) } transform=(format!("translate({} {}) rotate({turn_deg})", n(x, 1), n(y, 1))) points="8,0 -6,-7 -6,7" {}

@@ -55,6 +55,7 @@ pub fn running_picture(scenario: &Scenario, bench: &Testbench, episode: &Episode
         let track = &film.tracks[shown.ego()];
         film.turn_rad = track.heading_rad[0];
         let [x, y] = film.turned(track.x_m[0], track.y_m[0]);
+        // The ego is left of the middle, since what happens is ahead of it.
         film.focus[0].centre_m = [x + AHEAD_M, y];
         SCALE
     };

@@ -9,6 +9,7 @@ pub(super) fn n(value: f64, places: usize) -> String {
         &fixed
     };
     match text {
+        // A small negative number rounds to −0.
         "-0" => "0".to_owned(),
         _ => text.to_owned(),
     }

@@ -154,6 +154,8 @@ pub fn mean_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> (f64, [f64
     // The trainings of both sides and the starts err independently. So squares
     // add up, separately in each direction (Zou and Donner 2008).
     let (mut below, mut above, mut rest) = (0.0, 0.0, 0.0);
+    // A side with one training is a fixed policy, so no other trainings widen the
+    // interval.
     for side in scores.sides.iter().filter(|side| side.means.len() > 1) {
         let spread = side.spread();
         let [lo, hi] = trainings::interval(&side.means, spread.effective_starts);
@@ -182,6 +184,7 @@ pub fn mean_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> (f64, [f64
     below += (half + towards_0).max(0.0).powi(2);
     above += (half - towards_0).max(0.0).powi(2);
     let interval = [difference - below.sqrt(), difference + above.sqrt()];
+    // The normal part knows no bounds, while two rates differ by at most 1.
     (difference, interval.map(|end| end.clamp(-1.0, 1.0)))
 }
 

@@ -112,6 +112,7 @@ fn labels_colours(labels: &[String], neutral: usize) -> Vec<Rgb> {
 /// Without either, moving to the left is blue and to the right violet. No effect is grey.
 fn colour_of(set: &Actions, action: usize) -> Rgb {
     let (faster, left) = effect(set.choice(action));
+    // Of the set, so that colours of one world are comparable.
     let strongest = (0..set.len())
         .map(|action| effect(set.choice(action)).0.abs())
         .fold(0.0, f64::max);
@@ -151,6 +152,8 @@ fn effect(choice: Maneuver) -> (f64, f64) {
             left_mps,
         } => match left_mps {
             0.0 => (along_mps, 0.0),
+            // A person who crosses the road is a matter of direction, even if
+            // it moves along it, too.
             left_mps => (0.0, left_mps),
         },
         Maneuver::Turn(PhaseAction::Hold) => (0.0, 0.0),

@@ -101,6 +101,7 @@ fn events(story: &ViewedEpisode<'_>) -> Vec<Event> {
     }
     // Only an episode with an aftermath has samples after its verdict.
     if story.shown.decided.is_some() && story.episode.judged < story.samples() {
+        // Invariant: a decided episode has judged at least one sample.
         let sample = story.episode.judged - 1;
         let word = story.episode.verdict.word();
         let text = format!("verdict: {word}; what follows is aftermath");

@@ -91,6 +91,7 @@ fn shown(arena: &Arena, [x, y, _]: [f64; 3]) -> [f32; 2] {
 fn log_map(arena: &Arena, journal: &mut LogWriter) -> Result<(), ViewError> {
     let size = arena.size;
     let side = f64::from(size);
+    // Players move on the fine cells, which the refinement counts per cell.
     let fine = size * arena.refine;
     let (mut strips, mut colours) = (Vec::new(), Vec::new());
     for line in 0..=fine {

@@ -108,6 +108,7 @@ fn arrange<'a>(
         widths.push(width);
     }
     let title = story.scenario.name.as_str();
+    // Last, since a container needs the nodes of its contents.
     let root = layout.container(ContainerKind::Horizontal, title, &columns, &widths)?;
     layout.window(story, &root)
 }

@@ -75,6 +75,7 @@ fn near_zero(story: &ViewedEpisode<'_>) -> (f64, f64) {
     let values = finite(&deciding.values, rho_max);
     let judged = &values[..story.plotted_samples().min(values.len())];
     let last = judged.last().copied().unwrap_or(0.0);
+    // Exactly equal, because a running minimum repeats its value bit by bit.
     let reached = judged.iter().position(|value| *value == last).unwrap_or(0);
     let before = (NEAR_S / story.episode.trace.dt_s()).round() as usize;
     let near = &judged[reached.saturating_sub(before)..judged.len().min(reached + 1)];
@@ -82,6 +83,8 @@ fn near_zero(story: &ViewedEpisode<'_>) -> (f64, f64) {
     let informative = near.iter().copied().filter(|value| value.abs() < rho_max);
     // A margin that hardly changes still has some room around it.
     let top = informative.fold((2.0 * last.abs()).max(1e-3), f64::max);
+    // Below zero there is always some room, in which a violation would be
+    // seen.
     ((-0.25 * top).min(1.2 * last), 1.05 * top)
 }
 
@@ -91,6 +94,7 @@ fn finite(values: &[f64], rho_max: f64) -> Vec<f64> {
         if value.is_finite() {
             *value
         } else {
+            // A plot cannot draw an infinite value, and would leave a gap.
             value.clamp(-rho_max, rho_max)
         }
     };

@@ -79,6 +79,7 @@ fn log(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), ViewErr
     let around = ViewExtent::of(story);
     for who in 0..story.shown.stage.agents.len() {
         figure::log(story, who, &around, journal)?;
+        // After the figure, which is in the frame that this moves.
         log_motion(story, who, journal)?;
         log_velocity(story, who, journal)?;
     }
@@ -110,6 +111,7 @@ fn log_velocity(
 ) -> Result<(), ViewError> {
     let agent = &story.shown.stage.agents[who];
     let entity = agent_path(&agent.name).join(&path(["velocity"]));
+    // In the frame of the body, whose origin is its centre.
     let roof = lifted([0.0, 0.0, 0.5 * agent.size_m[2]], 0.25);
     let arrow = Arrows3D::update_fields()
         .with_origins([roof])
@@ -154,6 +156,7 @@ fn log_trails(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(), 
     let every = story.poses().count().div_ceil(100).max(1);
     let agents = 0..story.shown.stage.agents.len();
     let strip = |who: usize| -> Vec<[f32; 3]> {
+        // The last pose always, so that a trail ends at its body.
         let sparse = story.poses().step_by(every).chain(story.poses().last());
         let ground = |frame: &Frame| {
             let [x, y, _] = frame.placements[who].centre_m;
@@ -208,6 +211,7 @@ fn log_contact(story: &ViewedEpisode<'_>, journal: &mut LogWriter) -> Result<(),
             format!("contact {:.2} s", touch.time_s),
             format!("closing {closing:.1} m/s"),
         ])
+        // The point below has the label, and two texts would cover each other.
         .with_show_labels(false);
     // The label lies above the names of the touching agents, to the right of the ego.
     let side = beside(&frame.placements[story.ego()], at, -3.4);

@@ -31,9 +31,12 @@ fn views(story: &ViewedEpisode<'_>, layout: &mut BlueprintBuilder<'_>) -> Result
     let mut filters = vec!["+ /signals/**".to_owned()];
     for plot in plots(story).iter().filter(|plot| plot.prominent) {
         let entity = plot.entity.to_string();
+        // Excluded from the tab of the other signals, since each curve is
+        // shown once.
         filters.push(format!("- {entity}/**"));
         let has_legend = plot.needs_legend();
         let lines = if has_legend { plot.names.len() } else { 0 };
+        // Fixed, so that the axis does not change while the viewer plays.
         let (least, greatest) = roomy(plot.span);
         // In a stream the axis fits the curves of the current episode.
         let range = if layout.is_stream() {
@@ -135,6 +138,7 @@ const GROUPS: [(&str, &str); 8] = [
 
 /// Group of a signal. `lanes` states the lane keeping of the agents.
 fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: LaneKeepingState) -> &'static str {
+    // The last part is the quantity, and those before it are names of agents.
     let field = name.rsplit('.').next().unwrap_or(name);
     match (unit, field) {
         // The first two rows take lateral motion out of the positions below.
@@ -208,12 +212,14 @@ fn plots(story: &ViewedEpisode<'_>) -> Vec<Plot> {
         plot.signals.push(i);
         plot.names.push(signal.name.clone());
     }
+    // After the assignment, whose positions are those of all groups.
     plots.retain(|plot| !plot.signals.is_empty());
     for plot in &mut plots {
         // A plot of one curve names it in its title and needs no legend.
         if let ([name], Some((group, unit))) = (&plot.names[..], plot.title.split_once(" [")) {
             plot.title = format!("{group}: {name} [{unit}");
         }
+        // An aftermath may have values that would flatten the rest.
         let plotted = ..story.plotted_samples();
         let column = |i: &usize| &story.episode.trace.column(*i)[plotted];
         let columns = plot.signals.iter().map(column);

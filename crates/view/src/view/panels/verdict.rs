@@ -161,6 +161,7 @@ fn sentence(story: &ViewedEpisode<'_>) -> String {
 fn why(story: &ViewedEpisode<'_>) -> String {
     let mut explanation = explanation(story);
     for step in &mut explanation.path {
+        // Rounded, since a product of the sample time may print many digits.
         step.time_s = (1e3 * story.time_s(step.sample)).round() / 1e3;
     }
     let text = explanation.to_string();

@@ -133,6 +133,7 @@ impl Animation {
         // Before the first value, the first one holds.
         let (from_s, from) = &self.values[next.saturating_sub(1)];
         let declaration = match self.values.get(next) {
+            // Two values of one time would divide by 0.
             Some((until_s, until)) if !self.is_stepped && from_s < until_s => between(
                 from,
                 until,
@@ -157,6 +158,8 @@ fn between(from: &str, until: &str, share: f64) -> String {
     let pairs = parts(from).into_iter().zip(parts(until));
     let mixed = pairs.map(
         |(from, until)| match (from.parse::<f64>(), until.parse::<f64>()) {
+            // Words between the numbers are equal, because one function writes
+            // both texts.
             (Ok(one), Ok(other)) => n(one + share * (other - one), 3),
             _ => from,
         },

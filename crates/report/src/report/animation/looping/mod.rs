@@ -136,10 +136,12 @@ pub fn looping_picture(
             .map(|(it, film)| beside_it(&picture, it, film)),
     );
     let ends = panels.iter().map(|panel| panel.until_s);
+    // Both halves begin with the ego's drive, since they have one clock.
     let from_s = (panels[0].ending.end_s - BEFORE_S).max(0.0);
     let period = Period {
         // The start is a sample that both films have.
         from_s: picture.film.times_s[picture.film.at(from_s)],
+        // The longer half, so that neither is cut.
         until_s: ends.fold(0.0, f64::max),
     };
     let said = facts(scenario, &picture, note, beside);
@@ -236,6 +238,7 @@ fn whole(panels: &[LoopPanel<'_>], period: Period, said: &[String]) -> LoopingPi
             }
         }
     };
+    // Names of agents may hold characters that no viewer shows.
     let svg = visible_markup(&drawn.into_string()).into_owned();
     // The keyframes end the only style sheet.
     let at = svg.find("</style>").unwrap_or_default();
@@ -271,6 +274,7 @@ pub(super) fn strokes(scale: f64) -> String {
 /// Time as a bar with a hand and the moments of the crash.
 fn clock(picture: &Picture<'_>, keyframes: &mut Keyframes) -> Markup {
     let Period { from_s, until_s } = keyframes.period;
+    // The pause after the motion has no place on the bar.
     let x = |time_s: f64| WIDTH_PX * (time_s - from_s) / (until_s - from_s);
     let ends = [(from_s, 0.0), (until_s, WIDTH_PX - 3.0)];
     let moved =

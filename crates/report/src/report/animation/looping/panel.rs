@@ -58,6 +58,7 @@ fn shown(film: &FilmTracks, from_s: f64, until_s: f64, decisive_s: f64) -> Vec<u
     let mut shown = vec![first];
     for i in first + 1..last {
         let before_s = film.times_s[shown[shown.len() - 1]];
+        // The tolerance is for times that are sums of steps.
         if i == decisive || EVERY_S - 1e-6 <= film.times_s[i] - before_s {
             shown.push(i);
         }
@@ -82,6 +83,7 @@ impl LoopPanel<'_> {
         let scales = shown
             .iter()
             .map(|i| Camera::fitting(self.film, *i, self.ego(), canvas));
+        // The smallest, so that the picture has one scale from start to end.
         scales.fold(f64::INFINITY, f64::min)
     }
 
@@ -103,6 +105,8 @@ impl LoopPanel<'_> {
             let [u, v] = camera.centre_m;
             format!("translate({}px,{}px)", n(-u, 2), n(-v, 2))
         });
+        // The centre moves inside of the scale, so its keyframes are in
+        // metres.
         let moved = keyframes.moving(&times().zip(centres).collect::<Vec<_>>());
         // The attributes show the end, for readers without motion.
         let last = &cameras[cameras.len() - 1];
@@ -203,6 +207,7 @@ impl LoopPanel<'_> {
         let times = shown.iter().map(|i| self.film.times_s[*i]);
         let mut later = times
             .zip(cameras)
+            // Before the contact there is no star to cut.
             .skip_while(|(time_s, _)| *time_s <= self.ending.end_s);
         let cut = later.find(|(_, camera)| !is_star_whole(camera, place_m));
         cut.map(|(time_s, _)| time_s)
@@ -221,9 +226,11 @@ impl LoopPanel<'_> {
         };
         let begins = [(keyframes.period.from_s, false), (self.ending.end_s, true)];
         if !self.goes_on() {
+            // A drive that ends with its contact keeps the star.
             return html! { g class=(keyframes.seen(&begins)) { (burst(x, y)) } };
         }
         let cut_s = self.cut_s(shown, cameras).unwrap_or(self.until_s);
+        // A star at the edge vanishes before the edge cuts it.
         let ends = ((self.ending.end_s + STAR_S).min(cut_s), false);
         let turns = [begins.as_slice(), &[ends]].concat();
         let star = html! { g class=(keyframes.seen(&turns)) visibility="hidden" { (burst(x, y)) } };
@@ -274,6 +281,8 @@ impl LoopPanel<'_> {
             let is_due = words.last().is_none_or(|(then_s, said)| {
                 WORDS_S - 1e-6 <= time_s(nth) - then_s || said.lines[1..] != label.lines[1..]
             });
+            // The last text is that of the end, which readers without motion
+            // see.
             if is_due || nth == last {
                 words.push((time_s(nth), label));
             }
