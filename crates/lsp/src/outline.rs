@@ -25,7 +25,7 @@ pub struct RonGroup {
     has_value: bool,
 }
 
-/// RonToken at a place.
+/// Token at a place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RonToken {
     /// Blank or punctuation.
@@ -43,7 +43,7 @@ pub enum RonToken {
 pub struct Outline {
     /// Open groups, the outermost first.
     pub groups: Vec<RonGroup>,
-    /// RonToken at the place.
+    /// Token at the place.
     pub token: RonToken,
 }
 

@@ -56,7 +56,7 @@ struct CommonRoad {
     counts: ReadCounts,
 }
 
-/// RecordedObstacle that is not closed yet.
+/// Obstacle that is not closed yet.
 #[derive(Default)]
 struct RecordedObstacle {
     id: String,

@@ -157,7 +157,7 @@ impl ColumnMap {
                 Some(ColumnUnit::Feet) => LengthUnit::Feet,
                 _ => LengthUnit::Metres,
             },
-            speed_unit: match speed.or(velocity.map(|it| it.0)).and_then(|it| it.unit) {
+            speed_unit: match velocity.map(|it| it.0).or(speed).and_then(|it| it.unit) {
                 Some(ColumnUnit::Speed(unit)) => unit,
                 _ => SpeedUnit::MetresPerSecond,
             },

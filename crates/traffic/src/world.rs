@@ -179,7 +179,10 @@ impl SituationGroup {
         let is_alone = |it: &SituationPlan| !it.others.is_empty();
         // Positions are relative to the road, so straight roads of any lanes are equal.
         let is_straight = own.is_straight() && road.is_straight();
+        // A plan that the end of a recording cut has fewer columns than the table.
+        let is_as_long = first.speed.to_mps.len() == plan.speed.to_mps.len();
         (is_straight || own == road)
+            && is_as_long
             && !is_alone(first)
             && !is_alone(plan)
             && (first.body, first.place(), first.is_from_left())

@@ -179,11 +179,11 @@ fn reason(status: u16) -> &'static str {
         403 => "Forbidden",
         404 => "Not Found",
         405 => "Method Not Allowed",
-        408 => "DriveRequest Timeout",
+        408 => "Request Timeout",
         413 => "Content Too Large",
         429 => "Too Many Requests",
         503 => "Service Unavailable",
-        _ => "Bad DriveRequest",
+        _ => "Bad Request",
     }
 }
 

@@ -152,7 +152,7 @@ impl RonCursor<'_> {
             if rest.starts_with("//") || rest.starts_with("#!") {
                 self.at += rest.find('\n').unwrap_or(rest.len());
             } else if rest.starts_with("/*") {
-                self.at += rest.find("*/").map_or(rest.len(), |end| end + 2);
+                self.at += block_comment(rest);
             } else if rest.starts_with(char::is_whitespace) {
                 self.bump();
             } else {
@@ -299,6 +299,28 @@ impl RonCursor<'_> {
         self.at = start;
         None
     }
+}
+
+/// Returns the length of a comment, in which others may be.
+fn block_comment(text: &str) -> usize {
+    let (mut depth, mut at) = (0_usize, 0);
+    while let Some(found) = text[at..].find(['/', '*']) {
+        let here = at + found;
+        let rest = &text[here..];
+        if rest.starts_with("/*") {
+            depth += 1;
+            at = here + 2;
+        } else if rest.starts_with("*/") {
+            depth -= 1;
+            at = here + 2;
+            if depth == 0 {
+                return at;
+            }
+        } else {
+            at = here + 1;
+        }
+    }
+    text.len()
 }
 
 #[cfg(test)]

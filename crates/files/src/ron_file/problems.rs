@@ -104,7 +104,7 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// Returns true if no mistake was found so far.
+    /// Returns the number of mistakes so far.
     pub fn len(&self) -> usize {
         self.list.len()
     }

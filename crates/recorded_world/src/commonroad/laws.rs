@@ -387,7 +387,7 @@ fn cm(value: f64) -> f64 {
     (value * 100.0).round() / 100.0 + 0.0
 }
 
-/// Returns the way in metres from the ego to the nearest goal place, `None` without one.
+/// Returns the way in metres from the ego to the farthest goal place, `None` without one.
 pub(super) fn goal_m(map: &RoadMap, problem: &PlanningProblem) -> Option<f64> {
     let shapes = problem
         .goals

@@ -145,8 +145,10 @@ impl PlacedObstacle<'_> {
 
     fn agent_name(&self) -> String {
         // Names of agents have letters, digits and `_`.
-        let id = self.obstacle.id.chars().filter(char::is_ascii_alphanumeric);
-        format!("{}_{}", self.obstacle.class.name(), id.collect::<String>())
+        // Other signs become `_`, so that `1_2` and `12` stay apart.
+        let letter = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let id: String = self.obstacle.id.chars().map(letter).collect();
+        format!("{}_{id}", self.obstacle.class.name())
     }
 
     /// Returns an agent on a road of its own.

@@ -83,7 +83,7 @@ pub enum TtcReading {
     /// Only a closing gap has a time to collision.
     #[default]
     Closing,
-    /// g/Δv| of any gap, as in the published models.
+    /// g/|Δv| of any gap, as in the published models.
     ///
     /// With it, a car that drives away may count as a danger.
     Magnitude,
