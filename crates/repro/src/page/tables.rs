@@ -117,7 +117,19 @@ pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
 }
 
 fn noted(rows: &Rows<'_>, study: &str, table: &str) -> String {
-    format!("{}\n\n{}", table.trim_end(), rows.notes(study).trim_end())
+    format!("{}\n\n{}", compact(table), rows.notes(study).trim_end())
+}
+
+/// Returns a table without blanks around its cells, because nobody edits this page.
+fn compact(table: &str) -> String {
+    let lines = table.trim_end().lines().map(|line| {
+        let cells = line.replace(" | ", "|");
+        let inner = cells
+            .strip_prefix("| ")
+            .and_then(|it| it.strip_suffix(" |"));
+        inner.map_or(cells.clone(), |inner| format!("|{inner}|"))
+    });
+    lines.collect::<Vec<String>>().join("\n")
 }
 
 /// Returns the programs and machines of all rows that probes vouch for.
@@ -629,5 +641,5 @@ fn others(rows: &Rows<'_>) -> String {
         ]
     });
     let table = TextTable::new(columns, lines).to_markdown();
-    format!("{}\n\n{OLD} of an earlier version.", table.trim_end())
+    format!("{}\n\n{OLD} of an earlier version.", compact(&table))
 }
