@@ -44,7 +44,7 @@ def shell(script, cwd, **given):
 
 @pytest.fixture()
 def project(tmp_path, kept):
-    """Somebody's repository: an ego, a kept crash and a world."""
+    """A user's repository: an ego, a kept crash and a world."""
     (tmp_path / "crashes").mkdir()
     for file in kept.glob("acc-nominal-0001.*"):
         (tmp_path / "crashes" / file.name).write_bytes(file.read_bytes())

@@ -315,7 +315,7 @@ fn texts_of_code_and_commands_read_like_the_pages() {
     );
     let pages = ["examples", "crates", "python"].map(|it| joined(it, "md", &str::to_owned));
     for (name, text, is_reference) in [
-        ("docstrings", python, true),
+        ("docstrings", python, false),
         ("`brakecheck reference`", printed(), true),
         ("README files", pages.join("\n\n"), false),
     ] {

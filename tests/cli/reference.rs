@@ -159,9 +159,10 @@ fn every_row_has_a_meaning() {
         let rows: Vec<(&str, &Value)> = rows.filter(|(_, row)| row.get(column).is_some()).collect();
         assert!(rows.len() >= least, "{topic}: {} rows", rows.len());
         for (title, row) in rows {
-            // Words of OpenSCENARIO have the meaning that it gives them.
+            // Words of OpenSCENARIO have the meaning that it gives them, and alternatives
+            // without a name that of their type.
             let is_word = row["field"].as_str().is_some_and(|it| {
-                !it.contains('.') && it.trim_matches('`').starts_with(char::is_uppercase)
+                !it.contains('.') && !it.trim_matches('`').starts_with(char::is_lowercase)
             });
             let text = row[column].as_str().expect("a text");
             assert!(!text.is_empty() || is_word, "{topic}, {title}: {row}");

@@ -61,7 +61,7 @@ fn fields(shape: &Value, before: &str) -> Vec<ShapeRow> {
             (_, Some(stated)) => stated,
             (Some(value), None) => code(&ron(value)),
             (None, None) if is_required(name) => "required".to_owned(),
-            (None, None) => String::new(),
+            (None, None) => "optional".to_owned(),
         };
         let name = code(&format!("{before}{name}"));
         [name, type_of(field), default, meaning]
@@ -96,6 +96,8 @@ fn meaning(node: &Value) -> (String, Option<String>) {
         .unwrap_or_default();
     let text = text.split("\n\n").next().unwrap_or_default();
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    // Links of rustdoc lead nowhere here.
+    let line = line.replace("[`", "`").replace("`]", "`");
     match line.split_once(" Default: ") {
         Some((meaning, default)) => {
             let default = default.trim_end_matches('.').to_owned();

@@ -2,8 +2,8 @@
 
 use super::page::{ReferencePage, ReferenceTable};
 use crate::cli::failure::Failure;
-use crate::scene::Availability;
 use crate::scene::drive::signal_list;
+use crate::scene::{Availability, World};
 use crate::trace::Signal;
 use crate::world::Scenario;
 
@@ -17,15 +17,19 @@ A signal is a named quantity, with a value per sample. \
 
 Replace A and B by the names of two agents. L is a light, W the weather, R a road that an \
 ado lays, and P a parameter of the starts. \
-Traces always have recorded signals. They have a signal on demand only if a formula or an ado \
-mentions it. \
+Traces have a signal on demand only if a formula or an ado mentions it. \
 `planned` needs a plan, `conflict` and `priority` need different roads, and W has signals of \
 quantities with bounds only.";
-    let mut tables = vec![table("Driving worlds", signal_list())];
-    if let Some(grid) = Scenario::shipped(GRID).transpose()? {
-        let signals = grid.signals().into_iter();
-        let own = signals.filter(|(_, held)| *held != Availability::Derived);
-        tables.push(table("Grid worlds", own));
+    let driving = signal_list().into_iter();
+    let driving = driving.map(|(signal, held)| (signal, held == Availability::Recorded));
+    let mut tables = vec![table("Driving worlds", driving)];
+    let grid = Scenario::shipped(GRID).transpose()?;
+    if let Some(World::Grid(grid)) = grid.as_ref().map(Scenario::world) {
+        let signals = grid.spec().catalogue().into_iter();
+        tables.push(table(
+            "Grid worlds",
+            signals.map(|it| (it.signal, it.always)),
+        ));
     }
     Ok(ReferencePage {
         title: "Signals",
@@ -34,11 +38,12 @@ quantities with bounds only.";
     })
 }
 
-fn table(title: &str, signals: impl IntoIterator<Item = (Signal, Availability)>) -> ReferenceTable {
-    let rows = signals.into_iter().map(|(signal, held)| {
+fn table(title: &str, signals: impl IntoIterator<Item = (Signal, bool)>) -> ReferenceTable {
+    let rows = signals.into_iter().map(|(signal, is_recorded)| {
         let name = format!("`{}`", signal.name);
         let unit = signal.unit.into_owned();
-        vec![name, unit, signal.about, held.word().to_owned()]
+        let held = if is_recorded { "always" } else { "on demand" };
+        vec![name, unit, signal.about, held.to_owned()]
     });
     ReferenceTable::new(title, &["signal", "unit", "meaning", "in traces"], rows)
 }

@@ -113,7 +113,11 @@ fn names(argument: &Arg) -> String {
 fn effect(argument: &Arg) -> String {
     let help = argument.get_long_help().or(argument.get_help());
     let help = help.map(ToString::to_string).unwrap_or_default();
-    let mut text = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let paragraphs = help.split("\n\n").map(|it| {
+        let line = it.split_whitespace().collect::<Vec<_>>().join(" ");
+        line.trim_end_matches('.').to_owned()
+    });
+    let mut text = paragraphs.collect::<Vec<_>>().join(". ");
     if !argument.get_action().takes_values() {
         return text;
     }

@@ -5,6 +5,7 @@ use serde_json::Value;
 use super::egos;
 use super::page::{ReferencePage, ReferenceTable};
 use super::shapes;
+use crate::sim::Body;
 use crate::world_file;
 
 /// Shapes that a world file begins with, above the others.
@@ -17,6 +18,7 @@ and `brakecheck check --schema` prints the same fields as JSON schema.
 
 Each table has the fields of a shape, or its variants with theirs. \
 The type of a field names another table. `brakecheck reference egos` has those of stock egos.";
+    let bodies: Vec<String> = Body::shipped_names().map(|it| format!("`{it}`")).collect();
     let schema = world_file::schema();
     let egos = egos::names(&schema);
     let all = schema.get("$defs").and_then(Value::as_object);
@@ -36,7 +38,7 @@ The type of a field names another table. `brakecheck reference egos` has those o
     });
     ReferencePage {
         title: "World files",
-        about: about.to_owned(),
+        about: format!("{about}\n\nShipped bodies: {}.", bodies.join(", ")),
         tables: tables.collect(),
     }
 }
