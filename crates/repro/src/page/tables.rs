@@ -506,25 +506,30 @@ fn crashes(rows: &Rows<'_>) -> TextTable {
     TextTable::new(columns, lines)
 }
 
-/// Ados of the table about reuse. The file has the others.
-const REUSED: [&str; 8] = [
-    "nominal ado",
-    "wide",
-    "wide, tries",
-    "replays",
-    "heuristic",
-    "constant",
-    "search, held, 100",
-    "mutate, 30",
+/// Ados of the table about reuse, with their names there. The file has more.
+const REUSED: [(&str, &str); 8] = [
+    ("nominal ado", "nominal ado, reused"),
+    ("wide", "wide ado, reused"),
+    ("wide, tries", "wide ado, up to 30 runs"),
+    ("replays", "ten nearest counterexamples, replayed"),
+    ("mutate, 30", "counterexamples, mutated"),
+    ("search, held, 100", "held random search"),
+    ("heuristic", "tuned rule"),
+    ("constant", "best constant"),
 ];
 
 fn reuse(rows: &Rows<'_>) -> String {
     let mut text = String::new();
     for (row, blocks) in read::<ReuseBlocks>(rows, "reuse") {
         let [inside, outside] = blocks.egos;
+        let trainings = match blocks.seeds {
+            1 => "one training".to_owned(),
+            several => format!("{several} trainings"),
+        };
         text.push_str(&format!(
-            "`{}`, {} starts, training seeds: {}. The means are over {inside} egos inside the family and {outside} outside it, of which the search solves enough starts.\n\n",
-            marked(&blocks.world, rows.is_fresh(row)), blocks.starts, blocks.seeds,
+            "{}, {} starts, {trainings}, {inside} egos inside the family and {outside} outside:\n\n",
+            marked(&format!("`{}`", blocks.world), rows.is_fresh(row)),
+            blocks.starts,
         ));
         let columns = [
             "ado",
@@ -532,11 +537,11 @@ fn reuse(rows: &Rows<'_>) -> String {
             "recall inside (least)",
             "recall outside (least)",
         ];
-        let shown = blocks
-            .ados
-            .iter()
-            .filter(|ado| REUSED.contains(&ado.ado.as_str()));
-        let lines = shown.map(|ado: &ReusedAdo| {
+        let shown = REUSED.iter().filter_map(|(word, name)| {
+            let ado = blocks.ados.iter().find(|ado| ado.ado == *word)?;
+            Some((name, ado))
+        });
+        let lines = shown.map(|(name, ado): (&&str, &ReusedAdo)| {
             let cell = |at: usize| {
                 or_dash(ado.recall[at].map(|mean| match &ado.least[at] {
                     Some((least, ego)) => {
@@ -546,16 +551,17 @@ fn reuse(rows: &Rows<'_>) -> String {
                 }))
             };
             [
-                ado.ado.clone(),
+                (*name).to_owned(),
                 format!("{:.1}", ado.sims_per_start),
                 cell(0),
                 cell(1),
             ]
         });
         text.push_str(&TextTable::new(columns, lines).to_markdown());
+        text.push('\n');
         if let Some(starts) = blocks.cheaper_from {
             text.push_str(&format!(
-                "\nThe wide ado costs fewer simulations than held random search from {starts:.0} starts per ego on, its training included.\n"
+                "The wide ado, with its training, costs fewer simulations than held random search from {starts:.0} starts per ego on.\n\n"
             ));
         }
     }
