@@ -15,8 +15,8 @@ A world file names its ego as `drive: Ego(NAME(…))`, with all parameters that 
 The end of a name has the unit of a parameter. Decelerations are positive.";
     let schema = world_file::schema();
     let tables = names(&schema).into_iter().map(|(name, about)| {
-        let rows = shapes::rows(shapes::named(&schema, &name));
-        let rows = rows
+        let fields = shapes::rows(shapes::named(&schema, &name));
+        let rows = fields
             .into_iter()
             .map(|[name, _, default, meaning]| vec![name, default, meaning]);
         ReferenceTable::new(

@@ -32,8 +32,8 @@ Infinite robustness is the text `inf` or `-inf`.";
 
 fn row(line: &str) -> Vec<String> {
     let mut cells = line.splitn(3, '|').map(str::trim);
-    let names = cells.next().unwrap_or_default().split(", ");
-    let names: Vec<String> = names.map(|it| format!("`{it}`")).collect();
+    let plain = cells.next().unwrap_or_default().split(", ");
+    let names: Vec<String> = plain.map(|it| format!("`{it}`")).collect();
     let rest = cells.map(str::to_owned);
     [names.join(", ")].into_iter().chain(rest).collect()
 }

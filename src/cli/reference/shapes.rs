@@ -51,10 +51,12 @@ fn fields(shape: &Value, before: &str) -> Vec<ShapeRow> {
     let required = shape.get("required").and_then(Value::as_array);
     let is_required = |name: &str| required.is_some_and(|all| all.iter().any(|it| it == name));
     let properties = shape.get("properties").and_then(Value::as_object);
-    let properties = properties.into_iter().flatten();
     // A name in upper case is that of a variant.
-    let properties = properties.filter(|(name, _)| name.starts_with(char::is_lowercase));
-    let (first, rest): (Vec<_>, Vec<_>) = properties.partition(|(name, _)| is_required(name));
+    let shown = properties
+        .into_iter()
+        .flatten()
+        .filter(|(name, _)| name.starts_with(char::is_lowercase));
+    let (first, rest): (Vec<_>, Vec<_>) = shown.partition(|(name, _)| is_required(name));
     let rows = first.into_iter().chain(rest).map(|(name, field)| {
         let (meaning, stated) = meaning(field);
         let default = match (field.get("default"), stated) {
@@ -94,10 +96,10 @@ fn meaning(node: &Value) -> (String, Option<String>) {
         .get("description")
         .and_then(Value::as_str)
         .unwrap_or_default();
-    let text = text.split("\n\n").next().unwrap_or_default();
-    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let paragraph = text.split("\n\n").next().unwrap_or_default();
+    let words: Vec<&str> = paragraph.split_whitespace().collect();
     // Links of rustdoc lead nowhere here.
-    let line = line.replace("[`", "`").replace("`]", "`");
+    let line = words.join(" ").replace("[`", "`").replace("`]", "`");
     match line.split_once(" Default: ") {
         Some((meaning, default)) => {
             let default = default.trim_end_matches('.').to_owned();

@@ -20,8 +20,8 @@ ado lays, and P a parameter of the starts. \
 Traces have a signal on demand only if a formula or an ado mentions it. \
 `planned` needs a plan, `conflict` and `priority` need different roads, and W has signals of \
 quantities with bounds only.";
-    let driving = signal_list().into_iter();
-    let driving = driving.map(|(signal, held)| (signal, held == Availability::Recorded));
+    let listed = signal_list().into_iter();
+    let driving = listed.map(|(signal, held)| (signal, held == Availability::Recorded));
     let mut tables = vec![table("Driving worlds", driving)];
     let grid = Scenario::shipped(GRID).transpose()?;
     if let Some(World::Grid(grid)) = grid.as_ref().map(Scenario::world) {

@@ -69,8 +69,8 @@ fn usage(verb: &Command) -> String {
 
 /// Returns the documents at the end of a help.
 fn documents(verb: &Command) -> String {
-    let help = verb.get_after_help().map(ToString::to_string);
-    let help = help.unwrap_or_default();
+    let after_help = verb.get_after_help().map(ToString::to_string);
+    let help = after_help.unwrap_or_default();
     let (_, documents) = help.split_once("Documents: ").unwrap_or_default();
     documents.to_owned()
 }
@@ -111,8 +111,8 @@ fn names(argument: &Arg) -> String {
 
 /// Returns the help of an argument, with its values and its default.
 fn effect(argument: &Arg) -> String {
-    let help = argument.get_long_help().or(argument.get_help());
-    let help = help.map(ToString::to_string).unwrap_or_default();
+    let styled = argument.get_long_help().or(argument.get_help());
+    let help = styled.map(ToString::to_string).unwrap_or_default();
     let paragraphs = help.split("\n\n").map(|it| {
         let line = it.split_whitespace().collect::<Vec<_>>().join(" ");
         line.trim_end_matches('.').to_owned()
@@ -121,17 +121,17 @@ fn effect(argument: &Arg) -> String {
     if !argument.get_action().takes_values() {
         return text;
     }
-    let values = argument.get_possible_values();
-    let values = values.iter().filter(|it| !it.is_hide_set()).map(|it| {
+    let possible = argument.get_possible_values();
+    let described = possible.iter().filter(|it| !it.is_hide_set()).map(|it| {
         let about = it.get_help().map(|about| format!(" ({about})"));
         format!("`{}`{}", it.get_name(), about.unwrap_or_default())
     });
-    let values: Vec<String> = values.collect();
+    let values: Vec<String> = described.collect();
     if !values.is_empty() {
         text += &format!(". Values: {}", values.join(", "));
     }
-    let defaults = argument.get_default_values().iter();
-    let defaults: Vec<String> = defaults.map(|it| format!("`{}`", it.display())).collect();
+    let stated = argument.get_default_values().iter();
+    let defaults: Vec<String> = stated.map(|it| format!("`{}`", it.display())).collect();
     if !defaults.is_empty() {
         text += &format!(". Default: {}", defaults.join(", "));
     }
@@ -139,8 +139,8 @@ fn effect(argument: &Arg) -> String {
 }
 
 fn in_words(some: &[String], all: &[(String, &Command)]) -> String {
-    let others = all.iter().map(|(name, _)| name.as_str());
-    let others: Vec<&str> = others
+    let names = all.iter().map(|(name, _)| name.as_str());
+    let others: Vec<&str> = names
         .filter(|it| !some.iter().any(|name| name == it))
         .collect();
     match others.len() {

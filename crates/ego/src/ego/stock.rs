@@ -185,9 +185,10 @@ impl ControllerSpec {
 }
 
 egos! {
-    /// Follows the car ahead, Sec. V-B.
+    /// Follows the car ahead at `standstill_headway_m + time_gap_s · v`, front to front,
+    /// and commands 0 without a car ahead (Sec. V-B).
     acc::Acc by clone;
-    /// The follower of `Acc` under a braking safety filter.
+    /// The follower of `Acc` under a safety filter that brakes at the last chance, by v²/2a.
     safety_filter_acc::FilteredAcc by clone;
     /// The follower of `Acc`, braking softly when tailgated.
     courteous_acc::PoliteAcc by clone;
@@ -199,19 +200,26 @@ egos! {
     fvdm::Fvdm by clone;
     /// Krauss' model: drives at the safe speed.
     krauss::Krauss by clone;
-    /// Follows within the limits of ISO 15622 and may brake in an emergency.
+    /// The law of `Acc` within the limits of ISO 15622. Its emergency brake acts when
+    /// avoiding contact takes `aeb_trigger_mps2`.
     iso_acc::IsoAcc by build;
-    /// Cruises, and brakes for agents that cross its path.
+    /// Cruises at its initial speed, and brakes for agents that will be in its path, from
+    /// `trigger_mps2` on with exactly `max_brake_mps2`.
     aeb::Aeb by build;
-    /// Brakes like `Aeb`, keeps its lane and steers where braking is not enough.
+    /// Brakes like `Aeb` and keeps its lane. From `evade_mps2` on it also steers around the
+    /// agent, on the nearer side that is free, and brakes with at most `cruise_limit_mps2`.
     pure_pursuit::PurePursuit by build;
-    /// Slows down for the bends within its preview.
+    /// Slows down for bends and ignores road users: at a distance d before a bend of
+    /// curvature κ it drives at most √(a/κ + 2bd), with a = `side_accel_mps2` and
+    /// b = `plan_brake_mps2`.
     curve_speed::CurveSpeed by build;
-    /// The switching merge controller, Sec. V-B.
+    /// Cruises, and brakes hard while the predicted lateral distance of an agent ahead is
+    /// small (Sec. V-B).
     merge::Merge by build;
-    /// Follows, and stops for lights by the d(t) of the paper's appendix.
+    /// Follows, and brakes for yellow if the line is within d(t) + `junction_m`, and always
+    /// on red. d(t) is the distance that full braking covers until red (paper's appendix).
     traffic_light_acc::YellowLight by build;
-    /// Follows, and stops for lights by the stopping distance.
+    /// Like `YellowLight`, with the stopping distance v²/2a and the lag instead of d(t).
     traffic_light_acc::YellowLightFixed by build;
     /// Competent and careful, answers overlapping paths (UN R157).
     reference::CcDriver by controller;

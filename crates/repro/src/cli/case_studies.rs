@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, Made, StudyRun};
-use crate::record::probe::Probe;
+use crate::record::probe::DigestProbe;
 use crate::{
     CaseStudies, WorldResult, case_studies_markdown, case_study, deeper_search, trained_contacts,
 };
@@ -32,14 +32,14 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     let (mut studies, mut results, mut rows) = (Vec::new(), Vec::new(), Vec::new());
     for name in &study.worlds_or(WORLDS) {
         let scenario = study.world(name)?;
-        let mut depends = Probe::of_training(name);
+        let mut depends = DigestProbe::of_training(name);
         let settings = || study.settings(json!({ "starts": request.starts }));
         // The piece is a file name, so an interrupted table resumes by world.
         let piece = format!("{name}, case study");
         let made = study.once(&piece, &scenario, &depends, settings(), |watch| {
             Ok(case_study(&scenario, &request, watch)?)
         })?;
-        depends.insert(Probe::Drivers);
+        depends.insert(DigestProbe::Drivers);
         let piece = format!("{name}, contacts");
         let contacts = study.once(&piece, &scenario, &depends, settings(), |watch| {
             Ok(trained_contacts(&scenario, &request, watch)?)

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, Piece, StudyRun};
-use crate::record::probe::Probe;
+use super::{Failure, Made, StudyPiece, StudyRun};
+use crate::record::probe::DigestProbe;
 use crate::{CaseStudies, CrashStudyError, crash_study, crashes_markdown};
 
 /// The worlds whose crashes are worth acting on.
@@ -19,8 +19,8 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     let (mut studies, mut rows) = (Vec::new(), Vec::new());
     for name in &study.worlds_or(WORLDS) {
         let scenario = study.world(name)?;
-        let mut depends = Probe::of_training(name);
-        depends.insert(Probe::Drivers);
+        let mut depends = DigestProbe::of_training(name);
+        depends.insert(DigestProbe::Drivers);
         let settings = study.settings(json!({ "starts": request.starts }));
         let piece = format!("{name}, crashes");
         let made = study.once(&piece, &scenario, &depends, settings, |watch| {
@@ -32,7 +32,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
                 }
             })
         })?;
-        let Some(Piece { cpu_s, made }) = made else {
+        let Some(StudyPiece { cpu_s, made }) = made else {
             return Ok(None);
         };
         let only = format!(" --world {name}");

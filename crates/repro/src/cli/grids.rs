@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use serde_json::json;
 
-use super::{Failure, Made, Piece, StudyRun};
-use crate::record::probe::Probe;
+use super::{Failure, Made, StudyPiece, StudyRun};
+use crate::record::probe::DigestProbe;
 use crate::{PaperScale, Table1, Table1Error, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
@@ -19,11 +19,12 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     let (mut studies, mut rows) = (Vec::new(), Vec::new());
     for name in WORLDS {
         let scenario = study.world(name)?;
-        let learner = |learner: Option<&str>| Probe::Learner {
+        let learner = |learner: Option<&str>| DigestProbe::Learner {
             world: name.to_owned(),
             learner: learner.map(str::to_owned),
         };
-        let mut depends = BTreeSet::from([Probe::World(name.to_owned()), Probe::Intervals]);
+        let mut depends =
+            BTreeSet::from([DigestProbe::World(name.to_owned()), DigestProbe::Intervals]);
         depends.insert(learner(None));
         depends.extend(scenario.learners().keys().map(|key| learner(Some(key))));
         let piece = format!("{name}, Table I");
@@ -31,7 +32,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let made = study.once(&piece, &scenario, &depends, settings, |watch| {
             Ok(table1(&scenario, &request, watch)?)
         })?;
-        let Some(Piece { cpu_s, made }) = made else {
+        let Some(StudyPiece { cpu_s, made }) = made else {
             return Ok(None);
         };
         rows.push(study.row(name, "", depends, cpu_s, &made.captures()));

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::json;
 
 use super::{Failure, Made, StudyRun};
-use crate::record::probe::Probe;
+use crate::record::probe::DigestProbe;
 use crate::{
     CaseStudies, JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow,
     LetterStudy, LetterStudyError, letter_baselines, letter_markdown, letter_row,
@@ -23,8 +23,8 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         } else {
             path.ends().collect()
         };
-        let mut depends = BTreeSet::from([Probe::Search, Probe::Intervals]);
-        depends.extend(steps.iter().map(|step| Probe::Letter {
+        let mut depends = BTreeSet::from([DigestProbe::Search, DigestProbe::Intervals]);
+        depends.extend(steps.iter().map(|step| DigestProbe::Letter {
             path: at,
             step: *step,
         }));
@@ -68,11 +68,11 @@ fn baselines(
 ) -> Result<Option<(Vec<LetterBaselines>, f64)>, Failure> {
     // Baselines need no learner: paths of one world share them.
     let first = LETTER_PATHS.iter().position(|it| it.world == path.world);
-    let letter = Probe::Letter {
+    let letter = DigestProbe::Letter {
         path: first.unwrap_or_default(),
         step: 0,
     };
-    let depends = BTreeSet::from([Probe::Search, letter]);
+    let depends = BTreeSet::from([DigestProbe::Search, letter]);
     let unlearned = (LetterPath {
         learner: None,
         changes: &[],
@@ -104,7 +104,7 @@ fn baselines(
 struct LetterSteps<'a> {
     path: &'a LetterPath,
     steps: Vec<usize>,
-    depends: &'a BTreeSet<Probe>,
+    depends: &'a BTreeSet<DigestProbe>,
     baselines: &'a [LetterBaselines],
 }
 

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::record::NewRow;
-use crate::record::probe::{Probe, digests};
+use crate::record::probe::{DigestProbe, digests};
 use brakecheck::experiment::Watch;
 use brakecheck::run_dir::{RunError, write_file};
 use brakecheck::seed::Seeds;
@@ -44,16 +44,16 @@ const MOST_SEED: u64 = 999_999_999;
 
 /// Studies in the order of `all`, with the sizes that take about two hours of processor
 /// time together.
-const STUDIES: [Study; 9] = [
-    Study::new(What::CaseStudies, "case-studies", 3, 200, case_studies::run),
-    Study::new(What::Crashes, "crashes", 2, 100, crashes::run),
-    Study::new(What::NearStarts, "near-starts", 1, 200, near::run),
-    Study::new(What::Table1, "table1", 3, 0, grids::run),
-    Study::new(What::PaperRows, "paper-rows", 2, 200, paper::run),
-    Study::new(What::Letter, "letter", 3, 100, letter::run),
-    Study::new(What::Reuse, "reuse", 1, 60, reuse::run),
-    Study::new(What::Structures, "structures", 1, 30, structures::run),
-    Study::new(What::Figures, "figures", 1, 0, figures::run),
+const STUDIES: [StudyPlan; 9] = [
+    StudyPlan::new(What::CaseStudies, "case-studies", 3, 200, case_studies::run),
+    StudyPlan::new(What::Crashes, "crashes", 2, 100, crashes::run),
+    StudyPlan::new(What::NearStarts, "near-starts", 1, 200, near::run),
+    StudyPlan::new(What::Table1, "table1", 3, 0, grids::run),
+    StudyPlan::new(What::PaperRows, "paper-rows", 2, 200, paper::run),
+    StudyPlan::new(What::Letter, "letter", 3, 100, letter::run),
+    StudyPlan::new(What::Reuse, "reuse", 1, 60, reuse::run),
+    StudyPlan::new(What::Structures, "structures", 1, 30, structures::run),
+    StudyPlan::new(What::Figures, "figures", 1, 0, figures::run),
 ];
 
 /// Where an example is and what it is about, after all options.
@@ -133,7 +133,7 @@ enum What {
 
 /// Study with its sizes, which options replace.
 #[derive(Clone, Copy)]
-struct Study {
+struct StudyPlan {
     what: What,
     /// Its files are called so.
     name: &'static str,
@@ -145,15 +145,15 @@ struct Study {
 /// Function that makes a part of the tables, and returns `None` if interrupted.
 type Part = fn(&StudyRun<'_>) -> Result<Option<Made>, Failure>;
 
-impl Study {
+impl StudyPlan {
     const fn new(
         what: What,
         name: &'static str,
         trainings: u64,
         starts: usize,
         run: Part,
-    ) -> Study {
-        Study {
+    ) -> StudyPlan {
+        StudyPlan {
             what,
             name,
             trainings,
@@ -166,7 +166,7 @@ impl Study {
 /// Study as the command line requests it.
 struct StudyRun<'a> {
     args: &'a ReproduceArgs,
-    study: Study,
+    study: StudyPlan,
 }
 
 impl StudyRun<'_> {
@@ -220,10 +220,10 @@ impl StudyRun<'_> {
         &self,
         piece: &str,
         scenario: &Scenario,
-        depends: &BTreeSet<Probe>,
+        depends: &BTreeSet<DigestProbe>,
         mut settings: Value,
         make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
-    ) -> Result<Option<Piece<T>>, Failure> {
+    ) -> Result<Option<StudyPiece<T>>, Failure> {
         settings["digests"] = json!(digests(depends));
         let parts = self.args.output.join("parts");
         let kept = CachedResult::new(&parts, piece, scenario, settings);
@@ -238,7 +238,7 @@ impl StudyRun<'_> {
         }
         let bar = terminal::bar(&self.args.common, piece);
         let clock = ProcessTime::now();
-        let made = make(&bar.watch())?.map(|made| Piece {
+        let made = make(&bar.watch())?.map(|made| StudyPiece {
             cpu_s: clock.elapsed().as_secs_f64(),
             made,
         });
@@ -256,7 +256,7 @@ impl StudyRun<'_> {
         &self,
         name: &str,
         only: &str,
-        depends: BTreeSet<Probe>,
+        depends: BTreeSet<DigestProbe>,
         cpu_s: f64,
         data: &impl Serialize,
     ) -> NewRow {
@@ -291,7 +291,7 @@ impl StudyRun<'_> {
 
 /// Kept piece of a part.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Piece<T> {
+struct StudyPiece<T> {
     /// Processor time that it took, s.
     cpu_s: f64,
     made: T,

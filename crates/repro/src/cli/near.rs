@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, Piece, StudyRun};
-use crate::record::probe::Probe;
+use super::{Failure, Made, StudyPiece, StudyRun};
+use crate::record::probe::DigestProbe;
 use crate::{
     NearFailing, TrainedPolicy, near_starts, near_starts_markdown, start_with, trained_run,
 };
@@ -46,13 +46,13 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
                 "use the worlds that came with this version",
             )
         })?;
-        let depends = Probe::of_training(name);
+        let depends = DigestProbe::of_training(name);
         let own = json!({ "starts": study.starts(), "deltas": DELTAS });
         let piece = format!("{name}, near starts");
         let made = study.once(&piece, &scenario, &depends, study.settings(own), |watch| {
             near(study, &scenario, &around, watch)
         })?;
-        let Some(Piece { cpu_s, made }) = made else {
+        let Some(StudyPiece { cpu_s, made }) = made else {
             return Ok(None);
         };
         let only = format!(" --world {name}");

@@ -1,7 +1,7 @@
 //! Recorded rows, and the pages that are made from them.
 
 use super::{Exit, Failure, ReproduceArgs};
-use crate::page::{Pages, README, RESULTS};
+use crate::page::{README, RESULTS, ResultPages};
 use crate::record::{NewRow, RecordError, Results};
 use brakecheck::cli::terminal;
 use brakecheck::run_dir::write_file;
@@ -31,7 +31,7 @@ pub(super) fn write(args: &ReproduceArgs) -> Result<Exit, Failure> {
     require_root(args)?;
     let results = Results::read(&args.root)?;
     let digests = results.digests()?;
-    let pages = Pages::of(&args.root, &results, &digests)?;
+    let pages = ResultPages::of(&args.root, &results, &digests)?;
     for row in &pages.outdated {
         terminal::note(&format!("of an earlier version: {row}"));
     }
@@ -45,7 +45,7 @@ pub(super) fn write(args: &ReproduceArgs) -> Result<Exit, Failure> {
 }
 
 /// Refuses pages that differ from their rows, and rows of an earlier version.
-fn check(args: &ReproduceArgs, pages: &Pages) -> Result<Exit, Failure> {
+fn check(args: &ReproduceArgs, pages: &ResultPages) -> Result<Exit, Failure> {
     for (file, text) in pages.files() {
         let found = std::fs::read_to_string(args.root.join(file)).unwrap_or_default();
         if found != text {

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use serde_json::json;
 
-use super::{Failure, Made, Piece, StudyRun};
-use crate::record::probe::Probe;
+use super::{Failure, Made, StudyPiece, StudyRun};
+use crate::record::probe::DigestProbe;
 use crate::{PaperRow, measure_paper_row, paper_rows_markdown};
 use brakecheck::world::PlantKind;
 
@@ -73,12 +73,12 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
             scenario: &scenario,
             episodes: &episodes,
         };
-        let learner = Probe::Learner {
+        let learner = DigestProbe::Learner {
             world: of.world.to_owned(),
             learner: of.learner.map(str::to_owned),
         };
-        let world = Probe::World(of.world.to_owned());
-        let depends = BTreeSet::from([world, learner, Probe::Intervals]);
+        let world = DigestProbe::World(of.world.to_owned());
+        let depends = BTreeSet::from([world, learner, DigestProbe::Intervals]);
         let settings = study.settings(json!({
             "starts": study.starts(), "learner": of.learner, "episodes": episodes,
         }));
@@ -87,7 +87,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let made = study.once(&piece, &scenario, &depends, settings, |watch| {
             Ok(measure_paper_row(&row, seeds, study.starts(), watch))
         })?;
-        let Some(Piece { cpu_s, made }) = made else {
+        let Some(StudyPiece { cpu_s, made }) = made else {
             return Ok(None);
         };
         let only = format!(" --world {}", of.world);

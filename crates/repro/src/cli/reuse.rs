@@ -4,7 +4,7 @@ use brakecheck::cli::terminal::{Common, bar};
 use serde_json::json;
 
 use super::{Failure, Made, StudyRun};
-use crate::record::probe::Probe;
+use crate::record::probe::DigestProbe;
 use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use brakecheck::experiment::EgoUnderTest;
 use brakecheck::world::Scenario;
@@ -32,9 +32,9 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         .filter(|name| FAMILIES.contains(&name.as_str()))
     {
         let scenario = study.world(name)?;
-        let mut depends = Probe::of_training(name);
-        depends.insert(Probe::Family(name.clone()));
-        depends.insert(Probe::Egos(name.clone()));
+        let mut depends = DigestProbe::of_training(name);
+        depends.insert(DigestProbe::Family(name.clone()));
+        depends.insert(DigestProbe::Egos(name.clone()));
         // Trainings come first, because all egos share them.
         let Some(begun) = begin(&study.args.common, name, &scenario, config)? else {
             return Ok(None);

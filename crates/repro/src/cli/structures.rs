@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use serde_json::json;
 
-use super::{Failure, Made, Piece, StudyRun};
-use crate::record::probe::Probe;
+use super::{Failure, Made, StudyPiece, StudyRun};
+use crate::record::probe::DigestProbe;
 use crate::{
     RUNS, StructureMeans, StructureRow, StructureStudy, other_structures, structures_markdown,
     trained_run,
@@ -23,9 +23,12 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     let (mut tables, mut studies) = (String::new(), serde_json::Map::new());
     let mut recorded = Vec::new();
     for name in &study.worlds_or(WORLDS) {
-        let mut depends = Probe::of_training(name);
-        depends.extend([Probe::Surrogate, Probe::Egos("acc_structures".to_owned())]);
-        let Some(Piece { cpu_s, made: rows }) = rows(study, &depends, name)? else {
+        let mut depends = DigestProbe::of_training(name);
+        depends.extend([
+            DigestProbe::Surrogate,
+            DigestProbe::Egos("acc_structures".to_owned()),
+        ]);
+        let Some(StudyPiece { cpu_s, made: rows }) = rows(study, &depends, name)? else {
             return Ok(None);
         };
         tables.push_str(&structures_markdown(name, &rows));
@@ -45,13 +48,13 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
 /// Returns a row for each training and ego of a world, `None` if stopped.
 fn rows(
     study: &StudyRun<'_>,
-    depends: &BTreeSet<Probe>,
+    depends: &BTreeSet<DigestProbe>,
     name: &str,
-) -> Result<Option<Piece<Vec<StructureRow>>>, Failure> {
+) -> Result<Option<StudyPiece<Vec<StructureRow>>>, Failure> {
     let scenario = study.world(name)?;
     let egos = other_structures(&scenario)?;
     let (seeds, starts) = (study.seeds(), study.starts());
-    let mut rows = Piece {
+    let mut rows = StudyPiece {
         cpu_s: 0.0,
         made: Vec::new(),
     };

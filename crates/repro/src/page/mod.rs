@@ -23,19 +23,21 @@ pub(crate) const README: &str = "README.md";
 const TEXT: &str = include_str!("results.md");
 /// Comments around the table of [`README`].
 const BORDERS: [&str; 2] = ["<!-- results:begin -->", "<!-- results:end -->"];
+/// Text in place of a table without rows.
+const NOTHING: &str = "No row of this table was measured yet. The command above measures it.";
 /// Mark of a row that is not of this version.
 const OLD: &str = "†";
 
 /// Pages as the recorded rows give them.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Pages {
+pub(crate) struct ResultPages {
     results: String,
     readme: String,
     /// Rows with changed digests, with the reason.
     pub(crate) outdated: Vec<String>,
 }
 
-impl Pages {
+impl ResultPages {
     /// Makes the pages, with the digests of this version.
     ///
     /// # Errors
@@ -44,16 +46,16 @@ impl Pages {
         root: &Path,
         results: &Results,
         digests: &BTreeMap<String, String>,
-    ) -> Result<Pages, RecordError> {
+    ) -> Result<ResultPages, RecordError> {
         let rows = Rows { results, digests };
         let path = root.join(README);
-        let readme = std::fs::read_to_string(&path);
-        let readme = readme.map_err(|error| RecordError::Read { path, error })?;
+        let read = std::fs::read_to_string(&path);
+        let readme = read.map_err(|error| RecordError::Read { path, error })?;
         // Rows that were measured by hand are shown as such, and cannot be measured here.
         let outdated = results
             .rows()
             .filter(|(_, row)| !row.changed(digests).is_empty());
-        Ok(Pages {
+        Ok(ResultPages {
             results: filled(&rows),
             readme: between(&readme, &tables::readme(&rows)),
             outdated: outdated
@@ -166,7 +168,11 @@ fn without_world(command: &str) -> String {
 fn filled(rows: &Rows<'_>) -> String {
     let mut text = TEXT.to_owned();
     for (name, table) in tables::all(rows) {
-        text = text.replace(&format!("{{{{{name}}}}}"), table.trim_end());
+        // A head and a rule alone are no table.
+        let lines = table.lines().filter(|line| line.starts_with('|')).count();
+        let is_empty = (1..=2).contains(&lines);
+        let shown = if is_empty { NOTHING } else { table.trim_end() };
+        text = text.replace(&format!("{{{{{name}}}}}"), shown);
     }
     text
 }

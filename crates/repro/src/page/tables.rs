@@ -31,7 +31,7 @@ const WORLDS: [&str; 10] = [
 ];
 
 /// Result of the paper for a driving scene.
-struct OfPaper {
+struct PaperNumber {
     scene: &'static str,
     /// Share of falsified starts or episodes, and hours.
     result: &'static str,
@@ -43,8 +43,8 @@ struct OfPaper {
     letter: &'static str,
 }
 
-const PAPER: [OfPaper; 4] = [
-    OfPaper {
+const PAPER: [PaperNumber; 4] = [
+    PaperNumber {
         scene: "ACC, DQN",
         result: "54.8 % in 1.93 h",
         counts: "distance below `d_safe`",
@@ -52,7 +52,7 @@ const PAPER: [OfPaper; 4] = [
         here_counts: "distance below `d_safe`",
         letter: "acc_letter dqn",
     },
-    OfPaper {
+    PaperNumber {
         scene: "ACC, Q-table",
         result: "55.79 % in 4.83 h",
         counts: "distance below `d_safe`",
@@ -60,7 +60,7 @@ const PAPER: [OfPaper; 4] = [
         here_counts: "the same, kinematic plant",
         letter: "acc_letter q_table",
     },
-    OfPaper {
+    PaperNumber {
         scene: "merge, 371 episodes",
         result: "75.76 % in 9.44 h",
         counts: "training episodes that end in a collision",
@@ -68,7 +68,7 @@ const PAPER: [OfPaper; 4] = [
         here_counts: "distance below `d_safe`, rules kept",
         letter: "merge_letter dqn",
     },
-    OfPaper {
+    PaperNumber {
         scene: "yellow light, 247 episodes",
         result: "64 % in 2.59 h",
         counts: "running the red light",
@@ -386,9 +386,9 @@ fn episodes(rows: &Rows<'_>) -> TextTable {
         let name = marked(&measured.world, rows.is_fresh(row));
         // The paper's own counts are all below a thousand.
         let (last, earlier) = measured.reached.split_last().unzip();
-        let shown = earlier.into_iter().flatten();
-        let shown = shown.filter(|reached: &&Reached| reached.episodes < 1_000.0);
-        let shown: Vec<Reached> = shown.chain(last).cloned().collect();
+        let counts = earlier.into_iter().flatten();
+        let few = counts.filter(|reached: &&Reached| reached.episodes < 1_000.0);
+        let shown: Vec<Reached> = few.chain(last).cloned().collect();
         shown.into_iter().map(move |reached| {
             [
                 name.clone(),
@@ -604,7 +604,7 @@ fn structures(rows: &Rows<'_>) -> TextTable {
 
 /// Published planner that the ado of `acc_iso` played, measured by hand.
 #[derive(Deserialize)]
-struct Planner {
+struct PlannerRow {
     ego: String,
     reused: String,
     held: String,
@@ -622,7 +622,7 @@ fn planners(rows: &Rows<'_>) -> TextTable {
         "adapted [95 %]",
         "closing m/s",
     ];
-    let lines = read::<Planner>(rows, "planners").map(|(row, it)| {
+    let lines = read::<PlannerRow>(rows, "planners").map(|(row, it)| {
         let ego = marked(&it.ego, rows.is_fresh(row));
         [ego, it.reused, it.held, it.search, it.adapted, it.closing]
     });

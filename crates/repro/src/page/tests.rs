@@ -22,8 +22,8 @@ fn digests() -> &'static BTreeMap<String, String> {
     DIGESTS.get_or_init(|| recorded().digests().expect("known probes"))
 }
 
-fn pages(digests: &BTreeMap<String, String>) -> Pages {
-    Pages::of(&root(), &recorded(), digests).expect("pages")
+fn pages(digests: &BTreeMap<String, String>) -> ResultPages {
+    ResultPages::of(&root(), &recorded(), digests).expect("pages")
 }
 
 fn committed(file: &str) -> String {
@@ -94,7 +94,7 @@ fn recorded_rows_are_replaced_by_name_and_read_again() {
         name: name.to_owned(),
         command: "near-starts --world acc".to_owned(),
         seeds: "training seed 300".to_owned(),
-        depends: [crate::record::probe::Probe::Intervals].into(),
+        depends: [crate::record::probe::DigestProbe::Intervals].into(),
         cpu_s: Some(3.4),
         data,
     };

@@ -13,8 +13,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-pub(crate) use origin::Origin;
-use probe::Probe;
+pub(crate) use origin::RowOrigin;
+use probe::DigestProbe;
 
 /// Folder of the files, below the root of the repository.
 const FOLDER: &str = "results";
@@ -28,7 +28,7 @@ pub(crate) struct NewRow {
     /// Seeds in words.
     pub seeds: String,
     /// Everything that could change its numbers.
-    pub depends: BTreeSet<Probe>,
+    pub depends: BTreeSet<DigestProbe>,
     /// Processor time, s. `None`: not measured.
     pub cpu_s: Option<f64>,
     /// Numbers of the row.
@@ -47,7 +47,7 @@ pub(crate) struct ResultRow {
     pub seeds: String,
     /// Program and machine.
     #[serde(flatten)]
-    pub origin: Origin,
+    pub origin: RowOrigin,
     /// Processor time, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_s: Option<f64>,
@@ -181,13 +181,13 @@ impl Results {
         study: &str,
         rows: Vec<NewRow>,
     ) -> Result<(), RecordError> {
-        let origin = Origin::here(root);
-        let mut probes: BTreeSet<Probe> = BTreeSet::new();
+        let origin = RowOrigin::here(root);
+        let mut probes: BTreeSet<DigestProbe> = BTreeSet::new();
         probes.extend(rows.iter().flat_map(|row| row.depends.iter().cloned()));
         let digests = probe::digests(&probes);
         let kept = self.0.entry(study.to_owned()).or_default();
         for new in rows {
-            let digest_of = |probe: &Probe| {
+            let digest_of = |probe: &DigestProbe| {
                 let name = probe.to_string();
                 let digest = digests.get(&name).cloned().unwrap_or_default();
                 (name, digest)

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Program, day and machine of a measurement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Origin {
+pub(crate) struct RowOrigin {
     /// Version of brakecheck.
     pub version: String,
     /// Commit of the repository. A plus sign follows if files differed from it.
@@ -19,10 +19,10 @@ pub(crate) struct Origin {
     pub machine: String,
 }
 
-impl Origin {
+impl RowOrigin {
     /// Returns the origin of a measurement that this program makes now.
-    pub(crate) fn here(root: &Path) -> Origin {
-        Origin {
+    pub(crate) fn here(root: &Path) -> RowOrigin {
+        RowOrigin {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: commit(root).unwrap_or_else(|| "unknown".to_owned()),
             date: today(),
@@ -87,10 +87,10 @@ fn machine() -> String {
         let value = line.split([':', '=']).nth(1)?;
         Some(value.trim().trim_matches('"').to_owned())
     };
-    let processor = line("/proc/cpuinfo", "model name");
-    let processor = processor.unwrap_or_else(|| std::env::consts::ARCH.to_owned());
-    let system = line("/etc/os-release", "PRETTY_NAME");
-    let system = system.unwrap_or_else(|| std::env::consts::OS.to_owned());
+    let model = line("/proc/cpuinfo", "model name");
+    let processor = model.unwrap_or_else(|| std::env::consts::ARCH.to_owned());
+    let release = line("/etc/os-release", "PRETTY_NAME");
+    let system = release.unwrap_or_else(|| std::env::consts::OS.to_owned());
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     format!("{processor}, {cores} cores, {system}")
 }

@@ -46,7 +46,7 @@ const SEED: u64 = 0;
 
 /// Small run of the program with a digest.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Probe {
+pub(crate) enum DigestProbe {
     /// Scripted episodes of a shipped world: starts, observations, rewards, physics, ego,
     /// monitor.
     World(String),
@@ -78,15 +78,15 @@ pub(crate) enum Probe {
     Intervals,
 }
 
-impl Probe {
+impl DigestProbe {
     /// The probes of an evaluation in a world by its own learner.
-    pub(crate) fn of_training(world: &str) -> BTreeSet<Probe> {
-        let learner = Probe::Learner {
+    pub(crate) fn of_training(world: &str) -> BTreeSet<DigestProbe> {
+        let learner = DigestProbe::Learner {
             world: world.to_owned(),
             learner: None,
         };
-        let world = Probe::World(world.to_owned());
-        BTreeSet::from([world, learner, Probe::Search, Probe::Intervals])
+        let world = DigestProbe::World(world.to_owned());
+        BTreeSet::from([world, learner, DigestProbe::Search, DigestProbe::Intervals])
     }
 
     /// Returns the digest. An impossible probe has the digest of its reason.
@@ -101,15 +101,15 @@ impl Probe {
 
     fn run(&self, bits: &mut Bits) -> Result<(), String> {
         match self {
-            Probe::World(name) => bits.episodes(&shipped(name)?, EPISODES),
-            Probe::Egos(name) => {
+            DigestProbe::World(name) => bits.episodes(&shipped(name)?, EPISODES),
+            DigestProbe::Egos(name) => {
                 let world = shipped(name)?;
                 let egos = EgoUnderTest::find(&world, "all").map_err(|it| it.to_string())?;
                 for ego in &egos {
                     bits.episodes(ego.scenario(), EPISODES_PER_EGO);
                 }
             }
-            Probe::Learner { world, learner } => {
+            DigestProbe::Learner { world, learner } => {
                 let world = shipped(world)?;
                 let chosen = learner.as_ref().map(|name| {
                     let missing = || format!("no learner `{name}`");
@@ -117,11 +117,11 @@ impl Probe {
                 });
                 bits.training(&chosen.transpose()?.unwrap_or(world))?;
             }
-            Probe::Family(name) => {
+            DigestProbe::Family(name) => {
                 let family = shipped(name)?.training_against(TrainingEgos::Randomized);
                 bits.training(&family.ok_or("no family")?)?;
             }
-            Probe::Letter { path, step } => {
+            DigestProbe::Letter { path, step } => {
                 let path = LETTER_PATHS.get(*path).ok_or("no such path")?;
                 let letter = shipped(path.world)?;
                 let steps = path.steps(letter.text()).map_err(|it| it.to_string())?;
@@ -130,10 +130,10 @@ impl Probe {
                 bits.episodes(&world, EPISODES);
                 bits.training(&world)?;
             }
-            Probe::Search => bits.search(&shipped("acc")?.on(PlantKind::Kinematic))?,
-            Probe::Drivers => bits.drivers(&shipped("acc_iso")?),
-            Probe::Surrogate => bits.surrogate(&shipped("acc_structures")?)?,
-            Probe::Intervals => bits.intervals()?,
+            DigestProbe::Search => bits.search(&shipped("acc")?.on(PlantKind::Kinematic))?,
+            DigestProbe::Drivers => bits.drivers(&shipped("acc_iso")?),
+            DigestProbe::Surrogate => bits.surrogate(&shipped("acc_structures")?)?,
+            DigestProbe::Intervals => bits.intervals()?,
         }
         Ok(())
     }
@@ -142,73 +142,74 @@ impl Probe {
 /// Returns the digests of some probes by their names.
 ///
 /// A digest is a constant of the program, so each is computed once.
-pub(crate) fn digests(probes: &BTreeSet<Probe>) -> BTreeMap<String, String> {
+pub(crate) fn digests(probes: &BTreeSet<DigestProbe>) -> BTreeMap<String, String> {
     static KNOWN: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
     // A poisoned map still holds whole entries.
     let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-    let missing: Vec<&Probe> = {
-        let known = known();
-        let is_missing = |probe: &&Probe| !known.contains_key(&probe.to_string());
+    let missing: Vec<&DigestProbe> = {
+        let computed = known();
+        let is_missing = |probe: &&DigestProbe| !computed.contains_key(&probe.to_string());
         probes.iter().filter(is_missing).collect()
     };
-    let missing = missing.into_par_iter().with_max_len(1);
     let found: Vec<(String, String)> = missing
+        .into_par_iter()
+        .with_max_len(1)
         .map(|probe| (probe.to_string(), probe.digest()))
         .collect();
-    let mut known = known();
-    known.extend(found);
-    let names = probes.iter().map(Probe::to_string);
+    let mut all = known();
+    all.extend(found);
+    let names = probes.iter().map(DigestProbe::to_string);
     names
-        .filter_map(|name| known.get_key_value(&name))
+        .filter_map(|name| all.get_key_value(&name))
         .map(|(name, digest)| (name.clone(), digest.clone()))
         .collect()
 }
 
-impl Display for Probe {
+impl Display for DigestProbe {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
-            Probe::World(name) => write!(f, "world {name}"),
-            Probe::Egos(name) => write!(f, "egos {name}"),
-            Probe::Learner { world, learner } => match learner {
+            DigestProbe::World(name) => write!(f, "world {name}"),
+            DigestProbe::Egos(name) => write!(f, "egos {name}"),
+            DigestProbe::Learner { world, learner } => match learner {
                 Some(learner) => write!(f, "learner {world} {learner}"),
                 None => write!(f, "learner {world}"),
             },
-            Probe::Family(name) => write!(f, "family {name}"),
-            Probe::Letter { path, step } => write!(f, "letter {path} {step}"),
-            Probe::Search => f.write_str("search"),
-            Probe::Drivers => f.write_str("drivers"),
-            Probe::Surrogate => f.write_str("surrogate"),
-            Probe::Intervals => f.write_str("intervals"),
+            DigestProbe::Family(name) => write!(f, "family {name}"),
+            DigestProbe::Letter { path, step } => write!(f, "letter {path} {step}"),
+            DigestProbe::Search => f.write_str("search"),
+            DigestProbe::Drivers => f.write_str("drivers"),
+            DigestProbe::Surrogate => f.write_str("surrogate"),
+            DigestProbe::Intervals => f.write_str("intervals"),
         }
     }
 }
 
-impl FromStr for Probe {
+impl FromStr for DigestProbe {
     type Err = ();
 
-    fn from_str(text: &str) -> Result<Probe, ()> {
+    fn from_str(text: &str) -> Result<DigestProbe, ()> {
         let words: Vec<&str> = text.split(' ').collect();
         let number = |word: &str| word.parse().map_err(|_| ());
         match words[..] {
-            ["world", name] => Ok(Probe::World(name.to_owned())),
-            ["egos", name] => Ok(Probe::Egos(name.to_owned())),
-            ["learner", world] => Ok(Probe::Learner {
+            ["world", name] => Ok(DigestProbe::World(name.to_owned())),
+            ["egos", name] => Ok(DigestProbe::Egos(name.to_owned())),
+            ["learner", world] => Ok(DigestProbe::Learner {
                 world: world.to_owned(),
                 learner: None,
             }),
-            ["learner", world, learner] => Ok(Probe::Learner {
+            ["learner", world, learner] => Ok(DigestProbe::Learner {
                 world: world.to_owned(),
                 learner: Some(learner.to_owned()),
             }),
-            ["family", name] => Ok(Probe::Family(name.to_owned())),
-            ["letter", path, step] => Ok(Probe::Letter {
+            ["family", name] => Ok(DigestProbe::Family(name.to_owned())),
+            ["letter", path, step] => Ok(DigestProbe::Letter {
                 path: number(path)?,
                 step: number(step)?,
             }),
-            ["search"] => Ok(Probe::Search),
-            ["drivers"] => Ok(Probe::Drivers),
-            ["surrogate"] => Ok(Probe::Surrogate),
-            ["intervals"] => Ok(Probe::Intervals),
+            ["search"] => Ok(DigestProbe::Search),
+            ["drivers"] => Ok(DigestProbe::Drivers),
+            ["surrogate"] => Ok(DigestProbe::Surrogate),
+            ["intervals"] => Ok(DigestProbe::Intervals),
             _ => Err(()),
         }
     }
@@ -294,8 +295,8 @@ impl Bits {
 
     /// Trains briefly, with the goals of the world and some demonstrations.
     fn training(&mut self, scenario: &Scenario) -> Result<(), String> {
-        let brief = scenario.training_for(DECISIONS);
-        let brief = brief.map_err(|error| error.to_string())?;
+        let shorter = scenario.training_for(DECISIONS);
+        let brief = shorter.map_err(|error| error.to_string())?;
         let mut gym = TrainingGym::new(&brief, Purpose::Train, SEED);
         let goals = GoalTracker::of(&brief, None).map_err(|error| error.to_string())?;
         if let Some(goals) = goals {
@@ -381,9 +382,9 @@ impl Bits {
             outcomes(&"1111110110".repeat(9))?,
             outcomes(&"0101110111".repeat(9))?,
         ];
-        let trainings: Vec<&Outcomes> = trainings.iter().collect();
-        self.numbers(seeds_interval(&trainings));
-        let (difference, interval) = paired_difference(&trainings[..2], &trainings[2..]);
+        let marks: Vec<&Outcomes> = trainings.iter().collect();
+        self.numbers(seeds_interval(&marks));
+        let (difference, interval) = paired_difference(&marks[..2], &marks[2..]);
         self.number(difference);
         self.numbers(interval);
         self.numbers(wilson(7, 40));
@@ -442,24 +443,24 @@ mod tests {
 
     #[test]
     fn names_of_probes_are_read_again() {
-        let learner = |learner: Option<&str>| Probe::Learner {
+        let learner = |learner: Option<&str>| DigestProbe::Learner {
             world: "acc".to_owned(),
             learner: learner.map(str::to_owned),
         };
         for probe in [
-            Probe::World("acc".to_owned()),
-            Probe::Egos("acc".to_owned()),
+            DigestProbe::World("acc".to_owned()),
+            DigestProbe::Egos("acc".to_owned()),
             learner(None),
             learner(Some("q_table")),
-            Probe::Family("acc".to_owned()),
-            Probe::Letter { path: 3, step: 8 },
-            Probe::Search,
-            Probe::Drivers,
-            Probe::Surrogate,
-            Probe::Intervals,
+            DigestProbe::Family("acc".to_owned()),
+            DigestProbe::Letter { path: 3, step: 8 },
+            DigestProbe::Search,
+            DigestProbe::Drivers,
+            DigestProbe::Surrogate,
+            DigestProbe::Intervals,
         ] {
             assert_eq!(probe.to_string().parse(), Ok(probe));
         }
-        assert_eq!("world".parse::<Probe>(), Err(()));
+        assert_eq!("world".parse::<DigestProbe>(), Err(()));
     }
 }

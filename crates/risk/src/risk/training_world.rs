@@ -126,8 +126,8 @@ impl Signals {
                 let before = self.action(&ado.name, "action_before", "action before the last one");
                 let along = fitted(law, last, before);
                 let unit = along.actions;
-                let aside = law.lateral.as_ref();
-                let aside = aside.map(|law| self.markov(&ado.name, law, last, unit));
+                let lateral = law.lateral.as_ref();
+                let aside = lateral.map(|law| self.markov(&ado.name, law, last, unit));
                 Ok(std::iter::once(along).chain(aside).collect())
             }
         }

@@ -66,10 +66,19 @@ pub use list::{fine_tuner, load_policy, load_policy_for};
 pub use per_ado::policy_of_part;
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
-pub use traffic::{ActionOdds, TrafficSettings};
+pub use traffic::TrafficSettings;
 pub use traffic_law::{LawFactor, LawOnset, TrafficLaw, interrupted};
 
 use serde::{Deserialize, Serialize};
+
+/// Probabilities of the actions of a decision: under the traffic's law and under the policy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActionOdds {
+    /// Law of the traffic.
+    pub law: Vec<f64>,
+    /// Probabilities with which the policy draws.
+    pub own: Vec<f64>,
+}
 
 /// Shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]

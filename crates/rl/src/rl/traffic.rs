@@ -18,7 +18,7 @@ use super::learner::{
 use super::nn::Mlp;
 use super::soft_backup::{SoftBackup, drawn, likeliest};
 use super::traffic_law::TrafficLaw;
-use super::{End, Env, Losses, Policy, Spaces, Step};
+use super::{ActionOdds, End, Env, Losses, Policy, Spaces, Step};
 
 /// Kind of a kept policy.
 const POLICY: &str = "brakecheck traffic policy 1";
@@ -388,15 +388,6 @@ impl Policy for TrafficPolicy {
         // Decades, which a reader compares more easily than a number of many zeros.
         (log / std::f64::consts::LN_10) as f32
     }
-}
-
-/// Probabilities of the actions of a decision: under the traffic's law and under the policy.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ActionOdds {
-    /// Law of the traffic.
-    pub law: Vec<f64>,
-    /// Probabilities with which the policy draws.
-    pub own: Vec<f64>,
 }
 
 fn put_law(law: &TrafficLaw, bundle: &mut TensorFile) {

@@ -12,7 +12,7 @@ const DECISIONS: usize = 7;
 /// Gaps of the starts. A gap of 7 can only be closed by breaking the rule.
 const GAPS: [i32; 4] = [2, 3, 6, 7];
 
-struct Following {
+struct FollowingEnv {
     spaces: Spaces,
     gap: i32,
     last: usize,
@@ -20,9 +20,9 @@ struct Following {
     decisions: usize,
 }
 
-impl Following {
-    fn new() -> Following {
-        Following {
+impl FollowingEnv {
+    fn new() -> FollowingEnv {
+        FollowingEnv {
             spaces: Spaces {
                 observation: 5,
                 actions: 3,
@@ -45,15 +45,15 @@ impl Following {
     }
 }
 
-impl Env for Following {
+impl Env for FollowingEnv {
     fn spaces(&self) -> &Spaces {
         &self.spaces
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        *self = Following {
+        *self = FollowingEnv {
             gap: GAPS[index as usize % GAPS.len()],
-            ..Following::new()
+            ..FollowingEnv::new()
         };
         self.observe(obs);
     }
@@ -109,7 +109,7 @@ fn sequences(policy: &dyn Policy, index: u64) -> Vec<Sequence> {
     let mut all = Vec::new();
     let mut open: Vec<(Vec<usize>, f64, f64)> = vec![(Vec::new(), 1.0, 1.0)];
     while let Some((actions, law, own)) = open.pop() {
-        let mut env = Following::new();
+        let mut env = FollowingEnv::new();
         let mut obs = vec![0.0; 5];
         env.reset(index, &mut obs);
         let mut last = None;
@@ -141,7 +141,7 @@ fn trained() -> Box<dyn Policy> {
         law: law(),
         ..TrafficSettings::default()
     };
-    let mut env = Following::new();
+    let mut env = FollowingEnv::new();
     let config = LearnerConfig::new(settings).expect("in range");
     let mut learner = config.build(env.spaces(), 5);
     while !learner.finished() {
@@ -163,7 +163,7 @@ fn the_learned_law_is_the_law_given_a_success() {
         let exact = sum(&success);
         let distance = 0.5 * sum(&|it| (it.own - success(it) / exact).abs());
         let succeeds = sum(&|it| if it.succeeds { it.own } else { 0.0 });
-        let mut env = Following::new();
+        let mut env = FollowingEnv::new();
         env.reset(index as u64, &mut obs);
         let found = libm::pow(10.0, f64::from(policy.value(&obs)));
         let said = format!(
@@ -180,7 +180,7 @@ fn the_learned_law_is_the_law_given_a_success() {
 fn a_start_without_a_lawful_success_has_no_value() {
     let policy = trained();
     let mut obs = vec![0.0; 5];
-    let mut env = Following::new();
+    let mut env = FollowingEnv::new();
     env.reset(3, &mut obs);
     let v = policy.value(&obs);
     assert!(v < -9.0, "{v}");
@@ -191,7 +191,7 @@ fn a_start_without_a_lawful_success_has_no_value() {
 fn a_temperature_leads_from_the_law_to_the_surest_action() {
     let policy = trained();
     let mut obs = vec![0.0; 5];
-    let mut env = Following::new();
+    let mut env = FollowingEnv::new();
     env.reset(0, &mut obs);
     let share = |temperature: f64| {
         let draws = (0..1000).filter(|it| {
@@ -214,7 +214,7 @@ fn a_resumed_training_continues_with_the_same_bits() {
         ..TrafficSettings::default()
     };
     let config = LearnerConfig::new(settings).expect("in range");
-    let (mut env, spaces) = (Following::new(), Following::new().spaces);
+    let (mut env, spaces) = (FollowingEnv::new(), FollowingEnv::new().spaces);
     let mut whole = config.build(&spaces, 5);
     while whole.decisions() < 3_000 {
         whole.episode(&mut env);

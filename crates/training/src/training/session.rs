@@ -157,16 +157,16 @@ impl TrainSession {
         path: &Path,
         request: &TrainRequest<'_>,
     ) -> Result<TrainSession, SessionError> {
-        let world = request.world(given)?;
+        let asked = request.world(given)?;
         // The request is checked first, because an invalid one is no reason to lock the
         // run.
-        let requested = request.ego(&world)?;
+        let requested = request.ego(&asked)?;
         let run = RunDir::resume(path)?;
-        let world = match request.in_begun_traffic(given, &run)? {
+        let driven = match request.in_begun_traffic(given, &run)? {
             Some(in_traffic) => request.world(&in_traffic)?,
-            None => world,
+            None => asked,
         };
-        let world = request.as_begun(world, &run)?;
+        let world = request.as_begun(driven, &run)?;
         let begun = run.manifest();
         let ego = match request.ego {
             Some(_) => requested,

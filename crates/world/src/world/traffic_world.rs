@@ -74,11 +74,11 @@ impl Scenario {
         file.traffic = Some(laws.clone());
         let text = world_file::text(&WorldFile::Scenario(file))
             .map_err(|error| without_place(name.clone(), &error.to_string()))?;
-        Ok(self.told_anew(Scenario::parse(&name, &text)?))
+        Ok(self.with_own_parts(Scenario::parse(&name, &text)?))
     }
 
     /// Returns a world of another text with the parts of this one that no text has.
-    fn told_anew(&self, told: Scenario) -> Scenario {
+    fn with_own_parts(&self, written: Scenario) -> Scenario {
         let own = self.drive().map(|driving| driving.spec().clone());
         let keep = |spec: &mut DriveSpec| {
             if let Some(own) = &own {
@@ -91,7 +91,7 @@ impl Scenario {
             fresh_egos: self.fresh_egos,
             traffic: self.traffic.clone(),
             repeats: self.repeats,
-            ..told.redriven(keep)
+            ..written.redriven(keep)
         }
     }
 }
