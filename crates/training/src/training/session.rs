@@ -157,14 +157,14 @@ impl TrainSession {
         path: &Path,
         request: &TrainRequest<'_>,
     ) -> Result<TrainSession, SessionError> {
-        let asked = request.world(given)?;
+        let requested_world = request.world(given)?;
         // The request is checked first, because an invalid one is no reason to lock the
         // run.
-        let requested = request.ego(&asked)?;
+        let requested = request.ego(&requested_world)?;
         let run = RunDir::resume(path)?;
         let driven = match request.in_begun_traffic(given, &run)? {
             Some(in_traffic) => request.world(&in_traffic)?,
-            None => asked,
+            None => requested_world,
         };
         let world = request.as_begun(driven, &run)?;
         let begun = run.manifest();
@@ -373,10 +373,10 @@ impl TrainRequest<'_> {
     /// Returns the world with the requested options.
     pub fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let in_traffic = self.in_traffic(world)?;
-        let world = in_traffic.as_ref().unwrap_or(world);
+        let given = in_traffic.as_ref().unwrap_or(world);
         let mut world = match self.plant {
-            Some(plant) => on_plant(world, plant)?,
-            None => world.clone(),
+            Some(plant) => on_plant(given, plant)?,
+            None => given.clone(),
         };
         if let Some(goals) = self.goals {
             world = world.training_towards(goals).map_err(SessionError::Goals)?;
