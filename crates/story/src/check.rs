@@ -18,7 +18,7 @@ use crate::view::SceneChange;
 /// Greatest number of elements, and of conditions, so that a file allocates little.
 const MOST_PARTS: usize = 10_000;
 /// Greatest number of executions.
-const MOST_EXECUTIONS: u32 = 1_000_000;
+const MOST_EXECUTIONS: u32 = 10_000;
 /// Greatest time, speed and distance.
 const MOST: f64 = 1e6;
 

@@ -41,8 +41,8 @@ use crate::story::values::{
     StoryManeuver, StoryNumber, Storyboard, Variable,
 };
 
-/// Greatest number of executions that a world counts: no run has as many samples.
-const MOST_EXECUTIONS: f64 = 1_000_000.0;
+/// Greatest number of executions that a world counts.
+const MOST_EXECUTIONS: f64 = 10_000.0;
 
 /// World in which a storyboard plays.
 #[derive(Clone, Copy)]
