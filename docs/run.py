@@ -199,7 +199,6 @@ def difference(expected, real):
     real = [line for line in real if not PROGRESS.fullmatch(line.rstrip())]
     left, right = normal(expected), normal(real)
     rows, columns = len(left), len(right)
-    far = rows + columns + 1
     # costs[i][j]: fewest changes between the lines from i and from j on.
     costs = [[0] * (columns + 1) for _ in range(rows + 1)]
     costs[rows] = [columns - j for j in range(columns + 1)]
@@ -211,8 +210,8 @@ def difference(expected, real):
             if is_gap:
                 own[j] = min(below[j], own[j + 1])
             else:
-                same = below[j + 1] if left[i] == right[j] else far
-                own[j] = min(same, below[j] + 1, own[j + 1] + 1)
+                changed = below[j + 1] + (left[i] != right[j])
+                own[j] = min(changed, below[j] + 1, own[j + 1] + 1)
     if costs[0][0] == 0:
         return []
     lines, i, j = [], 0, 0
@@ -226,6 +225,9 @@ def difference(expected, real):
                 j += 1
         elif i < rows and j < columns and left[i] == right[j] and cost == costs[i + 1][j + 1]:
             lines.append(f"  {expected[i]}")
+            i, j = i + 1, j + 1
+        elif i < rows and j < columns and cost == costs[i + 1][j + 1] + 1:
+            lines += [f"- {expected[i]}", f"+ {real[j]}"]
             i, j = i + 1, j + 1
         elif i < rows and cost == costs[i + 1][j] + 1:
             lines.append(f"- {expected[i]}")
