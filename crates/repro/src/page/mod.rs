@@ -47,7 +47,7 @@ impl ResultPages {
         results: &Results,
         digests: &BTreeMap<String, String>,
     ) -> Result<ResultPages, RecordError> {
-        let rows = Rows { results, digests };
+        let rows = RecordedRows { results, digests };
         let path = root.join(README);
         let read = std::fs::read_to_string(&path);
         let readme = read.map_err(|error| RecordError::Read { path, error })?;
@@ -71,12 +71,12 @@ impl ResultPages {
 }
 
 /// Recorded rows beside the digests of this version.
-pub(crate) struct Rows<'a> {
+pub(crate) struct RecordedRows<'a> {
     results: &'a Results,
     digests: &'a BTreeMap<String, String>,
 }
 
-impl Rows<'_> {
+impl RecordedRows<'_> {
     /// Returns the rows of a study.
     fn of(&self, study: &str) -> &[ResultRow] {
         self.results.of(study)
@@ -165,7 +165,7 @@ fn without_world(command: &str) -> String {
 }
 
 /// Returns the text of the page with its tables.
-fn filled(rows: &Rows<'_>) -> String {
+fn filled(rows: &RecordedRows<'_>) -> String {
     let mut text = TEXT.to_owned();
     for (name, table) in tables::all(rows) {
         // A head and a rule alone are no table.

@@ -1,6 +1,6 @@
 //! Tables of the pages.
 
-use super::{OLD, Rows};
+use super::{OLD, RecordedRows};
 use crate::WorldResult;
 use crate::crashes::{CrashRow, CrashStudy};
 use crate::letter::LetterEnds;
@@ -79,7 +79,7 @@ const PAPER: [PaperNumber; 4] = [
 ];
 
 /// Returns every table of the page with its name.
-pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
+pub(super) fn all(rows: &RecordedRows<'_>) -> Vec<(&'static str, String)> {
     vec![
         (
             "worlds",
@@ -116,7 +116,7 @@ pub(super) fn all(rows: &Rows<'_>) -> Vec<(&'static str, String)> {
     ]
 }
 
-fn noted(rows: &Rows<'_>, study: &str, table: &str) -> String {
+fn noted(rows: &RecordedRows<'_>, study: &str, table: &str) -> String {
     format!("{}\n\n{}", compact(table), rows.notes(study).trim_end())
 }
 
@@ -133,7 +133,7 @@ fn compact(table: &str) -> String {
 }
 
 /// Returns the programs and machines of all rows that probes vouch for.
-fn origins(rows: &Rows<'_>) -> String {
+fn origins(rows: &RecordedRows<'_>) -> String {
     let measured = rows
         .results
         .rows()
@@ -159,7 +159,7 @@ fn origins(rows: &Rows<'_>) -> String {
 
 /// Returns the numbers of the rows of a study that have this form.
 fn read<'a, T: DeserializeOwned>(
-    rows: &'a Rows<'_>,
+    rows: &'a RecordedRows<'_>,
     study: &str,
 ) -> impl Iterator<Item = (&'a ResultRow, T)> {
     let all = rows.of(study).iter();
@@ -187,7 +187,7 @@ fn share(part: usize, whole: usize) -> String {
     }
 }
 
-fn with_interval((rate, [lo, hi]): (f64, [f64; 2])) -> String {
+fn with_interval(rate: f64, [lo, hi]: [f64; 2]) -> String {
     format!("{} [{:.1}, {:.1}]", percent(rate), 100.0 * lo, 100.0 * hi)
 }
 
@@ -247,7 +247,7 @@ pub(crate) fn worlds_table<'a>(
         [
             marked(&result.world, is_fresh),
             format!("{} ({})", result.starts, result.trivial),
-            with_interval(result.success),
+            with_interval(result.success.0, result.success.1),
             with_contact,
             closing,
             avoided,
@@ -273,7 +273,7 @@ pub(crate) fn worlds_table<'a>(
 }
 
 /// Returns the worlds in the order of the page, with their freshness.
-fn ordered(rows: &Rows<'_>) -> Vec<(WorldResult, bool)> {
+fn ordered(rows: &RecordedRows<'_>) -> Vec<(WorldResult, bool)> {
     let mut all: Vec<(WorldResult, bool)> = read(rows, "case-studies")
         .map(|(row, result)| (result, rows.is_fresh(row)))
         .collect();
@@ -284,13 +284,13 @@ fn ordered(rows: &Rows<'_>) -> Vec<(WorldResult, bool)> {
     all
 }
 
-fn worlds(rows: &Rows<'_>) -> TextTable {
+fn worlds(rows: &RecordedRows<'_>) -> TextTable {
     let all = ordered(rows);
     worlds_table(all.iter().map(|(result, is_fresh)| (result, *is_fresh)))
 }
 
 /// Table of README, with the rows that are not of this version below.
-pub(super) fn readme(rows: &Rows<'_>) -> String {
+pub(super) fn readme(rows: &RecordedRows<'_>) -> String {
     let columns = [
         "world",
         "success [95 %]",
@@ -308,7 +308,7 @@ pub(super) fn readme(rows: &Rows<'_>) -> String {
         let [with_contact, closing, _] = contact(result);
         [
             marked(&result.world, *is_fresh),
-            with_interval(result.success),
+            with_interval(result.success.0, result.success.1),
             format!("{with_contact}, {closing} m/s"),
             percent(result.search.0),
             percent(result.baselines[0]),
@@ -330,7 +330,7 @@ pub(super) fn readme(rows: &Rows<'_>) -> String {
     text
 }
 
-fn paper(rows: &Rows<'_>) -> TextTable {
+fn paper(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "the paper's row",
         "the paper",
@@ -362,10 +362,10 @@ fn paper(rows: &Rows<'_>) -> TextTable {
             marked(paper.scene, fresh),
             paper.result.to_owned(),
             paper.counts.to_owned(),
-            or_dash(success.map(with_interval)),
+            or_dash(success.map(|(rate, ends)| with_interval(rate, ends))),
             paper.here_counts.to_owned(),
             or_dash(world.as_ref().map(|world| contact(world)[0].clone())),
-            or_dash(whole.map(|judged| with_interval((judged.success_rate, judged.ci95)))),
+            or_dash(whole.map(|judged| with_interval(judged.success_rate, judged.ci95))),
             or_dash(baselines.map(|[_, held, _, constant]| {
                 format!("{}, {}", percent(*held), percent(*constant))
             })),
@@ -374,7 +374,7 @@ fn paper(rows: &Rows<'_>) -> TextTable {
     TextTable::new(columns, lines)
 }
 
-fn episodes(rows: &Rows<'_>) -> TextTable {
+fn episodes(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "world",
         "learner",
@@ -394,7 +394,7 @@ fn episodes(rows: &Rows<'_>) -> TextTable {
                 name.clone(),
                 measured.learner.clone(),
                 format!("{:.0}", reached.episodes),
-                with_interval((reached.success_rate, reached.ci95)),
+                with_interval(reached.success_rate, reached.ci95),
                 format!("{:.1}", reached.cpu_s),
             ]
         })
@@ -403,7 +403,7 @@ fn episodes(rows: &Rows<'_>) -> TextTable {
 }
 
 /// Captures of the paper's learner under the harder reading, which a chaser does not solve.
-fn captures(rows: &Rows<'_>) -> TextTable {
+fn captures(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "question",
         "map",
@@ -436,7 +436,7 @@ fn captures(rows: &Rows<'_>) -> TextTable {
 }
 
 /// Widest and narrowest neighbourhood of each world.
-fn near(rows: &Rows<'_>) -> TextTable {
+fn near(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "world",
         "δ",
@@ -459,7 +459,7 @@ fn near(rows: &Rows<'_>) -> TextTable {
                 name.clone(),
                 row.delta.to_string(),
                 format!("{} of {starts}", row.near),
-                with_interval((share, row.ci95)),
+                with_interval(share, row.ci95),
                 row.never_seen.to_string(),
             ]
         })
@@ -467,7 +467,7 @@ fn near(rows: &Rows<'_>) -> TextTable {
     TextTable::new(columns, lines)
 }
 
-fn crashes(rows: &Rows<'_>) -> TextTable {
+fn crashes(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "world",
         "starts with a crash",
@@ -518,7 +518,7 @@ const REUSED: [(&str, &str); 8] = [
     ("constant", "best constant"),
 ];
 
-fn reuse(rows: &Rows<'_>) -> String {
+fn reuse(rows: &RecordedRows<'_>) -> String {
     let mut text = String::new();
     for (row, blocks) in read::<ReuseBlocks>(rows, "reuse") {
         let [inside, outside] = blocks.egos;
@@ -541,7 +541,7 @@ fn reuse(rows: &Rows<'_>) -> String {
             let ado = blocks.ados.iter().find(|ado| ado.ado == *word)?;
             Some((name, ado))
         });
-        let lines = shown.map(|(name, ado): (&&str, &ReusedAdo)| {
+        let lines = shown.map(|(name, ado)| {
             let cell = |at: usize| {
                 or_dash(ado.recall[at].map(|mean| match &ado.least[at] {
                     Some((least, ego)) => {
@@ -568,7 +568,7 @@ fn reuse(rows: &Rows<'_>) -> String {
     text
 }
 
-fn structures(rows: &Rows<'_>) -> TextTable {
+fn structures(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "world",
         "egos",
@@ -613,7 +613,7 @@ struct PlannerRow {
     closing: String,
 }
 
-fn planners(rows: &Rows<'_>) -> TextTable {
+fn planners(rows: &RecordedRows<'_>) -> TextTable {
     let columns = [
         "ego",
         "reused ado [95 %]",
@@ -636,7 +636,7 @@ struct Other {
     result: String,
 }
 
-fn others(rows: &Rows<'_>) -> String {
+fn others(rows: &RecordedRows<'_>) -> String {
     let columns = ["measurement", "result", "command", "day"];
     let lines = read::<Other>(rows, "others").map(|(row, it)| {
         [

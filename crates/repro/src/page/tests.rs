@@ -137,7 +137,7 @@ fn the_text_of_the_page_has_no_numbers() {
     for name in names {
         text = text.replace(name, "");
     }
-    let tables = tables::all(&Rows {
+    let tables = tables::all(&RecordedRows {
         results: &recorded(),
         digests: digests(),
     });

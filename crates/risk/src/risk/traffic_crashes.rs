@@ -150,7 +150,7 @@ impl RiskTraffic {
                 *known = run;
             }
         }
-        let crash = |(kind, run): (&str, &TrafficRun)| {
+        let crash = |kind: &str, run: &TrafficRun| {
             let rate = pooled(&rounds, |failure| failure.mode == kind)?;
             Some(TrafficCrash {
                 start: run.start.clone(),
@@ -166,7 +166,10 @@ impl RiskTraffic {
                 },
             })
         };
-        let mut crashes: Vec<TrafficCrash> = likeliest.into_iter().filter_map(crash).collect();
+        let mut crashes: Vec<TrafficCrash> = likeliest
+            .into_iter()
+            .filter_map(|(kind, run)| crash(kind, run))
+            .collect();
         crashes.sort_by(|a, b| b.likelihood.per_run.total_cmp(&a.likelihood.per_run));
         let own = || played.iter().filter(|run| !run.is_wide);
         let decisions: usize = own().map(|run| run.actions.len()).sum();
