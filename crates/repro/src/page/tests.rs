@@ -59,16 +59,11 @@ fn a_changed_digest_marks_its_rows() {
         (file, text.to_owned())
     });
     for text in [&page, &readme] {
-        let first = |line: &str| {
-            line.trim_start_matches(['|', ' '])
-                .split('|')
-                .next()
-                .map(str::trim)
-        };
-        let is_acc = |line: &&str| first(line).is_some_and(|cell| ["acc", "acc †"].contains(&cell));
-        let row = text
-            .lines()
-            .find(|line| line.starts_with('|') && is_acc(line));
+        let row = text.lines().find(|line| {
+            let cell = line.trim_start_matches(['|', ' ']).split('|').next();
+            line.starts_with('|')
+                && cell.is_some_and(|cell| cell.trim().trim_end_matches(" †") == "acc")
+        });
         assert!(row.is_some_and(|row| row.contains(OLD)), "{row:?}");
         assert!(
             text.contains("acc: of an earlier version, changed since: world acc"),
