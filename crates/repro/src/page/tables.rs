@@ -416,7 +416,7 @@ fn captures(rows: &RecordedRows<'_>) -> TextTable {
     let hard = read::<GridCaptures>(rows, "table1").filter(|(row, _)| row.name == "grid_hard");
     let lines = hard.flat_map(|(row, captures)| {
         let is_fresh = rows.is_fresh(row);
-        let ppo = captures.learners.iter().position(|name| name == "Ppo");
+        let ppo = captures.learners.iter().position(|name| name == "PPO");
         captures.cells.into_iter().map(move |cell| {
             let learned = ppo.and_then(|ppo| cell.trained.get(ppo)).map(|trained| {
                 let [lo, hi] = trained.ci95.map(tenth);

@@ -59,9 +59,11 @@ fn a_changed_digest_marks_its_rows() {
         (file, text.to_owned())
     });
     for text in [&page, &readme] {
-        let row = text
-            .lines()
-            .find(|line| line.trim_start_matches(['|', ' ']).starts_with("acc"));
+        let row = text.lines().find(|line| {
+            let cell = line.trim_start_matches(['|', ' ']).split('|').next();
+            line.starts_with('|')
+                && cell.is_some_and(|cell| cell.trim().trim_end_matches(" †") == "acc")
+        });
         assert!(row.is_some_and(|row| row.contains(OLD)), "{row:?}");
         assert!(
             text.contains("acc: of an earlier version, changed since: world acc"),
@@ -174,11 +176,10 @@ fn the_page_is_short_and_has_its_rows() {
     let page = committed(RESULTS);
     let words = page.split_whitespace().count();
     assert!(words <= 2_200, "{words} words");
-    for (study, row) in recorded().rows() {
-        assert!(
-            page.contains(row.name.split(' ').next().unwrap_or("")),
-            "{study}, {}",
-            row.name
-        );
+    // Other studies have tables of some of their rows.
+    for study in ["case-studies", "crashes", "structures", "planners"] {
+        for row in recorded().of(study) {
+            assert!(page.contains(&row.name), "{study}, {}", row.name);
+        }
     }
 }
