@@ -7,7 +7,7 @@ use crate::letter::LetterEnds;
 use crate::near::NearFailing;
 use crate::paper_rows::{Measured, Reached};
 use crate::record::ResultRow;
-use crate::reuse_study::{ReuseBlocks, ReusedAdo};
+use crate::reuse_study::ReuseBlocks;
 use crate::structures::StructureMeans;
 use crate::table1::GridCaptures;
 use brakecheck_report::report::table::TextTable;
