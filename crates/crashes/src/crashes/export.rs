@@ -82,6 +82,8 @@ pub fn export_with(
     dir: &Path,
     settings: ExportSettings,
 ) -> Result<Exports, RegressionError> {
+    // All files are replayed before the directory exists, so an unusable one leaves
+    // nothing behind.
     let replayed = regressions.replay_recorded()?;
     make_dir(dir).map_err(KeptError::from)?;
     let mut exports = Exports {
@@ -95,6 +97,8 @@ pub fn export_with(
             Ok(files) => {
                 let written = write_openx(&files, dir, &name).map_err(KeptError::from)?;
                 exports.files.extend(written);
+                // The trace carries the text of the written road, so it needs no file
+                // beside it.
                 let road = (format!("{name}.xodr"), files.road);
                 let osi = settings.osi.then(|| osi_of(replayed, road)).flatten();
                 if let Some(osi) = osi {
@@ -184,10 +188,13 @@ pub fn openx(
 /// Returns the world with an ego that repeats its recorded commands, if any.
 /// A foreign ego may not be deterministic. After its last command it coasts.
 fn repeatable(scenario: &Scenario, episode: &Episode) -> Scenario {
+    // A stock ego is deterministic, so its episodes record no commands.
     if episode.commands.is_empty() {
         return scenario.clone();
     }
     let mut commands = episode.commands.clone();
+    // Players go on after the contact, where the record has no command of the ego any
+    // more.
     commands.resize(scenario.world().clock().samples(), Command::default());
     scenario.with_commands(&Arc::from(commands))
 }

@@ -31,6 +31,8 @@ impl AdoDigit {
         };
         let (mut digits, mut unit) = (Vec::new(), 1);
         for (name, actions, neutral) in driving.spec().action_sets() {
+            // Joint actions are numbers in a mixed radix, in which the first ado is the
+            // least digit.
             digits.push(AdoDigit {
                 name: name.to_owned(),
                 unit,

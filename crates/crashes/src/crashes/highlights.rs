@@ -41,6 +41,7 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
         let episode = cell.replay(bench, *start);
         Some(facts_of(*start, &episode, scenario, &axes))
     };
+    // The caller has counted these episodes already, so they move no progress bar.
     let unwatched = Watch::unwatched();
     let all = EpisodeLoop::uncounted(&unwatched);
     let facts: Vec<Facts> = all
@@ -59,6 +60,7 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
             let speed = f.closing_mps.unwrap_or(0.0);
             format!("Highest closing speed: {speed:.1} m/s")
         }),
+        // The largest score wins, so the earliest time is the largest negative one.
         (&|f| Some(-(f.judged as f64)), &|f| {
             let seconds = f.judged.saturating_sub(1) as f64 * dt_s;
             format!("Earliest violation: {seconds:.2} s")
@@ -74,6 +76,8 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
     for (score, words) in criteria {
         let left = facts
             .iter()
+            // An episode that leads in two criteria would fill two places with the same
+            // picture.
             .filter(|f| chosen.iter().all(|(_, other)| other.start != f.start));
         let scored = left.filter_map(|f| Some((score(f)?, f)));
         // Ties go to the first start.
@@ -93,6 +97,7 @@ pub fn highlights(cell: &ExperimentCell) -> Vec<Highlight> {
     let farthest = facts
         .iter()
         .map(|f| (far(f), f))
+        // A distance of 0 is the place of a chosen start, which shows nothing new.
         .filter(|(far, _)| *far > 0.0);
     if let Some((_, f)) = farthest.reduce(|a, b| if a.0 < b.0 { b } else { a }) {
         chosen.push(("Start most unlike the others".to_owned(), f));
@@ -114,6 +119,8 @@ fn facts_of(start: usize, episode: &Episode, scenario: &Scenario, axes: &[Axis])
     let rules = rulebook.rules.iter();
     let spare = rules
         .map(|rule| rule.monitor.robustness(&judged, &mut scratch))
+        // The rule that is closest to its violation bounds the fairness of the whole
+        // episode.
         .reduce(f64::min);
     // Each axis is scaled to [0, 1], so that metres and speeds are comparable.
     let values = axes.iter().zip(&episode.start.0);

@@ -99,6 +99,7 @@ pub(super) fn shrink_within(
         before,
         after: before,
     };
+    // Only a counted failure has an aim that a smaller sequence could keep.
     if reruns.is_refused() || !episode.verdict.is_success() {
         return (episode.clone(), unchanged);
     }
@@ -182,6 +183,8 @@ impl Aim {
     /// Returns whether an episode is the same crash, up to its preventability.
     fn is_reached(&self, episode: &Episode, closing: f64) -> bool {
         let violates = episode.is_foul_before_contact() && !self.violation_before_contact;
+        // A violation without contact must not become a crash, which would be another
+        // finding.
         let is_same = match (&self.contact, &episode.contact) {
             (None, None) => true,
             (Some(found), Some(touch)) => is_same_contact(found, touch, closing),
@@ -261,6 +264,8 @@ impl Shrinking<'_> {
         let (scenario, most) = (self.scenario, self.most);
         let mut note = |actions: &[usize], _: &Testbench| {
             let effort = effort(scenario, actions);
+            // A tree contains sequences of more effort than the record, which no plant
+            // need confirm.
             if is_smaller(&effort, &most, &most) {
                 found.push((effort, actions.to_vec()));
             }
@@ -311,9 +316,13 @@ impl Shrinking<'_> {
         let episode = self.reruns.repeated(self.scenario, &mut run);
         let played = up_to_failure(self.scenario, &episode).to_vec();
         let effort = effort(self.scenario, &played);
+        // The plant may end the episode elsewhere than the screening did, so the effort
+        // is that of the played part.
         let now = self.best.as_ref().map_or(self.most, |best| best.effort);
         let holds = is_smaller(&effort, &now, &self.most)
             && self.aim.is_reached(&episode, CLOSING)
+            // The label needs replays of its own and is therefore the last of the
+            // conditions.
             && self.aim.preventability == ShortLabel::of(self.scenario, &episode);
         if holds {
             self.best = Some(Smallest {
@@ -344,6 +353,8 @@ impl Shrinking<'_> {
 
     /// Makes a sequence smaller step by step, until no step helps.
     fn moved(&mut self, mut actions: Vec<usize>) {
+        // A screening that keeps passing false candidates ends here, and not after all
+        // moves.
         let mut refused = CONFIRMATIONS;
         while self.moves > 0 && refused > 0 && !self.watch.stopped() {
             let smaller = self.smaller_than(&actions);
@@ -374,6 +385,8 @@ impl Shrinking<'_> {
         let mut smaller: Vec<_> = candidates
             .filter(|(effort, _)| is_smaller(effort, &now, &self.most))
             .collect();
+        // Equal efforts are ordered by their actions, so that equal sequences are
+        // neighbours below.
         smaller.sort_by(|a, b| a.0.order(&b.0).then_with(|| a.1.cmp(&b.1)));
         // Different moves may lead to the same sequence.
         smaller.dedup_by(|a, b| a.1 == b.1);
@@ -394,6 +407,7 @@ fn story(
     let last = actions.last().copied().unwrap_or(neutral);
     let (mut before, mut after) = (actions.iter(), aftermath.iter());
     let mut played = Vec::new();
+    // The contact may follow the violation, and the aim compares contacts.
     bench.begin(from.start, from.noise, Aftermath::Play);
     while !bench.is_done() {
         let action = if bench.is_decided() {

@@ -25,6 +25,7 @@ pub(super) fn osi_trace(
     let Film { frames, .. } = film_beyond(&mut bench, episode);
     let motion = bench.motion()?;
     let sample_s = bench.clock().sample_s;
+    // The motion ends at the instant of contact, which lies between two samples.
     let contact_s = motion
         .contact
         .as_ref()
@@ -75,6 +76,8 @@ fn body(body: &Body) -> OsiBody {
         BodyKind::Walker(_) => None,
     };
     let axles = wheels.map(|(wheelbase_m, wheel_radius_m)| {
+        // The lever reaches from the front bumper to the rear axle, and OSI counts from
+        // the centre.
         let rear_m = body.half_length_m() - body.lever_m();
         OsiAxles {
             rear_m,

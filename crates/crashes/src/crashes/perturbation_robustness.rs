@@ -49,6 +49,8 @@ pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Opti
     let varied = varied(reruns.scenario(), episode)?;
     // All variations or none, because a share of some would not be comparable.
     reruns.ask(varied.len(), 0).ok()?;
+    // The parallel iterator is indexed, so labels keep this order on any number of
+    // threads.
     let variations = varied.into_par_iter().map(|(name, world, start)| {
         let mut ado = Replay::then(&episode.actions, world.world().spaces().neutral);
         let from = NoisyStart {
@@ -79,6 +81,7 @@ fn varied(scenario: &Scenario, episode: &Episode) -> Option<Vec<PerturbedStart>>
 
 /// Returns the perturbed worlds, each with the same start.
 fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart> {
+    // A start may draw friction and sensors, and factors apply to the drawn values.
     let begun = scenario.world().at_start(&episode.start);
     let spec = begun.spec();
     let (plant, sample_s, friction) = (spec.plant, spec.clock.sample_s, spec.road.friction());
@@ -88,6 +91,7 @@ fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart>
     };
     let name = |plant: PlantKind| <&str>::from(plant);
     let mut worlds = vec![(format!("the {} plant", name(other)), scenario.on(other))];
+    // A failure that exists at a single sample time is an artefact of the simulation.
     let halved = scenario.sampled_every(0.5 * sample_s, spec.clock.substeps);
     worlds.extend(halved.map(|world| ("half the sample time".to_owned(), world)));
     for factor in FRICTION {
@@ -101,6 +105,7 @@ fn worlds(scenario: DriveScenario<'_>, episode: &Episode) -> Vec<PerturbedStart>
     }
     let later = Change {
         sensors: Some(Sensors {
+            // One sample is the least delay that changes a reading of the ego.
             delay_s: spec.sensors.delay_s + sample_s,
             ..spec.sensors
         }),

@@ -110,6 +110,8 @@ impl ViewKind {
             #[cfg(feature = "raster")]
             "gif" => Ok(ViewKind::Picture(PictureFormat::Gif)),
             #[cfg(not(feature = "raster"))]
+            // Without the feature these names are known, so the error names the feature
+            // and no typo.
             "png" | "gif" => unknown(Some("raster")),
             _ => unknown(None),
         }
@@ -153,6 +155,7 @@ impl PictureError {
 const STILL_SCALE: f32 = 2.0;
 /// Time between two frames of a GIF file in seconds.
 #[cfg(feature = "raster")]
+// GIF files count in hundredths of a second, and browsers slow down frames under 0.02 s.
 const FRAME_S: f64 = 0.08;
 
 /// Draws a replayed counterexample as the bytes of a file.
@@ -181,6 +184,7 @@ pub fn picture_as(
 /// Returns the frames of a picture. The last one is shown through the pause.
 #[cfg(feature = "raster")]
 fn frames(picture: &LoopingPicture) -> Vec<Result<GifFrame, RasterError>> {
+    // Rounded up, so that the last frame shows the contact and not the moment before it.
     let last = (picture.motion_s() / FRAME_S).ceil() as usize;
     let frame = |nth: usize| {
         let svg = picture.at(nth as f64 * FRAME_S);

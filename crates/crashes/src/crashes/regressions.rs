@@ -467,6 +467,8 @@ impl Regressions {
     /// message names the files.
     pub fn pass(&self) -> Result<ReplayCounts, RegressionError> {
         let replayed = self.replay()?;
+        // The order matters: a fault or an open question must not be reported as a fixed
+        // ego.
         self.check_faults(&replayed)?;
         Self::check_answers(&replayed)?;
         let still = replayed.iter().filter(|replayed| replayed.still_fails());
@@ -520,6 +522,7 @@ impl Regressions {
 /// A fault in one line, with the end of its stderr.
 fn in_words(fault: &Fault) -> String {
     let kind = fault.kind.word();
+    // Tracebacks end with the reason, so the last line says most.
     match fault.stderr.lines().next_back() {
         Some(last) => format!("{kind}: {} (stderr ends: {last})", fault.message),
         None => format!("{kind}: {}", fault.message),

@@ -33,6 +33,8 @@ impl SavedCounterexample {
     /// # Errors
     /// Returns an error if the file cannot be written.
     pub fn refine(&self, scenario: &Scenario, episode: &Episode) -> Result<About, KeptError> {
+        // Minimization and cluster belong to the search that found the crash, and no
+        // replay finds them again.
         let before = self.counterexample.about.clone().unwrap_or_default();
         let found = description(scenario, episode);
         let mut refined = About {
@@ -160,6 +162,7 @@ impl Replayed {
         if let Some(unrepeatable) = &self.unrepeatable {
             return Some(unrepeatable);
         }
+        // A fault after the verdict leaves the result valid, so it does not count here.
         let invalid = self.episode.verdict == Verdict::Invalid;
         self.episode.fault.as_ref().filter(|_| invalid)
     }
@@ -306,8 +309,11 @@ pub fn newest_of_training(
             Aftermath::Play,
         );
         Replayed {
+            // No such file exists: the path names the episode in captions.
             path: run.path().join(format!("training-{}", success.index)),
             scenario: scenario.clone(),
+            // Trainings store actions and no samples, so the verdict is all there is to
+            // compare.
             identical: episode.verdict.is_success(),
             episode,
             first_difference: None,

@@ -70,6 +70,7 @@ pub(super) fn first_difference(
         }
     };
     let positions: Vec<usize> = columns.iter().map(|(_, position)| *position).collect();
+    // The file itself has the digests, while the samples beside it may be missing.
     let now = digests_of(&episode.trace, &positions);
     if now == recorded.digests {
         return Ok(difference_after_contact(recorded, scenario, episode));
@@ -102,6 +103,7 @@ fn difference_after_contact(
     episode: &Episode,
 ) -> Option<Difference> {
     let then = &recorded.motion_after_contact;
+    // Older files and worlds that end at the contact have no such motion.
     if then.is_empty() {
         return None;
     }
@@ -113,6 +115,7 @@ fn difference_after_contact(
     let same = rows.take_while(|(then, now)| then == now).count();
     let numbers = |text: &str| -> Vec<f64> {
         let row = text.lines().nth(same).unwrap_or_default().split(',');
+        // A cell without a number must not equal a number, and its bits then differ.
         row.map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()
     };
     let columns = then.lines().next().unwrap_or_default().split(',');

@@ -43,6 +43,7 @@ pub fn replay_page<'a>(replayed: &'a [Replayed], ego: &str, most: usize) -> Resu
     ResultPage {
         kind: format!("kept crashes, {ego}"),
         verdict: counts.to_string(),
+        // Replays without an answer are no evidence for the ego, so they count as bad.
         is_bad: counts.fixed < counts.replayed,
         tables: vec![ResultTable {
             heading: "Every kept crash".to_owned(),

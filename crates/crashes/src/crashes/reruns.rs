@@ -63,6 +63,7 @@ impl<'a> Reruns<'a> {
         let foreign = ego.is_some_and(EgoDrive::is_foreign);
         let kind = match (
             foreign,
+            // The test begins an episode, which starts a program, so stock egos skip it.
             foreign && copies(scenario, &episode.start, episode.noise),
         ) {
             (false, _) => EgoRerunKind::Stock,
@@ -173,6 +174,7 @@ impl<'a> Reruns<'a> {
         if let Some(refused) = &self.refused {
             return Err(refused.clone());
         }
+        // Relaxed suffices, because sequential callers alone depend on the limit.
         let spent = self.spent.load(Ordering::Relaxed);
         let needed = spent.saturating_add(runs).saturating_add(for_later);
         let reason = match self.kind {
@@ -207,6 +209,8 @@ impl<'a> Reruns<'a> {
     /// Returns at most `questions`, limited to half of the runs.
     pub(super) fn at_most_half(&self, questions: usize) -> usize {
         let runs = u64::from(self.scenario.repeats().runs.max(1));
+        // Minimization always gets the other half, even if the labels could use all of
+        // it.
         let half = self.limit / 2 / runs;
         questions.min(usize::try_from(half).unwrap_or(usize::MAX))
     }
@@ -231,6 +235,7 @@ impl<'a> Reruns<'a> {
         run: &mut dyn FnMut(&mut Testbench) -> Episode,
     ) -> Episode {
         let Repeats { runs, gate } = self.scenario.repeats();
+        // One bench plays all repeats, so a program stays running between them.
         let mut bench = world.bench();
         let mut once = |_| {
             let episode = run(&mut bench);
@@ -255,6 +260,7 @@ impl<'a> Reruns<'a> {
 /// Returns whether the ego of a world can be copied in the middle of an episode.
 pub fn copies(scenario: &Scenario, start: &Start, noise: u64) -> bool {
     let mut bench = scenario.bench();
+    // An ego exists from the beginning of an episode on, and can be copied only then.
     bench.begin(start, noise, Aftermath::Skip);
     bench.fork().is_some()
 }

@@ -176,6 +176,7 @@ fn decisive_within(
 ) -> Result<Option<DecisiveSpan>, NotAsked> {
     let (scenario, actions) = (reruns.scenario(), &episode.actions);
     let neutral = scenario.world().spaces().neutral;
+    // With neutral actions alone there is nothing to replace, and the cause is the start.
     if actions.iter().all(|action| *action == neutral) {
         return Err(NotAsked::NothingDone);
     }
@@ -252,6 +253,7 @@ fn earliest(
 ) -> Option<(usize, usize)> {
     let neutral = scenario.world().spaces().neutral;
     let mut bench = scenario.bench();
+    // The question ends with the verdict, so no motion after it is computed.
     bench.begin(&episode.start, episode.noise, Aftermath::Skip);
     let mut played = 0;
     spans.find(|&(from, to)| {
@@ -355,6 +357,7 @@ fn chance(
     let at = match coarse.find(|after| avoids(*after, &mut unanswered)) {
         // Within a decision of the chance, samples are tried from its end.
         Some(from) => {
+            // A takeover after the violation cannot avoid it.
             let last = (from + per_decision - 1).min(judged);
             let mut between = (from + 1..=last).rev();
             let found = between.find(|after| avoids(*after, &mut unanswered));

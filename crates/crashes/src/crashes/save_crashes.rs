@@ -240,6 +240,8 @@ impl CrashWriter<'_> {
         dir: &Path,
         watch: &Watch<'_>,
     ) -> Result<KeptFiles, KeptError> {
+        // The directory is made first, so a refusal of the disk costs no minutes of
+        // minimization.
         make_dir(dir)?;
         let candidates = self.candidates(starts, again, watch);
         let shapes: Vec<CrashFeatures> = candidates.iter().map(|it| it.shape.clone()).collect();
@@ -268,6 +270,8 @@ impl CrashWriter<'_> {
             let file = recorded.save_as(dir, &stem, &episode.trace)?;
             kept.files.push((file, about));
         }
+        // Counted after writing, because files of the same start are replaced and not
+        // older.
         kept.older = self.older(dir, &kept);
         Ok(kept)
     }
@@ -279,6 +283,8 @@ impl CrashWriter<'_> {
             let stem = path.file_stem().and_then(|stem| stem.to_str());
             let is_kept = path.extension().is_some_and(|extension| extension == "ron");
             is_kept
+                // Seed and start vary between commands, so they are no part of the
+                // comparison.
                 && stem.is_some_and(|stem| stem.starts_with(&of_ego))
                 && !kept.files.iter().any(|(file, _)| file == path)
         };
@@ -347,6 +353,8 @@ impl CrashWriter<'_> {
             let labelled: Vec<Labelled> = batch
                 .par_iter()
                 .map(|(at, size)| {
+                    // Candidates keep features and no episodes, since hundreds of traces
+                    // would fill the memory.
                     let labelled = self.labelled(candidates[*at].index, *size, again, watch);
                     let done = 1 + done.fetch_add(1, Ordering::Relaxed);
                     (watch.progress)(done, most.min(candidates.len()) as u64);
@@ -410,12 +418,15 @@ fn persists(about: &About) -> bool {
         let ran = variations.filter(|one| {
             one.fails.is_some() || matches!(one.no_answer, Some(NoAnswer::RuleBroken { .. }))
         });
+        // At least 1, so that a crash of which no variation ran does not pass with 0 of
+        // 0.
         PERSISTENT * ran.count().max(1) as f64 <= persistence.failing() as f64
     })
 }
 
 /// Returns the first of every cluster, with the size of the cluster.
 fn leaders(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
+    // Members are in the order of the candidates, so the first is the worst.
     let leaders = clusters.iter().map(|cluster| (cluster[0], cluster.len()));
     leaders.collect()
 }

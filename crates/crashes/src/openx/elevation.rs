@@ -59,6 +59,8 @@ impl<'a> Elevation<'a> {
             XmlElement::new("elevation")
                 .number("s", stretch.s_m(s_m))
                 .number("a", begin)
+                // The slope at the begin of the parabola through the three heights, as
+                // OpenDRIVE counts from there.
                 .number("b", (end - begin) / length_m - bend * length_m)
                 .number("c", bend)
                 .number("d", 0.0)
@@ -79,6 +81,7 @@ fn stations_m(heights: &RoadProfile<'_>, stretch: Stretch) -> Vec<f64> {
     let mut all: Vec<f64> = [stretch.from_s_m].into_iter().chain(changes).collect();
     all.retain(|s_m| (stretch.from_s_m..stretch.to_s_m).contains(s_m));
     all.sort_by(f64::total_cmp);
+    // Two curves that touch share a station, and a stretch without length has no slope.
     all.dedup();
     all
 }

@@ -46,6 +46,7 @@ fn car(body: &Body, vehicle: &Vehicle, limits: PerformanceLimits) -> XmlElement 
     // acceleration further.
     let grip_mps2 = limits.friction * vehicle.grip * GRAVITY_MPS2;
     let performance = XmlElement::new("Performance")
+        // A limit below a recorded speed would contradict the trajectory.
         .number("maxSpeed", limits.fastest_mps.max(TOP_MPS).ceil())
         .number("maxAcceleration", grip_mps2)
         .number("maxDeceleration", grip_mps2);
@@ -93,6 +94,7 @@ fn pedestrian(body: &Body) -> XmlElement {
 
 /// Bounding box, with its centre relative to the reference point.
 fn bounding_box(body: &Body) -> XmlElement {
+    // OpenSCENARIO counts a box from the rear axle, and the trace from the front bumper.
     let ahead_m = reference_behind_front_m(body) - body.half_length_m();
     let centre = XmlElement::new("Center")
         .number("x", ahead_m)

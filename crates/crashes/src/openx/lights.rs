@@ -57,6 +57,8 @@ pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> XmlElement {
                     .text("trafficSignalId", id(number))
                     .text("state", bulbs(phase));
                 XmlElement::new("Phase")
+                    // A cycle shows a phase more than once, and names of phases must
+                    // differ.
                     .text("name", format!("{} {}", i + 1, word(phase)))
                     .number("duration", duration_s)
                     .child(state)

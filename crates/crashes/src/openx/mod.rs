@@ -101,6 +101,8 @@ impl Crash<'_> {
     /// Returns an error for a contact before any agent moved, for weather that an
     /// ado changes, and for wind.
     pub fn files(&self) -> Result<OpenX, OpenXError> {
+        // A file without them would play another crash, so it is refused rather than
+        // simplified.
         if let Some(weather) = &self.scenario.spec().weather {
             let name = weather.name.clone();
             return Err(OpenXError::ChangingWeather { name });
@@ -127,6 +129,8 @@ impl Crash<'_> {
 
     fn replay(&self) -> Result<XmlElement, OpenXError> {
         let title = format!("{}: the crash as it was recorded", self.name);
+        // The ego follows its record, too, so that a player shows the crash whatever its
+        // own models do.
         let drivers = vec![MotionSource::Trajectory; self.scenario.spec().agents.len()];
         let mut properties = self.properties();
         properties.extend(self.after.map(|after| {

@@ -63,6 +63,8 @@ fn element(
         .number("length", stretch.to_s_m - stretch.from_s_m)
         .text("id", (number + 1).to_string())
         .text("junction", "-1")
+        // Right-hand traffic fits lanes that count to the right, and is the default of
+        // the standard.
         .text("rule", "RHT");
     if let Some(limit_mps) = lanes_of.speed_limit_mps() {
         road = road.child(speed_limit(limit_mps));
@@ -78,6 +80,7 @@ fn speed_limit(limit_mps: f64) -> XmlElement {
         .text("unit", "m/s");
     let kind = XmlElement::new("type")
         .number("s", 0.0)
+        // A speed limit belongs to a road type in OpenDRIVE, and worlds know no type.
         .text("type", "unknown");
     kind.child(speed)
 }
@@ -125,6 +128,7 @@ fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
     let mut all = vec![line(stretch.from_s_m, begin_s_m)];
     all.extend(pieces);
     all.push(line(end_s_m, stretch.to_s_m));
+    // The standard refuses a geometry without length.
     all.retain(|piece| piece.length_m > 0.0);
     let mut merged: Vec<RoadPiece> = Vec::with_capacity(all.len());
     for piece in all {
@@ -148,6 +152,7 @@ fn lanes(road: &Road) -> XmlElement {
     });
     let centre = lane(0, "none").child(road_mark("solid"));
     let right = (1..=count).map(|number| {
+        // Lanes may be changed, and the road may not be left.
         let border = if number == count { "solid" } else { "broken" };
         let width = polynomial(XmlElement::new("width").number("sOffset", 0.0), width_m);
         let lane = lane(-(number as i64), "driving");

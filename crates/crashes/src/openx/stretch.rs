@@ -43,6 +43,8 @@ impl Stretch {
             most_m = most_m.max(s_m + reach_m);
         };
         for (_, light) in spec.lights_of(road) {
+            // A stop line beyond the end of the road would be no valid place for a
+            // signal.
             hold(light.line_m, 0.0);
         }
         for passage in passages {
