@@ -375,6 +375,47 @@ fn a_gate_that_could_never_close_is_refused() {
 }
 
 #[test]
+fn a_campaign_that_plays_or_compares_nothing_is_refused() {
+    let dir = scratch();
+    let file = path(&dir, "empty.ron");
+    for (right, wrong, message) in [
+        (
+            "Ego(\"wet road\")",
+            "Family(members: 0)",
+            "0 members: there are 1 to 10000",
+        ),
+        (
+            "Constant(\"-3 m/s²\")",
+            "Script(name: \"late\", steps: [(\"-3 m/s²\", 1e9)], then: \"0 m/s²\")",
+            "after 1000000 decisions",
+        ),
+    ] {
+        assert!(SMALL.contains(right), "{right}");
+        fs::write(&file, SMALL.replacen(right, wrong, 1)).expect("written");
+        let output = brakecheck(&["campaign", "plan", &file, "-o", &path(&dir, "p")]);
+        assert_eq!(code(&output), 2, "{wrong}");
+        assert!(stderr(&output).contains(message), "{}", stderr(&output));
+    }
+    // A baseline under `reuse` of one world is no ego of the other.
+    let text = r#"Campaign(
+        name: "two",
+        worlds: [(file: "acc"), (file: "cut_in")],
+        egos: [Ego("all")],
+        ados: [Neutral],
+        starts: Drawn(count: 3),
+        gate: (baseline: "longer gap"),
+    )"#;
+    fs::write(&file, text).expect("written");
+    let output = brakecheck(&["campaign", "plan", &file, "-o", &path(&dir, "p")]);
+    assert_eq!(code(&output), 2);
+    let message = stderr(&output);
+    assert!(
+        message.contains("has no ego `longer gap` to compare with"),
+        "{message}"
+    );
+}
+
+#[test]
 fn a_gate_decides_the_exit_code_of_the_merge() {
     let dir = scratch();
     let played = plan(&dir, "played", SMALL, "1000");

@@ -90,10 +90,12 @@ impl CampaignSummary {
                 (other.0.world, &other.0.ego) == (unit.world, &unit.ego)
                     && other.0.ado.training.is_some()
             };
-            let mates: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(is_mate).collect();
             // The mean follows the last training of its group, so rows stay in plan order.
-            let is_last = units[nth + 1..].iter().all(|other| !is_mate(&other));
-            if mates.len() > 1 && is_last {
+            if units[nth + 1..].iter().any(|other| is_mate(&other)) {
+                continue;
+            }
+            let mates: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(is_mate).collect();
+            if mates.len() > 1 {
                 let of: Vec<SummaryRow> =
                     mates.iter().map(|(u, t)| row(dir, &units, u, t)).collect();
                 let marks: Vec<Outcomes> = mates.iter().map(|(_, tally)| tally.marks()).collect();

@@ -1,5 +1,7 @@
 //! Lookup of the ados of a campaign in a world.
 
+use std::collections::BTreeSet;
+
 use super::Checker;
 use crate::campaign::error::CampaignError;
 use crate::campaign::file::AdoEntry;
@@ -86,8 +88,14 @@ impl Checker {
             let action = self.action(&at, world, label)?;
             // Times are rounded to whole decisions, because actions change only there.
             let decisions = (until_s / decision_s).round();
-            // A step must add a decision, and the limit guards against a huge allocation.
-            if decisions <= actions.len() as f64 || decisions > MAX_DECISIONS {
+            // The limit guards against a huge allocation.
+            if decisions > MAX_DECISIONS {
+                let what =
+                    format!("this step ends at {until_s} s, after {MAX_DECISIONS} decisions");
+                let help = format!("a decision takes {decision_s} s, so end the step earlier");
+                return Err(self.source.wrong(&at, what, Some(help)));
+            }
+            if decisions <= actions.len() as f64 {
                 let what = format!("this step ends at {until_s} s, before it begins");
                 let help = format!(
                     "each step ends later than the one before; a decision takes {decision_s} s"
@@ -185,8 +193,10 @@ impl Checker {
             let seed = run.or_else(|| Some(self.trainings.get(ado.training?)?.seed));
             (ado.id.to_string(), seed)
         };
-        for (nth, ado) in ados.iter().enumerate() {
-            if ados[..nth].iter().any(|other| key(other) == key(ado)) {
+        // A set, because a world may have ten thousand trainings.
+        let mut known = BTreeSet::new();
+        for ado in ados {
+            if !known.insert(key(ado)) {
                 let (word, seed) = key(ado);
                 let seed = seed.map_or(String::new(), |seed| format!(" of seed {seed}"));
                 let what = format!("two ados of a world are called `{word}`{seed}");

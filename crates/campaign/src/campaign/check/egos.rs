@@ -72,11 +72,13 @@ impl Checker {
                 Ok(vec![ego])
             }
             EgoEntry::Family { members, seed } => {
-                let Some(family) = played.family().filter(|_| *members <= MAX_MEMBERS) else {
-                    let what = format!(
-                        "`{}` names no family, or {members} are more than {MAX_MEMBERS}",
-                        played.name()
-                    );
+                // Without members nothing would be played, and an empty campaign fails nowhere.
+                if !(1..=MAX_MEMBERS).contains(members) {
+                    let what = format!("{members} members: there are 1 to {MAX_MEMBERS}");
+                    return Err(self.source.wrong(at, what, None));
+                }
+                let Some(family) = played.family() else {
+                    let what = format!("`{}` names no family", played.name());
                     let help = "add `train_against: Family(…)` to the world: docs/guide/reuse.md";
                     return Err(self.source.wrong(at, what, Some(help.to_owned())));
                 };

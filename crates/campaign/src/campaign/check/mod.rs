@@ -215,6 +215,7 @@ impl Checker {
         known.dedup();
         // A misspelt baseline would compare nothing and let every change pass.
         if known.contains(&baseline.as_str()) {
+            self.gates_every_world(&baseline, units)?;
             let severity = gate.severity.then_some(GateOn::Severity);
             return Ok(Some((baseline, [on].into_iter().chain(severity).collect())));
         }
@@ -222,6 +223,22 @@ impl Checker {
         let what = format!("no ego of the campaign is called `{baseline}`");
         let at = ValuePath::top().to("gate").to("baseline");
         Err(self.source.wrong(&at, what, Some(help)))
+    }
+
+    /// Refuses a world without the baseline, whose egos no gate would compare.
+    ///
+    /// `all` may name an ego that only some worlds have.
+    fn gates_every_world(&self, baseline: &str, units: &[Unit]) -> Result<(), CampaignError> {
+        for (nth, (world, _)) in self.worlds.iter().enumerate() {
+            let mut of_world = units.iter().filter(|unit| unit.world == nth);
+            if !of_world.any(|unit| unit.ego.name == baseline) {
+                let what = format!("`{}` has no ego `{baseline}` to compare with", world.name());
+                let help = "name an ego that every world has, or make a campaign per world";
+                let at = ValuePath::top().to("gate").to("baseline");
+                return Err(self.source.wrong(&at, what, Some(help.to_owned())));
+            }
+        }
+        Ok(())
     }
 
     fn boundary(
