@@ -58,6 +58,8 @@ impl CellMap {
                 |(other, _): &&(&Unit, &UnitCounts)| (other.world, other.ego.name.as_str()) == key;
             let all: Vec<&(&Unit, &UnitCounts)> = units.iter().filter(of_key).collect();
             let world = dir.world(unit);
+            // The plan keeps names and values of the axes, and only the world knows their
+            // units.
             let unit_of = |name: &str| {
                 let axes = world.axes();
                 let axis = axes.iter().find(|axis| axis.name == name);

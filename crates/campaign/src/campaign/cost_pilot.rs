@@ -83,6 +83,7 @@ impl Plan {
         watch: &Watch<'_>,
     ) -> Result<Option<Cut>, CampaignError> {
         let mut checked = check(path)?;
+        // The check starts no program, so the consent is added only for the pilot.
         let worlds = std::mem::take(&mut checked.worlds);
         checked.worlds = worlds
             .into_iter()
@@ -115,6 +116,8 @@ impl Plan {
             };
             // The pieces of a world's first unit play its trivial starts for all its units.
             let before = &checked.plan.units[..nth];
+            // Outcomes of a program are not stored, so each of its units plays the
+            // trivial starts again.
             let is_program = checked.worlds[unit.world].program().is_some();
             let is_first = is_program || !before.iter().any(|other| other.world == unit.world);
             let alone_s = match (is_first, measured) {
@@ -298,6 +301,8 @@ impl Cut {
             }
             write_file(&path, bytes)
         };
+        // The request is kept beside the plan, so a reader finds comments that the plan
+        // does not have.
         write("campaign.ron", self.checked.text.as_bytes())?;
         for (planned, world) in plan.worlds.iter().zip(&self.checked.worlds) {
             write(&planned.file, world.text().as_bytes())?;

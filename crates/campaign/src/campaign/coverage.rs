@@ -51,6 +51,8 @@ impl PlanDir {
             let Some(seen) = self.covered(unit, &rows, watch)? else {
                 return Ok(None);
             };
+            // Egos of a world share its ranges of starts, so their episodes cover the
+            // same space.
             episodes[self.plan().units[unit].world].extend(seen);
         }
         let units = &self.plan().units;
@@ -59,6 +61,8 @@ impl PlanDir {
             .enumerate()
             .filter_map(|(world, seen)| {
                 let unit = units.iter().find(|unit| unit.world == world)?;
+                // A world without a finished piece is absent, because 0 % would look like
+                // a result.
                 (!seen.is_empty()).then(|| Coverage::of(self.played(unit), &seen))
             });
         Ok(Some(CampaignCoverage {

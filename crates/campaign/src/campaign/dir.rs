@@ -156,6 +156,7 @@ impl PlanDir {
         let Work::Starts { unit, .. } = work else {
             return question;
         };
+        // A poisoned lock has complete contents, because each write is a single call.
         let programs = self.programs.lock().unwrap_or_else(PoisonError::into_inner);
         let unit = self.plan.units.get(*unit);
         match unit.and_then(|unit| programs.get(&self.program_name(unit))) {
@@ -191,6 +192,7 @@ impl PlanDir {
                 contents.insert(name, content);
             }
         }
+        // Before the first piece a changed program is no contradiction and is bound anew.
         let has_pieces = self.dir.join(piece::PIECES).exists();
         bind_programs(&self.dir, &contents, has_pieces)?;
         let programs = self.programs.lock();
@@ -368,6 +370,8 @@ impl PlanDir {
         let planned = &self.plan.trainings[training];
         let path = training::dir_of(&self.dir, &self.plan, planned);
         training::finished(&path).map_err(|error| match error {
+            // Only these two are mended by running the training, and a damaged run is
+            // not.
             RunError::NotARun { .. } | RunError::Unfinished { .. } => {
                 CampaignError::Untrained { training, error }
             }

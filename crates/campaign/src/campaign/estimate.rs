@@ -34,6 +34,8 @@ pub(super) fn start_s(ego: &EgoUnderTest, ado: &AdversaryId) -> f64 {
                 }),
         } => match method.as_str() {
             "switches" => {
+                // A branch continues from a copy, so it costs steps and no beginning of
+                // an episode.
                 let sequences = FIRST_SEQUENCES * libm::pow(PER_SWITCH, *switches as f64);
                 let searched_step_s = match scenario.screening() {
                     Some(screening) => step_s(screening.plant()),

@@ -164,6 +164,7 @@ impl SummaryRow {
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
         let dash = || "–".to_owned();
+        // The row keeps rates, and readers of a table compare whole starts.
         let count = |rate: f64| format!("{:.0}", rate * self.starts as f64);
         [
             self.ego.clone(),

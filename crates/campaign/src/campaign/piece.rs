@@ -54,6 +54,7 @@ pub(super) fn path_of(dir: &Path, number: usize) -> PathBuf {
 
 /// Returns the relative name of a piece, with `/` as separator.
 pub(super) fn name_of(number: usize) -> String {
+    // Fixed widths, so that files sort by number in listings and globs.
     format!("{PIECES}/{:03}/{number:06}.jsonl", number / PER_DIR)
 }
 
@@ -86,6 +87,8 @@ pub(super) fn read(
     question: &str,
 ) -> Result<Result<PieceText, Unusable>, RunError> {
     let path = path_of(dir, number);
+    // Only an absent file is a missing piece. A piece that cannot be read must not be
+    // made again silently.
     let bytes = match file_bytes(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             return Ok(Err(Unusable::Missing));

@@ -39,6 +39,8 @@ impl RequestedStarts {
             }
             RequestedStarts::Grid { axes, seed } => {
                 let bench = world.bench();
+                // A grid has the noise of the test stream, so that its sensors err as in
+                // other verbs.
                 let point = |index| (point(world, axes, index), test_noise(&bench, *seed, index));
                 which.map(point).collect()
             }

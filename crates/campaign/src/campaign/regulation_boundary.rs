@@ -18,6 +18,7 @@ pub(super) fn holds(world: &Scenario, monitor: &Monitor, starts: &[(Start, u64)]
     let one = |(start, noise): &(Start, u64)| {
         // Only the first sample is needed, so the episode is begun and not played.
         bench.begin(start, *noise, Aftermath::Skip);
+        // A robustness of 0 is undecided in STL, so the border itself is outside.
         monitor.robustness(bench.trace(), &mut scratch) > 0.0
     };
     starts.iter().map(one).collect()

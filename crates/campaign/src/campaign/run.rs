@@ -69,6 +69,7 @@ impl PlanDir {
                 }
                 // The progress counts pieces, so the episodes within a piece stay silent.
                 match self.make(piece, &watch.quiet()) {
+                    // An interrupted piece leaves no file, and the next run makes it.
                     Ok(PieceDone::Stopped) => {}
                     Ok(_) => {
                         let done = done.fetch_add(1, Ordering::Relaxed) + 1;

@@ -138,6 +138,8 @@ fn recall(units: &[(&Unit, &UnitCounts)], unit: &Unit, tally: &UnitCounts) -> Op
     let is_search = |(other, _): &&(&Unit, &UnitCounts)| {
         (other.world, &other.ego) == (unit.world, &unit.ego) && other.ado.id.is_search()
     };
+    // The first search of the plan is the yardstick, so all ados of an ego are measured
+    // alike.
     let (_, searched) = units.iter().find(is_search)?;
     let fails = |one: &StartOutcome| *one == StartOutcome::Solved;
     let pairs = searched.outcomes.iter().zip(&tally.outcomes);
@@ -164,6 +166,8 @@ fn row(
         StartOutcome::Uncounted,
     ]
     .map(|kind| tally.of_kind(kind));
+    // Invalid starts are no evidence in either direction, so no rate has them in its
+    // base.
     let starts = fails + held + fouls + uncounted;
     let per_start = |count: f64| count / starts.max(1) as f64;
     let judged = plan.preventability;
@@ -184,6 +188,8 @@ fn row(
         successes: fails,
         success_rate: per_start(fails as f64),
         ci95: wilson(fails, starts),
+        // Without a start the exact bound does not exist, and 0 failures of 0 prove
+        // nothing.
         at_most: (fails == 0 && starts > 0).then(|| at_most(starts)),
         recall: (!unit.ado.id.is_search())
             .then(|| recall(units, unit, tally))
@@ -219,6 +225,7 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
         success_rate: rates.sum::<f64>() / rows.len().max(1) as f64,
         // The interval covers both the starts and the seeds of the trainings.
         ci95: seeds_interval(&marks),
+        // The exact bound is for one policy, and a mean has several.
         at_most: None,
         recall: {
             // A mean over some trainings only would compare different ados.
@@ -231,6 +238,7 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
         preventable: rows[0]
             .preventable
             .map(|_| sum(|row| row.preventable.unwrap_or(0))),
+        // Quantiles of trainings cannot be averaged.
         success_closing_mps: None,
         invalid: sum(|row| row.invalid),
         sims_per_start: mean(|row| row.sims_per_start),

@@ -40,6 +40,8 @@ impl UnitGate {
         others
             .filter_map(|(unit, counts)| {
                 let is_before = |(other, _): &&(&Unit, &UnitCounts)| {
+                    // The ado contains its training, so each training is compared with
+                    // itself.
                     other.ego.name == baseline && other.world == unit.world && other.ado == unit.ado
                 };
                 let (_, before) = units.iter().find(is_before)?;

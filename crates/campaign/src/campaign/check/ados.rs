@@ -118,6 +118,8 @@ impl Checker {
     ) -> Result<AdversaryId, CampaignError> {
         // The same default as on the command line.
         let name = method.unwrap_or("switches");
+        // The error of the method itself would advise options that a campaign does not
+        // have.
         if name == "mutate" {
             let what = "a campaign has no training whose counterexamples are mutated";
             let help = "use another method, or `brakecheck search RUN --method mutate`";
@@ -216,6 +218,7 @@ impl Checker {
         label: &str,
     ) -> Result<usize, CampaignError> {
         let actions = 0..world.world().spaces().actions;
+        // Files have labels and no numbers, which would change with every new action.
         let labels: Vec<String> = actions.map(|it| world.action_label(it)).collect();
         let found = labels.iter().position(|known| known == label);
         found.ok_or_else(|| {

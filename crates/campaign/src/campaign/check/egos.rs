@@ -85,6 +85,8 @@ impl Checker {
                 // Members are drawn by index, so more members keep the earlier ones.
                 let member = |index: u64| {
                     let key = StartKey {
+                        // Members of the test stream are none of those that a training
+                        // draws.
                         purpose: Purpose::Test,
                         seed: *seed,
                         index,

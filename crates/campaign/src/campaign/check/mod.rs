@@ -211,6 +211,7 @@ impl Checker {
             return Err(self.source.wrong(&at, what, Some(help.into())));
         }
         let mut known: Vec<&str> = units.iter().map(|it| it.ego.name.as_str()).collect();
+        // Every ego is in a unit per ado, and an error should list it once.
         known.sort_unstable();
         known.dedup();
         // A misspelt baseline would compare nothing and let every change pass.

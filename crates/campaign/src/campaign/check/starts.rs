@@ -59,6 +59,8 @@ impl Checker {
             .iter()
             .try_fold(1usize, |all, (_, along)| all.checked_mul(along.len()));
         match all.filter(|all| (1..=MAX_STARTS).contains(all)) {
+            // Without an axis the product is 1, which would be a grid of a single middle
+            // point.
             Some(_) if !values.is_empty() => Ok(RequestedStarts::Grid { axes: values, seed }),
             _ => {
                 let what = format!("the grid has no axis, or more than {MAX_STARTS} points");
