@@ -86,6 +86,7 @@ pub(crate) fn train_ado<'py>(
     options: TrainOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
+    some_starts(options.starts)?;
     let mut world = world.0.clone();
     let mut name = None;
     if let Some(ego) = options.ego.as_ref().map(|ego| ego.bind(py)) {
@@ -207,6 +208,7 @@ pub(crate) fn eval_run<'py>(
     options: EvalOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
+    some_starts(options.starts)?;
     let mut run = RunDir::open(&options.run).map_err(failed)?;
     run.allow_programs(options.allow_programs);
     let nominal = placed(&run.scenario().map_err(failed)?, options.plant.as_deref())?;
@@ -284,6 +286,7 @@ pub(crate) fn eval_world<'py>(
     options: BaselineOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
+    some_starts(options.starts)?;
     let nominal = world.0.clone();
     let egos = egos(&nominal, options.ego.as_ref().map(|ego| ego.bind(py)))?;
     let (seed, count) = (options.seed, options.starts);
@@ -363,6 +366,7 @@ pub(crate) fn search_world<'py>(
     options: SearchOptions,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
+    some_starts(options.starts)?;
     let egos = egos(&world.0, options.ego.as_ref().map(|ego| ego.bind(py)))?;
     let guide = options.guided.as_ref().map(|run| {
         let run = RunDir::open(run).map_err(failed)?;
@@ -413,6 +417,7 @@ pub(crate) fn report_run(
     starts: (usize, u64),
     running: Running,
 ) -> PyResult<(PathBuf, PathBuf)> {
+    some_starts(starts.0)?;
     let html = output.unwrap_or_else(|| run.join("report.html"));
     let junit = html.with_extension("junit.xml");
     let run = RunDir::open(&run).map_err(failed)?;
@@ -437,6 +442,17 @@ pub(crate) fn report_run(
     })?;
     something(done)?;
     Ok(files)
+}
+
+/// Refuses a test without a start, whose rates of 0 would have no evidence.
+fn some_starts(starts: usize) -> PyResult<()> {
+    if starts > 0 {
+        return Ok(());
+    }
+    Err(wrong(
+        "a test of 0 starts shows nothing",
+        "give at least one, such as `starts=300`",
+    ))
 }
 
 /// Returns the world on the requested plant.

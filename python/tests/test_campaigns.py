@@ -79,6 +79,12 @@ def test_an_ado_of_one_s_own_has_the_rows_of_the_trained_one(run):
     assert rows[0]["ado"] == "python" and rows[0]["method"] == "Ado"
 
 
+def test_a_test_of_no_starts_is_refused():
+    for asked in (brakecheck.eval, brakecheck.search):
+        with pytest.raises(InputError, match="0 starts"):
+            asked("acc", starts=0)
+
+
 @pytest.mark.parametrize(
     ("ado", "says"),
     [(lambda obs: 99, "an action is a whole number from 0 to"), (7, "is no ado")],
