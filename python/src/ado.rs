@@ -42,6 +42,8 @@ impl PythonPolicy {
             Ok((act.clone_ref(py), obs.unbind()))
         };
         call(None, ask, move |answer| {
+            // Policies return numpy integers or arrays of one element, which are no int
+            // of Python.
             let number = answer
                 .call_method0("__index__")
                 .or_else(|_| answer.call_method0("item"));
@@ -59,6 +61,8 @@ impl PythonPolicy {
 impl Policy for PythonPolicy {
     fn act(&self, obs: &[f32]) -> usize {
         let failed = || self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+        // After an exception the callable is not asked again, since the evaluation will
+        // raise it anyway.
         if failed().is_some() {
             return self.neutral;
         }
@@ -67,6 +71,7 @@ impl Policy for PythonPolicy {
             // Whoever listens for Ctrl-C raises that.
             Err(Unanswered::Late { .. } | Unanswered::Stopped) => self.neutral,
             Err(Unanswered::Raised(error)) => {
+                // Threads may fail at once, and the first exception is the one to report.
                 failed().get_or_insert(error);
                 self.neutral
             }

@@ -109,6 +109,8 @@ impl Playing {
         let before = self.bench.verdict();
         self.actions.push(action);
         if self.film.is_some() {
+            // One call would play all samples up to the next decision, and their pictures
+            // would be lost.
             self.bench.decide_only(action);
             while !self.bench.is_decision_due() && self.bench.play_sample() {
                 self.film_sample();
@@ -120,6 +122,8 @@ impl Playing {
         // The reward is paid once, with the verdict.
         let fell = self.bench.verdict().filter(|_| before.is_none());
         let reward = fell.and_then(|verdict| self.bench.rulebook().reward_of(&verdict));
+        // A fault of ego or physics is no outcome of the task, so Gymnasium counts it as
+        // truncated.
         let invalid = self.bench.verdict() == Some(Verdict::Invalid);
         (reward.unwrap_or(0.0), done && !invalid, done && invalid)
     }
@@ -158,6 +162,7 @@ impl Playing {
         let info = PyDict::new(py);
         let bench = &self.bench;
         info.set_item("decisions", bench.decisions())?;
+        // The first sample is that of the start, at 0 s.
         let samples = bench.trace().len().saturating_sub(1);
         info.set_item("time_s", samples as f64 * bench.clock().sample_s)?;
         let Some(verdict) = bench.verdict() else {
@@ -229,6 +234,8 @@ impl RawBench {
     #[new]
     fn new(py: Python<'_>, world: &RawWorld, every_sample: bool) -> PyResult<RawBench> {
         let spaces = world.0.world().spaces();
+        // Making an ego in Python needs the interpreter, which this thread would hold
+        // otherwise.
         let mut playing = py.detach(|| Playing::new(&world.0));
         check_interrupted()?;
         if every_sample {
@@ -286,6 +293,7 @@ impl RawBench {
                 ));
             }
         }
+        // The lock is not reentrant, and the play below takes it.
         drop(playing);
         self.play(py, move |playing| {
             playing.begin_at(Start(start), noise, after(aftermath));
@@ -336,9 +344,11 @@ impl RawBench {
             return Err(nothing_to_render());
         }
         let film = playing.film.as_mut();
+        // Taken out before rendering, so that a long rendering blocks no step.
         let pictures = film.map(|it| std::mem::take(&mut it.pictures));
         drop(playing);
         let images = pictures.into_iter().flatten().map(|svg| {
+            // A video has hundreds of pictures, and Ctrl-C should not wait for the last.
             check_interrupted()?;
             rgb(py, Some(py.detach(|| PixelImage::of(&svg, 1.0))))
         });
@@ -398,6 +408,8 @@ impl RawBench {
         py: Python<'_>,
         work: impl FnOnce(&mut Playing) -> T + Send + 'static,
     ) -> PyResult<T> {
+        // A program may never answer, and only a thread that is left behind lets Ctrl-C
+        // through.
         if self.awaits_program {
             let playing = self.playing.clone();
             let play = move |_: &_| playing.try_lock().ok().map(|mut it| work(&mut it));
@@ -412,6 +424,8 @@ impl RawBench {
     }
 
     fn observed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        // Each observation is an array of its own, because replay buffers keep references
+        // to earlier ones.
         let obs = PyArray1::<f32>::zeros(py, self.observation, false);
         {
             let mut written = obs.readwrite();

@@ -92,6 +92,8 @@ pub(crate) fn train_ado<'py>(
     if let Some(ego) = options.ego.as_ref().map(|ego| ego.bind(py)) {
         match ego.cast::<PyString>() {
             Ok(named) => name = Some(named.to_cow()?.into_owned()),
+            // Run directories store the ego by a name or file, and the words of a program
+            // are neither.
             Err(_) if !is_python(Some(ego)) && !ego.is_none() => {
                 return Err(wrong(
                     "an ado is trained against an ego that its world can name",
@@ -299,6 +301,8 @@ pub(crate) fn eval_world<'py>(
         return objects(py, &something(rows)?);
     };
     let spaces = nominal.world().spaces();
+    // The policy is shared, because its exception is read after the work has ended in
+    // another thread.
     let policy = Arc::new(PythonPolicy::new(
         act.bind(py),
         spaces.actions,
@@ -323,6 +327,8 @@ pub(crate) fn eval_world<'py>(
             let mut cells = experiment.run(watch);
             if let Some(keep) = &options.keep {
                 cells[0].adversary = options.name.as_str().into();
+                // Counterexamples of the baselines are no findings of your ado, so only
+                // its own are kept.
                 keep.settings().keep(&cells[0], &keep.directory, watch)?;
             }
             cells[0].row.method.clone_from(&options.name);
@@ -331,6 +337,8 @@ pub(crate) fn eval_world<'py>(
             let mut own: Vec<Row> = cells.into_iter().map(|cell| cell.row).collect();
             if let Some(switches) = options.switches {
                 let search = Search::switches(switches).play(ego, &starts, watch);
+                // The search is last, because the comparison takes the last row as its
+                // yardstick.
                 own.extend(search.map(|cell| cell.row));
                 Row::compare_with_last(&mut own);
             }
@@ -381,6 +389,7 @@ pub(crate) fn search_world<'py>(
         ..MethodSettings::default()
     };
     Method::named(&options.method, &settings).map_err(failed)?;
+    // The work may outlive this call after Ctrl-C, so it owns all that it reads.
     let (world, name) = (world.0.clone(), options.method.clone());
     let rows = running.watched(py, move |watch| {
         let settings = MethodSettings {

@@ -193,10 +193,12 @@ impl Controller for PythonController {
     }
 
     fn reset(&mut self, seed: u64) {
+        // An episode does not inherit the fault of the one before it.
         self.failed.replace(None);
         if self.maker.fresh {
             self.instance.replace(None);
         }
+        // An instance that was late is gone, and the next episode deserves a new one.
         if self.instance.borrow().is_none() {
             self.make();
         }
@@ -268,6 +270,8 @@ impl PythonController {
         });
         match copied {
             Ok(copy) => copy.map(Some),
+            // An ego whose copy fails is played from the start, which is slower and as
+            // correct.
             Err(Unanswered::Raised(_)) => None,
             Err(why) => {
                 self.fail(FaultKind::Error, why, "asked to fork");
@@ -287,10 +291,13 @@ fn raised(kind: FaultKind, error: &PyErr) -> Fault {
         if error.is_instance_of::<PyKeyboardInterrupt>(py)
             || error.is_instance_of::<PySystemExit>(py)
         {
+            // `sys.exit` in an ego ends the program and is no finding about the ego.
             note_interrupt(error.clone_ref(py));
         }
         let traceback = error.traceback(py).and_then(|it| it.format().ok());
         let said = error.to_string();
+        // Tables have room for a single line, and the whole text is in the end of the
+        // traceback.
         let line = said.lines().next().unwrap_or_default().to_owned();
         let traceback = last(&traceback.unwrap_or_default());
         Fault::new(kind, line).with_stderr(format!("{traceback}{said}"))
@@ -300,5 +307,6 @@ fn raised(kind: FaultKind, error: &PyErr) -> Fault {
 /// The end of a traceback.
 fn last(traceback: &str) -> String {
     let skip = traceback.chars().count().saturating_sub(TRACEBACK);
+    // By characters, because a cut in the middle of one would panic.
     traceback.chars().skip(skip).collect()
 }

@@ -10,6 +10,7 @@ use crate::error::raised;
 
 /// Returns dictionaries, lists and numbers, as `--json` would print them.
 pub(crate) fn objects<'py>(py: Python<'py>, what: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    // The keys are those of `--json`, so both faces share one page of reference.
     let value =
         serde_json::to_value(what).map_err(|error| raised("FaultError", error.to_string()))?;
     object(py, &value)
@@ -20,6 +21,8 @@ fn object<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
         Value::Null => Ok(py.None().into_bound(py)),
         Value::Bool(value) => value.into_bound_py_any(py),
         Value::String(value) => value.into_bound_py_any(py),
+        // Whole numbers stay exact integers, because a float loses digits of seeds above
+        // 2^53.
         Value::Number(number) => match (number.as_u64(), number.as_i64()) {
             (Some(whole), _) => whole.into_bound_py_any(py),
             (_, Some(whole)) => whole.into_bound_py_any(py),

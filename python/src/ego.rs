@@ -73,6 +73,7 @@ pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerF
         Ok(name) => name.extract::<String>()?,
         Err(_) => given.get_type().qualname()?.to_string(),
     })
+    // Names become parts of file names and tables, and `<lambda>` disturbs both.
     .replace(".<locals>", "")
     .replace(['<', '>'], "");
     let maker = Maker {
@@ -92,6 +93,7 @@ pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerF
 /// Longest wait for an answer: `timeout_s` of the ego, as in `Process(…)` of a world
 /// file.
 fn deadline(given: &Bound<'_, PyAny>) -> PyResult<Duration> {
+    // The limits of `timeout_s` are those of a program, so its own check is asked.
     let mut program = Process::new(["python"]);
     if let Some(timeout_s) = given.getattr_opt("timeout_s")? {
         program.timeout_s = number(&timeout_s)?;

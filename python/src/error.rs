@@ -11,6 +11,8 @@ const WIDTH: usize = 100;
 pub(crate) fn raised(class: &str, message: String) -> PyErr {
     Python::attach(|py| {
         let class = py
+            // The classes are written in Python, where users catch them and read their
+            // documentation.
             .import("brakecheck.errors")
             .and_then(|module| module.getattr(class))
             .and_then(|class| Ok(class.cast_into::<PyType>()?));

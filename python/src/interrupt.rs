@@ -22,5 +22,6 @@ pub(crate) fn is_interrupt_noted() -> bool {
 /// Raises the exception that ends the program, not only the episode.
 pub(crate) fn check_interrupted() -> PyResult<()> {
     let mut slot = INTERRUPTED.lock().unwrap_or_else(PoisonError::into_inner);
+    // Taken, so that the next call begins without the interrupt of this one.
     slot.take().map_or(Ok(()), Err)
 }

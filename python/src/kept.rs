@@ -62,6 +62,8 @@ pub(crate) fn replay_kept(
         .collect();
     let replayed = running
         .watched(py, move |_| {
+            // Recorded commands repeat a foreign ego, so its program need not be
+            // installed.
             let replayed = if found.is_recorded_ego() {
                 found.replay_recorded()?
             } else {
@@ -211,6 +213,7 @@ pub(crate) fn export_kept(
         Ok(export(&kept, &directory)?)
     };
     let exported = interruptible(py, write, |_| Ok(()))?.map_err(failed)?;
+    // Files that were written stay, and the exception names only the others.
     if exported.refused.is_empty() {
         Ok(exported.files)
     } else {

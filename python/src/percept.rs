@@ -307,9 +307,12 @@ pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
 ///
 /// `float` accepts more: bools, texts in numpy's scalars, arrays of a single number.
 pub(crate) fn number(given: &Bound<'_, PyAny>) -> PyResult<f64> {
+    // The usual case at every sample, without the look-ups for packages below.
     if given.is_exact_instance_of::<PyFloat>() || given.is_exact_instance_of::<PyInt>() {
         return given.extract();
     }
+    // No package is imported, so scalars of any array library are known by their
+    // attributes.
     let dimensions = match given.getattr_opt("ndim")? {
         Some(dimensions) => dimensions.extract::<usize>()?,
         None => 0,
@@ -319,6 +322,7 @@ pub(crate) fn number(given: &Bound<'_, PyAny>) -> PyResult<f64> {
         None => None,
     };
     let is_number = kind.transpose()?.is_none_or(|kind| "iuf".contains(kind));
+    // A comparison that is returned by mistake would accelerate by 0 or 1 m/s².
     let is_truth = given.extract::<bool>().is_ok();
     let is_text = given.is_instance_of::<PyString>();
     match given.extract() {

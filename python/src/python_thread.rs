@@ -57,6 +57,7 @@ pub(crate) enum Unanswered {
 
 /// Runs `work`. Calls of Python in it end after `stop` is set.
 pub(crate) fn stopped_by<T>(stop: &Arc<AtomicBool>, work: impl FnOnce() -> T) -> T {
+    // Work may nest, and the outer work must hear its own flag afterwards.
     let before = STOP.replace(Some(stop.clone()));
     let done = work();
     STOP.set(before);
@@ -93,6 +94,8 @@ pub(crate) fn call<T: Send + 'static>(
         let left = limit.map_or(LOOK, |limit| limit.saturating_sub(requested.elapsed()));
         match receive.recv_timeout(left.min(LOOK)) {
             Ok(answer) => {
+                // Only a thread that answered is used again, since another may be busy for
+                // ever.
                 THREAD.set(Some(thread));
                 return answer.map_err(Unanswered::Raised);
             }
@@ -124,6 +127,7 @@ fn is_stopped() -> bool {
 /// Returns true if Ctrl-C was pressed. Python notices it in its main thread only, and
 /// any other thread gets false.
 fn is_interrupted() -> bool {
+    // The thread that started this work listens for signals and sets the flag.
     if is_stopped() || STOP.with_borrow(Option::is_some) {
         return is_stopped();
     }
@@ -208,6 +212,7 @@ impl Mailbox {
             let question = py.detach(|| {
                 let questions = self.questions.lock();
                 let question = questions.unwrap_or_else(PoisonError::into_inner).recv();
+                // `park` may return without a reason, so it is called in a loop.
                 while EXITING.load(Ordering::Relaxed) {
                     std::thread::park();
                 }

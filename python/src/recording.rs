@@ -41,6 +41,8 @@ fn refused(error: &ReadError) -> PyErr {
 
 /// Returns the text of every row.
 fn rows<T: Copy>(texts: &[T], at: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<T>> {
+    // Texts come once with positions, because millions of Python strings would be slow to
+    // convert.
     let at = at.as_slice()?.iter();
     let text = |at: &i64| {
         usize::try_from(*at)
@@ -209,6 +211,7 @@ pub(crate) fn fit_traffic<'py>(
         .iter()
         .map(|it| SourceFile {
             name: it.recording.name.clone(),
+            // Arrays have no file whose hash could be compared.
             sha256: None,
         })
         .collect();

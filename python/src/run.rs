@@ -20,6 +20,7 @@ impl RawRun {
     #[new]
     fn new(path: PathBuf) -> PyResult<RawRun> {
         let run = RawRun(path);
+        // A wrong path is an error here and not at the first use.
         run.open()?;
         Ok(run)
     }

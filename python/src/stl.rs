@@ -30,6 +30,7 @@ pub(crate) struct RawFormula {
 
 /// Draws a mistake as in a terminal.
 fn refused(text: &str, error: &StlError) -> PyErr {
+    // An error inside a named formula has its place in that text and not in this one.
     let place = error.formula().map_or(text, |_| "");
     let drawn = if place.is_empty() && !text.is_empty() {
         error.to_string()
@@ -206,6 +207,7 @@ fn schema(signals: impl Iterator<Item = (String, bool)>, dt_s: f64) -> PyResult<
         if boolean {
             Signal::boolean(name, "from Python")
         } else {
+            // Columns of arrays have no unit that a formula could be checked against.
             Signal::real(name, "", "from Python")
         }
     });
@@ -242,6 +244,7 @@ impl RawMonitor {
         let (count, signals) = (rows.shape()[0], rows.shape()[1]);
         let values = rows.as_slice()?;
         let mut monitor = self.lock();
+        // Rows go into a copy, so that a wrong one leaves the monitor unchanged.
         let mut pushed = monitor.clone();
         let mut ends = Vec::with_capacity(2 * count);
         // By index, because a formula that reads nothing has rows without a value.

@@ -78,6 +78,7 @@ impl RawVector {
     fn new(py: Python<'_>, world: &RawWorld, count: usize, jobs: usize) -> PyResult<RawVector> {
         let world = Arc::new(world.0.clone());
         let spaces = world.world().spaces();
+        // A single environment shows the layout, which depends on the world only.
         let in_lanes = VectorEnv::new(&world, 1).layout() == EnvLayout::Lanes;
         let group = |first| Group::new(&world, in_lanes, SHARE.min(count - first));
         let all = py.detach(|| (0..count).step_by(SHARE).map(group).collect());
@@ -139,8 +140,12 @@ impl RawVector {
         buffers: Buffers<'_>,
     ) -> PyResult<Vec<usize>> {
         let (mut obs, mut rewards, mut terminated, mut truncated) = buffers;
+        // Copied, because the work may go on in another thread after Ctrl-C, while Python
+        // frees the array.
         let actions = actions.as_slice()?.to_vec();
         let is_action = |action: &i64| usize::try_from(*action).is_ok_and(|it| it < self.actions);
+        // All actions are checked before any environment steps, so a refusal changes
+        // none.
         if let Some(action) = actions.iter().find(|action| !is_action(action)) {
             return Err(no_action(action, self.actions));
         }
@@ -160,6 +165,8 @@ impl RawVector {
             group.step(&actions[first..][..group.len()], purpose);
         })?;
         let mut over = Vec::new();
+        // Results are copied after all groups have stepped, so an interrupted step
+        // changes no buffer.
         let rows = obs.chunks_mut(SHARE * self.observation);
         for ((i, group), rows) in self.lock()?.all.iter().enumerate().zip(rows) {
             rows.copy_from_slice(group.observations());

@@ -199,6 +199,7 @@ struct Slot {
 impl Slot {
     fn begin(&mut self, purpose: Purpose, row: &mut [f32]) {
         let key = self.stream.next(purpose);
+        // A learner needs the verdict only, so the motion after it is not computed.
         self.playing.begin(key, Aftermath::Skip);
         self.result = (0.0, false, false);
         self.playing.bench.observe(row);
@@ -272,6 +273,8 @@ impl RawEpisode {
             playing.begin(key, Aftermath::Skip);
         }
         for action in &self.actions {
+            // Lanes keep no trace, and the same key and actions give the same bits on a
+            // bench.
             playing.decide(*action as usize);
         }
         playing

@@ -56,6 +56,8 @@ impl Reported {
         };
         let (phase, lines) = {
             let mut words = self.words.lock().unwrap_or_else(PoisonError::into_inner);
+            // The lock is released before Python runs, because workers report while a
+            // callback takes long.
             (words.0.clone(), std::mem::take(&mut words.1))
         };
         let done = self.done.load(Ordering::Relaxed);
@@ -89,6 +91,8 @@ impl Running {
                 ..Watch::new(&progress, stop)
             };
             let pool = ThreadPoolBuilder::new().num_threads(jobs);
+            // A pool per call, so that `jobs` of one call does not bind the next, and
+            // each thread knows its flag.
             let result = pool.build_scoped(
                 |thread| stopped_by(stop, || thread.run()),
                 |pool| pool.install(|| work(&watch)),
@@ -98,6 +102,7 @@ impl Running {
         let result = interruptible(py, work, |py| reported.show(py, self.progress.as_ref()))?;
         // Ctrl-C may have been pressed inside an ego.
         check_interrupted()?;
+        // The last news may be younger than the last look.
         reported.show(py, self.progress.as_ref())?;
         // Why an ego did not run says more than what could not be done for it.
         match faults.complaint() {
@@ -137,6 +142,7 @@ pub(crate) fn interruptible<T: Send + 'static>(
                 return Err(raised("FaultError", "a worker panicked".to_owned()));
             }
             Err(RecvTimeoutError::Timeout) => {
+                // An exception of the progress function stops the work like Ctrl-C.
                 let Err(interrupt) = py.check_signals().and_then(|()| show(py)) else {
                     continue;
                 };

@@ -88,6 +88,7 @@ impl RawWorld {
 
     /// Returns the same world in a traffic model, with a limit on the rarity of its ados.
     fn in_traffic(&self, traffic: Option<&str>, natural: Option<f64>) -> PyResult<RawWorld> {
+        // Written so that NaN is refused, too.
         if natural.is_some_and(|rate| !(rate > 0.0 && rate.is_finite())) {
             return Err(wrong(
                 format!("`natural={natural:?}` is no rate"),
