@@ -178,8 +178,13 @@ def eval(
         }
         rows = raw.eval_run(asked, _running(jobs, progress, allow_invalid, ego))
         return Rows(rows, what if isinstance(what, Run) else Run(os.fspath(what)))  # type: ignore[arg-type]
-    if tries != 1 or runs != 0:
-        raise InputError("`tries` and `runs` are about the ado of a run: evaluate one")
+    if tries != 1 or runs != 0 or temperature is not None:
+        raise InputError(
+            "`tries`, `runs` and `temperature` are about the ado of a run: evaluate one"
+        )
+    # Without this the directory would stay empty, as if nothing failed.
+    if ado is None and keep is not None:
+        raise InputError("`keep` needs an ado in a world: give one, or use `search`")
     of = World.of(what, plant=plant, allow_programs=allow_programs)
     ego = of.ego if ego is None else ego
     met = {

@@ -85,6 +85,13 @@ def test_a_test_of_no_starts_is_refused():
             asked("acc", starts=0)
 
 
+def test_options_that_a_world_would_ignore_are_refused(tmp_path):
+    with pytest.raises(InputError, match="are about the ado of a run"):
+        brakecheck.eval("acc", starts=3, temperature=0.1)
+    with pytest.raises(InputError, match="`keep` needs an ado"):
+        brakecheck.eval("acc", starts=3, keep=tmp_path / "kept")
+
+
 @pytest.mark.parametrize(
     ("ado", "says"),
     [(lambda obs: 99, "an action is a whole number from 0 to"), (7, "is no ado")],
