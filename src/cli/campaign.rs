@@ -291,6 +291,13 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
             Some("mend the ego, or allow a share with `--allow-invalid SHARE`".to_owned()),
         ));
     }
+    // As in other verbs, a result without an evaluated start must not look like a pass.
+    if merged.summary.rows.iter().all(|row| row.starts == 0) {
+        return Err(Failure::fault(
+            "no start was evaluated: the ego fails from all of them without an adversary",
+            Some("correct the starts of the campaign, or test another ego".to_owned()),
+        ));
+    }
     if merged.summary.is_unanswered() {
         return Err(Failure::fault(
             "no gate compares a start: none has a result on both egos with every rule kept",
