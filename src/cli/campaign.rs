@@ -199,6 +199,7 @@ fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
         PieceDone::Stopped => "was interrupted: nothing of it is kept",
     };
     if args.common.json {
+        // A piece from an earlier run is done, too, so engines that retry see a success.
         print_json(&json!({ "piece": number, "done": done != PieceDone::Stopped }))?
     } else {
         terminal::note(&format!("piece {number} {word}"))
@@ -262,7 +263,10 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
         terminal::note("interrupted: nothing was merged");
         return Ok(Exit::Interrupted);
     }
+    // An interruption is also an error of the merge, and comes first because it has its
+    // own exit code.
     let merged = merged?;
+    // The page is written before anything is printed, because the text names it.
     let page = dir.write_page(&merged)?;
     if args.common.json {
         print_json(&json!({
@@ -314,6 +318,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
 /// Returns the numbers of closed gates and of failing egos, with the worst rates.
 fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
     let (rows, all) = (&merged.summary.rows, &merged.summary.gates);
+    // Strictly greater, so that of equal rates the first in plan order is named.
     let worst = rows.iter().reduce(|a, b| {
         if b.success_rate > a.success_rate {
             b
@@ -389,6 +394,8 @@ fn rates(rows: &[SummaryRow], most: usize) -> String {
 /// Formats remarks that do not fit into the table, on starts without a result.
 fn remarks(rows: &[SummaryRow]) -> String {
     let mut text = String::new();
+    // Trivial starts are those of the world, so rows repeat one number rather than add
+    // up.
     let trivial = rows.iter().map(|row| row.trivial).max().unwrap_or(0);
     if trivial > 0 {
         text.push_str(&format!(

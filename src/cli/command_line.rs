@@ -105,6 +105,7 @@ pub(super) fn command<P: CommandLine>(shows_all: bool) -> Command {
         .help("Print all options, with details");
     let command = P::laid_out(P::command())
         .disable_help_flag(true)
+        // `help VERB` is rewritten as an option, so that both print the same page.
         .disable_help_subcommand(true)
         .arg(help)
         .arg(help_all);
@@ -148,6 +149,7 @@ fn without_empty_variable(argument: Arg) -> Arg {
 fn with_help_as_option(arguments: Vec<OsString>) -> Vec<OsString> {
     // Options of the program may stand before the verb.
     let is_verb = |at: &usize| {
+        // This is the only option of the program that takes a value in front of a verb.
         let is_value = arguments[at - 1] == "--color";
         !is_value && !arguments[*at].as_encoded_bytes().starts_with(b"-")
     };
@@ -174,6 +176,7 @@ fn color_choice(arguments: &[OsString], defaults: &Defaults) -> ColorChoice {
     let mut typed = None;
     let mut words = own_words(arguments);
     while let Some(word) = words.next() {
+        // The last of several counts, as clap decides.
         if word == "--color" {
             typed = words.next();
         } else if let Some(choice) = word.strip_prefix("--color=") {
@@ -229,6 +232,8 @@ fn origins(matches: &ArgMatches, defaults: &Defaults) -> Vec<String> {
         }
     };
     let origins: Vec<String> = SETTINGS.iter().filter_map(origin).collect();
+    // A default plant is dropped in worlds without plants, and a typed one is refused
+    // there.
     note_plant(origins.iter().any(|it| it.starts_with("`--plant")));
     origins
 }

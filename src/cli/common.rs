@@ -49,6 +49,7 @@ pub(super) fn with_consent(world: Scenario, common: &Common) -> Scenario {
 
 /// Returns the requested plant, or `None` if it is a default and the world has no plants.
 pub(super) fn plant_in(world: &Scenario, plant: Option<PlantKind>) -> Option<PlantKind> {
+    // A directory's default must not make every grid world an error.
     plant.filter(|_| world.drive().is_some() || !is_plant_default())
 }
 
@@ -101,6 +102,7 @@ where
 {
     let values = T::VARIANTS.iter().map(|value| {
         let about = value.get_documentation().unwrap_or_default();
+        // Help texts have no full stop, and doc comments have one.
         PossibleValue::new(<&'static str>::from(value)).help(about.trim_end_matches('.'))
     });
     // Invariant: the words are those that are read.

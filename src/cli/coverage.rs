@@ -76,6 +76,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Exit, Failure> {
 
 /// Refuses a world, but not the file of a kept crash.
 fn refuse_world_file(path: &Path) -> Result<(), Failure> {
+    // Both are RON files, and only their content tells them apart.
     if path.is_file() && Regressions::find(path, None).is_ok() {
         return Ok(());
     }
@@ -92,6 +93,7 @@ fn measured(args: &CoverageArgs) -> Result<Option<MeasuredCoverage>, Failure> {
     if PopulationDir::is_population(path) {
         let dir = PopulationDir::open(path)?;
         let members = dir.members(usize::MAX)?;
+        // All members have the world of the first, so it is loaded once.
         let first = members.first().ok_or(PopulationError::NoMember)?;
         let world = placed(with_consent(first.scenario()?, common), args.plant)?;
         let bar = progress::bar(common, "");
@@ -109,6 +111,7 @@ fn measured(args: &CoverageArgs) -> Result<Option<MeasuredCoverage>, Failure> {
         .allow_programs(common.allow_programs)
         .begin_egos_anew(common.fresh)
         .allow_invalid(common.allow_invalid);
+    // The recorded ego decides what was covered, whatever the world names today.
     let replayed = kept.replay_recorded()?;
     kept.check_faults(&replayed)?;
     let others = replayed.iter().filter(|one| !one.still_fails()).count();

@@ -105,6 +105,7 @@ fn values(text: &str) -> Result<Vec<(&'static str, String)>, Vec<Problem>> {
         let start = text.len();
         vec![Problem {
             what: format!("invalid TOML: {}", error.message()),
+            // An error without a place is one of the end, such as an open string.
             span: error.span().unwrap_or(start..start),
             label: "here".to_owned(),
             help: Some("write lines such as `jobs = 4`".to_owned()),

@@ -122,9 +122,11 @@ fn sandbox(args: &DriveArgs) -> Result<Option<Sandbox>, Failure> {
         let Some(decisions) = args.train else {
             return Ok(Some(sandbox));
         };
+        // The training takes the world of the file, because it chooses its plant itself.
         let policy = trained(&world, decisions, &common)?;
         return Ok(policy.map(|policy| sandbox.with_trained(policy)));
     }
+    // A run has its ado already, and a second training would replace it silently.
     if args.train.is_some() {
         let what = args.what.display();
         return Err(Failure::input(
@@ -145,6 +147,7 @@ fn trained(
     decisions: u64,
     common: &Common,
 ) -> Result<Option<Arc<dyn Policy>>, Failure> {
+    // The directory vanishes with this function, and only the policy is used afterwards.
     let scratch = tempfile::tempdir().map_err(|error| {
         Failure::input(
             format!("cannot create a directory for the training: {error}"),

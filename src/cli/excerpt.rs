@@ -34,6 +34,7 @@ impl Excerpt {
         let start = text.floor_char_boundary(span.start);
         let end = text.ceil_char_boundary(span.end).max(start);
         let line_start = text[..start].rfind('\n').map_or(0, |feed| feed + 1);
+        // One line of context shows the field that a wrong value belongs to.
         let begins = match line_start {
             0 => 0,
             feed => text[..feed - 1].rfind('\n').map_or(0, |feed| feed + 1),
@@ -90,6 +91,7 @@ impl ExcerptWindow {
         let words = ended.strip_suffix('\r').unwrap_or(ended);
         let mistake = self.start.clamp(at, at + words.len()) - at;
         let before = words[..mistake].char_indices().rev();
+        // A mistake within the shown width needs no cut at the left.
         let first = match before.clone().nth(MOST_CHARS - CHARS_BEFORE) {
             Some(_) => before.take(CHARS_BEFORE).last().map_or(0, |(i, _)| i),
             None => 0,

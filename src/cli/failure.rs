@@ -217,6 +217,8 @@ pub(super) fn warnings(file: &str, text: &str, all: &[Problem]) -> Vec<Note> {
 /// The program is on the last line, by itself. No part of its name can then be taken for
 /// a part of this message.
 pub(super) fn not_allowed(who: &str, command: &[String]) -> Failure {
+    // The text is of a foreign file, and a line break in it could imitate a message of
+    // this program.
     let who = visible_line(who);
     Failure::input(
         format!("{who} is a program that a file names: nothing was started"),

@@ -81,6 +81,7 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
         write_file(file, junit(&suites).as_bytes())?;
     }
     tested.keep(&evaluated, egos.len())?;
+    // Rows without a start or of an interrupted run take precedence over an open gate.
     let exit = exit_of(&rows_of(evaluated)?, false);
     if exit != Exit::Done {
         return Ok(exit);
@@ -150,6 +151,7 @@ fn egos(args: &GateArgs, nominal: &Scenario) -> Result<Vec<EgoUnderTest>, Failur
             "name another ego with `--ego`",
         ));
     }
+    // The baseline is last, so an interruption leaves rows of the egos under test.
     egos.push(before.clone());
     Ok(egos)
 }

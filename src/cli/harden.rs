@@ -111,6 +111,8 @@ fn reduction(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>();
     value
         .ok()
+        // A reduction of 0 would confirm the ego as it is, and NaN is refused by the
+        // comparison.
         .filter(|value| *value > 0.0 && *value <= 1.0)
         .ok_or_else(|| "give a share above 0, and 1 at most, such as 0.9".to_owned())
 }

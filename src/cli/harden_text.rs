@@ -37,6 +37,8 @@ pub(super) fn verdict(report: &HardenReport) -> Vec<String> {
         return vec![format!("no result: {why}")];
     }
     if report.is_without_failure() {
+        // No failure in a few starts is little evidence, so the bound is part of the
+        // verdict.
         let bound = bound_in_words(at_most(report.searched.starts));
         let starts = report.searched.starts;
         return vec![format!(
@@ -113,6 +115,7 @@ fn loss(it: &LossResult) -> String {
         ..
     } = it;
     match it.limit {
+        // A ratio to a loss of 0 does not exist, so both values are printed then.
         LossLimit::TimesOwn(_) if *own > 0.0 => {
             let change = 100.0 * (value / own - 1.0);
             let between = it.ratio_ci95.map_or(String::new(), |ends| {
@@ -227,6 +230,8 @@ pub(super) fn details(report: &HardenReport) -> String {
 /// Returns the command that closes as soon as an ego is worse than the confirmed one.
 pub(super) fn gate_command(report: &HardenReport, ego: &EgoUnderTest) -> Option<String> {
     let best = report.confirmed()?;
+    // The ado that was trained against the change is the hardest for it, so it guards the
+    // change.
     let name = &best.confirmation.as_ref()?.new_ado.ado;
     let ado = report.ados.iter().find(|it| it.ado == *name)?;
     let mut words = ["brakecheck", "gate"].map(str::to_owned).to_vec();

@@ -81,6 +81,7 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
             let runs = about.ego_runs.as_ref()?;
             runs.ended.as_ref().map(ToString::to_string)
         });
+        // A set, because files of one ego often share their reason.
         for reason in BTreeSet::from_iter(reasons) {
             terminal::note(&format!("not all labels are known: {reason}"));
         }

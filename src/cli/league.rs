@@ -33,6 +33,7 @@ pub(super) fn train(
             request.rounds,
             path.display(),
         ));
+        // Without an interruption only faults of an ego end a league early.
         return Ok(finished(Exit::Fault));
     }
     if common.json {

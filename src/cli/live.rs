@@ -59,6 +59,7 @@ impl RerunArgs {
     /// Prints data on stdout, or on stderr if the stream has stdout.
     pub(super) fn data(&self, text: &str) -> Result<(), Failure> {
         if self.rerun.as_deref() == Some(STDOUT) {
+            // Text between the bytes of a recording would damage it for the viewer.
             terminal::note(text);
             return Ok(());
         }
@@ -70,6 +71,8 @@ impl RerunArgs {
         let Some(place) = self.rerun.as_deref() else {
             return Ok(());
         };
+        // The option exists in every build, so that a user reads the reason instead of a
+        // usage error.
         if !cfg!(feature = "rerun") {
             return Err(without_viewer());
         }

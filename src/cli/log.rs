@@ -185,6 +185,7 @@ pub(super) fn read_all(
     }
     let is_osm = |file: &&Path| file.extension().is_some_and(|it| it == "osm");
     let road = match road {
+        // Lanelet2 has no ending of its own: its files are those of OpenStreetMap.
         Some(file) if is_osm(&file) => Some(lanelets_of(file)?),
         Some(file) => Some(lanes_of(file)?),
         None => None,
@@ -320,6 +321,7 @@ fn read_rows(
 fn meta_beside(file: &Path) -> Result<RecordingMeta, Failure> {
     let name = file.file_name().and_then(OsStr::to_str).unwrap_or_default();
     let mut meta = RecordingMeta::default();
+    // highD, inD and their relatives put sizes and rates into files beside the tracks.
     let Some(start) = name.strip_suffix("tracks.csv") else {
         return Ok(meta);
     };

@@ -20,6 +20,7 @@ pub(super) struct ManArgs {
 
 pub(super) fn run(args: &ManArgs) -> Result<Exit, Failure> {
     let mut program = command_line::command::<Cli>(true);
+    // Only a built command has the global options in the pages of its verbs.
     program.build();
     let Some(directory) = &args.output else {
         let page = page(&Man::new(program))?;

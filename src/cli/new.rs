@@ -155,6 +155,7 @@ fn commonroad(args: &NewArgs, from: &Path, files: Files<'_>) -> Result<Exit, Fai
         ("--leave-ego", args.leave_ego),
         ("--road", !args.road.is_empty()),
     ];
+    // Options without effect would be taken for done.
     let given: Vec<&str> = without.iter().filter(|it| it.1).map(|it| it.0).collect();
     if !given.is_empty() {
         return Err(Failure::input(
@@ -168,6 +169,7 @@ fn commonroad(args: &NewArgs, from: &Path, files: Files<'_>) -> Result<Exit, Fai
     }
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
+    // The name is checked before the file is read, which may take long.
     new_world::text_named(&stem)?;
     let request = CommonRoadImport {
         scenario: from,

@@ -86,6 +86,7 @@ pub(super) fn run(
     road: Option<&Path>,
     prints_json: bool,
 ) -> Result<Exit, Failure> {
+    // clap requires the kind beside a recording, so this default is never taken.
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
@@ -106,6 +107,7 @@ pub(super) fn run(
     }
     let folder = args.output.as_deref().unwrap_or(Path::new(""));
     let files = files_of(&recorded, folder)?;
+    // The directory is made after all checks, so a refusal leaves nothing behind.
     if args.output.is_some() {
         make_dir(folder)?;
     }

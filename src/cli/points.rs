@@ -50,6 +50,7 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
         terminal::note("interrupted: the table covers the points that were finished");
         return Ok(Exit::Interrupted);
     }
+    // An ego without a single answer has passed nothing, even if no point fails.
     check_answers(&tables)?;
     let fails = tables.iter().any(PointsTable::fails);
     Ok(if fails && args.fail_on_counterexample {

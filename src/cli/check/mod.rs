@@ -128,11 +128,14 @@ fn show(
 ) -> Result<Exit, Failure> {
     if args.json {
         let mut listing = listing(scenario);
+        // A script reads this key alone, so a faulty program counts as much as a mistake
+        // in the file.
         listing["ok"] = json!(programs::first_fault(named).is_none());
         listing["programs"] = json!(named);
         listing["warnings"] = warnings(scenario);
         print_json(&listing)?;
     } else if args.watch {
+        // The tables of each save would push the earlier verdicts off the screen.
         terminal::data(&answer(scenario).verdict.join("\n"))?;
     } else {
         let mut answer = answer(scenario);
@@ -241,6 +244,7 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
 
 /// Returns a number without the last digits, in which a sum differs from the file.
 fn rounded(value: f64) -> f64 {
+    // Twelve digits are more than a file states, and a sum errs in the sixteenth.
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 

@@ -32,6 +32,7 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<ProgramCheck> {
             process.allow(allowed);
             let done = allowed.then(|| exercise(&process));
             let mut findings = done.iter().flat_map(|done| &done.findings);
+            // Later findings often follow from the first, so only that one is reported.
             let wrong = findings.find(|found| !found.passed).cloned();
             ProgramCheck {
                 ego: ego.to_owned(),
@@ -111,6 +112,7 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
     let mut process = Process::new(command);
     process.allow(true);
     if !as_json {
+        // Without this line a slow program looks like a hung command.
         terminal::note("playing episodes with the program: a minute, if an answer takes it 10 ms");
     }
     let done = exercise(&process);

@@ -35,6 +35,7 @@ impl SignalPatterns {
         let names: Vec<&str> = agents.iter().map(String::as_str).collect();
         // The pairs of many agents would fill pages.
         let many = agents.len() > few;
+        // Insertion order is the order of the world, which a hash map would lose.
         let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
         for (signal, held) in scenario.signals() {
             let (name, about) = if many {
@@ -57,6 +58,7 @@ impl SignalPatterns {
 pub(super) fn names(scenario: &Scenario) -> Vec<String> {
     let patterns = SignalPatterns::of(scenario, 0).lines.into_keys();
     let mut names: Vec<String> = patterns.map(|(name, ..)| name).collect();
+    // Patterns with the same name and another unit or meaning are neighbours.
     names.dedup();
     names
 }

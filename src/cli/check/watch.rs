@@ -25,12 +25,15 @@ pub(super) fn run(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
     let mut watched = WatchedFiles::new([world.to_owned()]);
     while !terminal::stopped() {
         let ReadWorld { world: read, files } = world_input::read(world);
+        // A save may add or remove included files, so the list is renewed at every
+        // reading.
         watched.follow(files);
         if !args.json {
             terminal::data(&time_of_day(SystemTime::now()))?;
         }
         let checked = super::checked(args, read);
         let shown = checked.and_then(|(it, named)| super::show(args, world, &it, &named));
+        // A mistake is the usual case while a world is edited, so it ends nothing.
         if let Err(failure) = shown {
             terminal::refuse(&failure);
         }

@@ -49,6 +49,7 @@ impl From<&LoadError> for Failure {
         match error {
             LoadError::Scenario(error) => Failure::from(&**error),
             LoadError::Io { file, .. } => {
+                // A run has its world in it, so the fix can name that file.
                 let world = Path::new(file).join("world.ron");
                 if world.is_file() {
                     return Failure::input(
@@ -154,6 +155,7 @@ impl From<&RunError> for Failure {
             | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)
             }
+            // These are states of the disk, which another command line would not mend.
             RunError::Io { .. } | RunError::Locked { .. } | RunError::Damaged { .. } => {
                 Failure::plain(Exit::Fault, error.to_string(), help)
             }
