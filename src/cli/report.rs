@@ -217,7 +217,13 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
         train.push_str(&format!(" --ego {}", quoted(&ego.name)));
     }
     if let Some(learner) = &manifest.learner {
-        train.push_str(&format!(" --learner {learner}"));
+        train.push_str(&format!(" --learner {}", quoted(learner)));
+    }
+    if let Some(structure) = &manifest.left_out {
+        train.push_str(&format!(" --leave-out {}", quoted(structure)));
+    }
+    for goal in &manifest.goals {
+        train.push_str(&format!(" --goal {goal}"));
     }
     vec![
         train,
