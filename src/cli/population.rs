@@ -105,6 +105,8 @@ pub(super) fn eval(args: &EvalArgs, most: usize) -> Result<Exit, Failure> {
     };
     note_program_costs(std::slice::from_ref(&ego), &watch);
     drop(bar);
+    // The search is a row, too, because the exit code and the verdict ask for any
+    // failure.
     let rows = all_rows(&results);
     if test.common.json {
         print_json(&json!(results))?;
@@ -143,6 +145,7 @@ fn refuse_options(args: &EvalArgs) -> Result<(), Failure> {
 fn members(args: &EvalArgs, most: usize) -> Result<Vec<RunDir>, Failure> {
     let common = &args.test.common;
     if !PopulationDir::is_population(&args.run) {
+        // A run is a population of one, so that both can be compared by their cells.
         return Ok(vec![open_run(&args.run, common)?]);
     }
     let mut members = PopulationDir::open(&args.run)?.members(most)?;

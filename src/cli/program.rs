@@ -34,6 +34,7 @@ pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsStri
     };
     let program = line.program;
     program.output().obey();
+    // After the output options are obeyed, because only `--verbose` prints these lines.
     for origin in &line.origins {
         detail(origin);
     }
@@ -56,6 +57,7 @@ pub(super) fn main_of<P: CommandLine>(arguments: impl IntoIterator<Item = OsStri
 ///
 /// If more episodes are invalid than allowed, the output is no verdict on the ego.
 fn settled(common: &Common, exit: Exit) -> Result<Exit, Failure> {
+    // After Ctrl-C a stream ends early by request, which is no failure of it.
     if was_torn() && !stopped() {
         return Err(Failure::fault(
             "the recording of `--rerun` is not whole".to_owned(),

@@ -338,6 +338,7 @@ impl Drop for Bar {
             // A thread that panicked wrote its own message.
             let _ = lines.join();
         }
+        // A finished bar would stay above the table that follows.
         self.shown.finish_and_clear();
     }
 }

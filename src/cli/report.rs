@@ -20,6 +20,7 @@ use crate::run_dir::{RunDir, make_dir};
 use crate::world::Scenario;
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
+    // The ending decides before worlds are looked for, since any file could be a world.
     let is_json = args.run.extension().is_some_and(|it| it == "json");
     if is_json && args.run.is_file() {
         return report_results::of_file(args);
@@ -124,6 +125,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
     let mut page = table.page(vec![args.this_page(true)]);
     page.examples = table.examples(MOST_EXAMPLES, &bar.watch());
     drop(bar);
+    // A shipped world has no directory of its own, so the page is in the working one.
     let name = args.run.file_stem().unwrap_or_default();
     let usual = Path::new(name).with_extension("html");
     let html = args.output.clone().unwrap_or(usual);
@@ -159,6 +161,8 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
                 let parent = html.parent().unwrap_or(html);
                 let links = written
                     .iter()
+                    // Links are relative, so that the page and its files can be moved
+                    // together.
                     .map(|file| file.strip_prefix(parent).unwrap_or(file));
                 example.scenarios = links.map(|link| link.display().to_string()).collect();
             }

@@ -125,6 +125,7 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
         write_file(file, junit(&[report.suite()]).as_bytes())?;
     }
     let kept = args.keep.as_ref().map(|dir| request.keep(&report, dir));
+    // The rows are printed already, so an error of the disk here costs no result.
     for line in kept.transpose()?.into_iter().flatten() {
         terminal::note(&line);
     }
@@ -133,6 +134,7 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
 
 /// Ends a risk without a result, by an interruption or because of the ego.
 fn stopped_early(args: &RiskArgs) -> Result<Exit, Failure> {
+    // Without a directory nothing is kept, and there is nothing to go on with.
     let Some(dir) = args.out.as_ref().filter(|_| terminal::stopped()) else {
         return interrupted_early(&args.common);
     };

@@ -222,6 +222,8 @@ fn can_learn(test: &TestArgs, nominal: &Scenario) -> Result<(), Failure> {
 
 /// Refuses to keep counterexamples of ados whose counterexamples are not kept.
 fn keeps_something(test: &TestArgs, ados: &[AdversaryId]) -> Result<(), Failure> {
+    // The others are yardsticks, whose counterexamples say nothing new about the trained
+    // ado.
     let kept = [AdversaryId::Trained, GridPolicy::Optimal.id()];
     if test.keep.dir().is_some() && !kept.iter().any(|ado| ados.contains(ado)) {
         Err(Failure::input(

@@ -283,6 +283,7 @@ fn in_words(even: &BreakEven) -> String {
     if even.once.simulations == 0 {
         return format!("{spent}.\nBoth require a training.");
     }
+    // A search that fell short would need more, so the ado pays off even earlier.
     let at_most = if even.matched { "" } else { "at most " };
     let from = |starts: Option<f64>| match starts {
         Some(starts) => format!("from {at_most}{:.0} starts on", starts.ceil()),

@@ -65,6 +65,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     if let Some(dir) = &args.keep {
         ado = ado.keep_in(dir.clone());
     }
+    // On stderr, because the simulator reads stdout line by line.
     terminal::note(&format!(
         "the {} ado of world `{}` answers on standard output, line by line ({DOCUMENT})",
         ado.player(),

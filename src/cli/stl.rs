@@ -101,6 +101,7 @@ enum EndArg {
 /// Measures the formula on the trace in a file.
 pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     let read = read(args, trace)?;
+    // A wrong time column gives a plausible result, so the reading is always stated.
     terminal::note(&format!("read: {read}"));
     let trace = read.trace;
     let in_formula = |error: StlError| placed("formula", &args.formula, &error);

@@ -47,6 +47,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     }
     let reports: Vec<Value> = checked.iter().map(CheckedRecording::json).collect();
     args.emit_json(&json!({ "recordings": reports }))?;
+    // Results are printed before, because other rules may have an answer.
     if let Some(failure) = unanswered(&checked) {
         return Err(failure);
     }
@@ -170,6 +171,8 @@ impl CheckedRecording {
                 0 => format!("rule_{}.svg", i + 1),
                 _ => format!("recording_{}_rule_{}.svg", recording + 1, i + 1),
             };
+            // Only for a picture, so that recordings without a violation leave no empty
+            // directory.
             make_dir(folder)?;
             let file = folder.join(name);
             write_file(&file, text.as_bytes())?;

@@ -62,6 +62,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
         write_file(file, curve.as_bytes())?;
     }
     tested.keep(&evaluated, egos.len())?;
+    // A sweep measures where an ego begins to fail, so a failure is no error of it.
     Ok(exit_of(&rows_of(evaluated)?, false))
 }
 

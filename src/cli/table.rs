@@ -152,6 +152,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         }
         if let Some(most) = row
             .max_sims_per_start
+            // Other ados play a fixed number of runs, which the table has.
             .filter(|_| row.ado == AdversaryId::Guided)
         {
             text.push_str(&format!(
@@ -283,6 +284,7 @@ pub(super) fn contacts(rows: &[Row]) -> String {
 fn partials(rows: &[Row]) -> String {
     let lines = rows.iter().filter_map(|row| {
         let partial = row.partial?;
+        // Undecided starts may all succeed or none, which gives both bounds.
         let open = partial.of - partial.decided;
         Some(format!(
             "\npartial: {}, {}: {} of {} starts decided. Starts with a success are decided sooner, so \

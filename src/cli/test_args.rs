@@ -70,6 +70,7 @@ pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
                 cost.starts
             ));
         }
+        // Repetitions cost processes that a user did not ask for, so they are stated.
         let compared = program.transcripts().compared();
         if compared > 0 {
             watch.note(&format!(

@@ -50,6 +50,8 @@ impl TrafficArgs {
                 )
             })?
         } else {
+            // A name without a file may be a shipped model, so a failed reading is no
+            // error here.
             let text = file_text(Path::new(name)).unwrap_or_default();
             // Any other file is a model of real drivers.
             if first_word(&text).is_none_or(|word| &text[word] != "Traffic") {

@@ -135,6 +135,7 @@ fn train_one(given: Given<'_>, world: &Scenario) -> Result<Exit, Failure> {
     let args = given.args;
     let mut session = session(given, world)?;
     let title = format!("training in {}", world.name);
+    // Opened after the session, so that a refused training leaves no file of a stream.
     let live = args.live.open(&title, Streamed::Training)?;
     let bar = progress::bar(&args.common, "");
     let trained = session.train(&bar.watch().shown_to(live.audience()))?;
@@ -217,6 +218,7 @@ fn request<'a>(
         decisions: args.decisions,
         learner: args.learner.as_deref(),
         per_ado: args.per_ado,
+        // No goal means those of the world, and an empty list would mean none.
         goals: (!args.goals.is_empty()).then_some(&*args.goals),
         against: args.against,
         leave_out: args.leave_out.as_deref(),

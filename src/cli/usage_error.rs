@@ -38,6 +38,8 @@ pub(super) fn failure(error: &clap::Error, command: &Command, arguments: &[OsStr
     let likely = match error.kind() {
         ErrorKind::InvalidSubcommand => verb_first(error, command.get_name()),
         ErrorKind::UnknownArgument => former(error, &verb)
+            // From the most certain cause to the least, and the first that applies is the
+            // help.
             .or_else(|| with_dashes(error, command, arguments))
             .or_else(|| verbs_with(error, command, arguments)),
         _ => None,
@@ -191,6 +193,8 @@ fn variable_of(error: &clap::Error, command: &Command, arguments: &[OsString]) -
         // Of the options with a variable, `jobs` alone has a short form.
         name == format!("--{long}") || (long == "jobs" && word.starts_with("-j"))
     });
+    // clap names the option for a value of the environment, too, which a user did not
+    // type.
     if is_typed {
         return None;
     }

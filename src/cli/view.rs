@@ -116,7 +116,9 @@ const NEWEST: usize = 20;
 
 /// Plays the requested counterexamples again, and returns them with the name of the ego.
 fn replayed(args: &ViewArgs) -> Result<(Vec<Replayed>, String), Failure> {
+    // A recording or a picture has one episode, and a stream has room for all.
     let all = args.live.is_given() && args.episode.is_none();
+    // An unfinished training has no kept files yet, but stores its counterexamples.
     if args.ego.is_none() && args.what.join("manifest.json").is_file() {
         let run = open_run(&args.what, &args.common())?;
         if !run.manifest().is_finished() {

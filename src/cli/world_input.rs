@@ -23,6 +23,7 @@ pub(super) fn read(path: &Path) -> ReadWorld {
             files: Vec::new(),
         };
     }
+    // Reading notes the included files, because only the reader knows them.
     let listed = ListedFiles::default();
     let world = if input::is_stdin(path) {
         of_stdin(path, &listed)

@@ -143,6 +143,7 @@ pub(super) fn with_derived(
         let mut reads = derived.expr.signals().into_iter();
         let constants = &drive.spec().constants;
         let is_known = |it: &str| known.contains_key(it) || constants.contains_key(it);
+        // The simulator may compute a derived signal itself, and its value counts then.
         if known.contains_key(name) || !reads.all(is_known) {
             continue;
         }

@@ -77,6 +77,7 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
     }
     let change = Change::default();
     let kept = Counterexample {
+        // Persistence and cause ask an ego, and the real one is in the other simulator.
         about: Some(labels_of_contact(&here, &episode)),
         ..Counterexample::record(&here, EGO, &change, live.adversary().caption(), &episode)
     };
@@ -85,6 +86,7 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
     let (seed, index) = live.test_start.unwrap_or((episode.noise, 0));
     let mut stem = file_stem(&here, EGO, seed, index);
     if live.test_start.is_none() {
+        // Two starts of the simulator would otherwise overwrite each other's file.
         let digest = crate::content_hash::fingerprint(&json!(episode.start.0));
         stem = format!("{stem}-{}", &digest[..8]);
     }
@@ -141,6 +143,7 @@ impl EgoMotion {
             };
             let share = (at - before as f64).max(0.0) / length;
             let mixed = |column: &[f64]| column[before] + share * (column[after] - column[before]);
+            // Headings jump at ±π, where a plain mean would point backwards.
             let turn_rad = wrapped(heading[after] - heading[before]);
             let pose = Pose {
                 x_m: mixed(x),
@@ -180,6 +183,7 @@ impl EgoMotion {
     fn off_m(&self, episode: &Episode) -> f64 {
         let column = |of: &str| episode.trace.signal(&format!("{}.{of}", self.name));
         let (Some(x), Some(y)) = (column("x"), column("y")) else {
+            // A distance that cannot be measured must not look like none.
             return f64::INFINITY;
         };
         // A contact ends one of the two earlier, within the last sample.
@@ -216,6 +220,8 @@ impl Controller for MotionTracker {
         let Some(last) = self.samples.len().checked_sub(1) else {
             return Ok(Command::default());
         };
+        // After its record the motion stands at its last sample, and the clamp keeps the
+        // index valid.
         let now = self.samples[self.next.min(last)];
         let then = self.samples[(self.next + 1).min(last)];
         self.next += 1;

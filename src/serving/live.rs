@@ -137,6 +137,8 @@ impl ResetRequest {
                     ))
                 }
             },
+            // A start of the simulator has no position in a stream, so its noise has a
+            // fixed seed.
             (Some(start), None) => start_of(world, start).map(|start| Some((start, 0))),
         }
     }
@@ -204,6 +206,7 @@ impl LiveEpisode {
             agents: spec.agents.iter().map(|it| it.name.clone()).collect(),
             ego: spec.agents.iter().position(is_ego).unwrap_or(0),
         };
+        // The first action belongs to the start, so the answer to `reset` has it already.
         live.decide();
         Ok(Some(live))
     }
@@ -238,6 +241,7 @@ impl LiveEpisode {
         let allowed = self.bench.allowed();
         let decision = self.actions.len();
         let action = self.ados.act(&obs, allowed.as_deref(), decision);
+        // JSON has no word for other numbers.
         self.value = self.ados.value(&obs).filter(|value| value.is_finite());
         self.actions.push(action);
         self.bench.decide_only(action);

@@ -468,5 +468,6 @@ fn message(text: &str) -> Result<Option<ServeRequest>, String> {
 
 fn write_line(answers: &mut impl Write, answer: &Value) -> io::Result<()> {
     writeln!(answers, "{answer}")?;
+    // The simulator waits for this line, and a pipe is buffered.
     answers.flush()
 }

@@ -32,6 +32,8 @@ impl ServedPlayer {
             AdoPlayer::Random => ServedPlayer::Random,
             AdoPlayer::Search => {
                 let ego = EgoUnderTest::nominal(world);
+                // The other players never play the world's own ego, so they need no
+                // consent.
                 consent_to(std::slice::from_ref(&ego))?;
                 ServedPlayer::Search(Box::new(ego))
             }

@@ -53,6 +53,7 @@ fn check(step_s: f64, clock: &Clock) -> Result<(), String> {
             "`step_s` = {step_s} is longer than the episode of {horizon_s} s"
         ));
     }
+    // A step of nanoseconds would make a trace of gigabytes.
     let least_s = LEAST_S.max(horizon_s / MOST_STEPS);
     if step_s < least_s {
         return Err(format!("`step_s` = {step_s} is below {least_s} s"));

@@ -56,6 +56,7 @@ fn fields(shape: &Value, before: &str) -> Vec<ShapeRow> {
         .into_iter()
         .flatten()
         .filter(|(name, _)| name.starts_with(char::is_lowercase));
+    // A reader who writes a new value needs the required fields first.
     let (first, rest): (Vec<_>, Vec<_>) = shown.partition(|(name, _)| is_required(name));
     let rows = first.into_iter().chain(rest).map(|(name, field)| {
         let (meaning, stated) = meaning(field);
@@ -96,6 +97,7 @@ fn meaning(node: &Value) -> (String, Option<String>) {
         .get("description")
         .and_then(Value::as_str)
         .unwrap_or_default();
+    // Later paragraphs have examples, for which a table cell has no room.
     let paragraph = text.split("\n\n").next().unwrap_or_default();
     let words: Vec<&str> = paragraph.split_whitespace().collect();
     // Links of rustdoc lead nowhere here.
@@ -122,6 +124,7 @@ fn type_of(node: &Value) -> String {
         }
     }
     let kind = match node.get("type") {
+        // An `Option` has two types in the schema, and world files write the inner one.
         Some(Value::Array(kinds)) => kinds.iter().find(|kind| **kind != "null"),
         kind => kind,
     };
@@ -154,6 +157,7 @@ fn list_of(node: &Value) -> String {
 fn ron(value: &Value) -> String {
     match value {
         Value::Null => "None".to_owned(),
+        // RON writes a variant without quotes, and JSON has it as a text.
         Value::String(word) if word.starts_with(char::is_uppercase) => word.clone(),
         Value::Array(all) => {
             let all: Vec<String> = all.iter().map(ron).collect();

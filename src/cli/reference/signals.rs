@@ -23,6 +23,8 @@ quantities with bounds only.";
     let listed = signal_list().into_iter();
     let driving = listed.map(|(signal, held)| (signal, held == Availability::Recorded));
     let mut tables = vec![table("Driving worlds", driving)];
+    // Signals of grids depend on the spec, so a world with all of them stands for the
+    // list.
     let grid = Scenario::shipped(GRID).transpose()?;
     if let Some(World::Grid(grid)) = grid.as_ref().map(Scenario::world) {
         let signals = grid.spec().catalogue().into_iter();

@@ -63,6 +63,7 @@ fn leaves<'a>(command: &'a Command, before: &str) -> Vec<(String, &'a Command)> 
 }
 
 fn usage(verb: &Command) -> String {
+    // clap renders a usage only from a command that it may change.
     let usage = verb.clone().render_usage().to_string();
     format!("`{}`", usage.trim_start_matches("Usage: "))
 }
@@ -95,6 +96,7 @@ fn options(verbs: &[(String, &Command)]) -> Vec<SharedOption> {
             }
         }
     }
+    // The sort is stable, so options of as many verbs keep the order of the help.
     all.sort_by_key(|it| std::cmp::Reverse(it.verbs.len()));
     all
 }
