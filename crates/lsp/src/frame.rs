@@ -62,6 +62,7 @@ pub fn read_frame(input: &mut impl BufRead) -> Result<Option<Vec<u8>>, FrameErro
         if line.is_empty() {
             break;
         }
+        // Other headers, such as `Content-Type`, are allowed and without effect.
         if let Some(bytes) = content_length(&line)? {
             length = Some(bytes);
         }

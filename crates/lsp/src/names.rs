@@ -45,6 +45,8 @@ pub fn declared(text: &str, kind: NameKind) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     let mut scanner = Scanner::new(text);
     loop {
+        // Taking a colon may close lists around it, so the depth is that before the
+        // lexeme.
         let before = scanner.groups.len();
         let place = {
             let Some(visit) = scanner.next_visit() else {

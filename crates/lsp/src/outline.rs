@@ -284,6 +284,7 @@ fn lexeme(text: &str) -> (LexemeKind, usize) {
     let Some(first) = text.chars().next() else {
         return (LexemeKind::End, 0);
     };
+    // Before words, because a raw text begins with a letter.
     if let Some((content, length)) = quoted(text) {
         return (LexemeKind::Quoted(content), length);
     }

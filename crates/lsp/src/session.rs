@@ -366,6 +366,8 @@ impl<W: Write> Session<'_, W> {
         }
         world.has_problems = !list.is_empty();
         let version = world.version;
+        // An empty list is sent as well, because it removes the problems of the version
+        // before.
         self.send(&diagnostics(uri, version, &list))
     }
 }

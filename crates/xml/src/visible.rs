@@ -18,6 +18,8 @@ const LONGEST_RUN: usize = 16;
 fn is_hidden(c: char) -> bool {
     match c {
         '\n' | '\t' => false,
+        // Soft hyphen, Arabic letter mark, Mongolian separator and byte order mark have
+        // no width.
         '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{feff}' => true,
         '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' => true,
         '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}' => true,
@@ -42,9 +44,12 @@ pub fn visible_json(json: &str) -> Cow<'_, str> {
     if !json.contains(is_hidden) {
         return Cow::Borrowed(json);
     }
+    // Most texts have a few such characters at most, so this rarely grows.
     let mut shown = String::with_capacity(json.len() + 16);
     for c in json.chars() {
         if is_hidden(c) {
+            // JSON escapes UTF-16 units, so a character beyond the first plane has two of
+            // them.
             for unit in c.encode_utf16(&mut [0; 2]) {
                 // Invariant: writing to a text does not fail.
                 let _ = write!(shown, "\\u{unit:04x}");
@@ -59,6 +64,7 @@ pub fn visible_json(json: &str) -> Cow<'_, str> {
 /// A text as XML and HTML may hold it: what they forbid is escaped, too.
 pub fn visible_markup(text: &str) -> Cow<'_, str> {
     escaped(text, |c| {
+        // XML 1.0 excludes these two from its characters, even as references.
         is_hidden(c) || matches!(c, '\u{fffe}' | '\u{ffff}')
     })
 }
@@ -90,6 +96,7 @@ pub fn command_line(command: &[String]) -> String {
         if !word.is_empty() && word.chars().all(plain) {
             without_runs(word)
         } else {
+            // Counted before escaping, because an escaped run would be as long again.
             let short = without_runs(word);
             let shown = escaped(&short, |c| is_hidden(c) || is_blank(c));
             format!("'{}'", shown.replace('\'', "'\\''"))
@@ -107,6 +114,8 @@ fn without_runs(text: &str) -> String {
         while rest.next_if_eq(&c).is_some() {
             length += 1;
         }
+        // A name may have a few equal characters in a row, and a screen of them hides
+        // what follows.
         if length > LONGEST_RUN {
             shown.push(c);
             shown.push_str(&format!("⟨{length} times⟩"));

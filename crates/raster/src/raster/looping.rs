@@ -55,13 +55,18 @@ pub fn looping_gif(
         }
         let rgb = image.rgb();
         let pixels = rgb.chunks_exact(3).map(|it| [it[0], it[1], it[2]]);
+        // Browsers take a duration of 0 for 0.1 s, and the format has 16 bits.
         let hundredths = (100.0 * duration_s).round().clamp(1.0, 65_535.0) as u16;
         colours.push((pixels.collect(), hundredths));
     }
     let Some(size_px) = size_px else {
         return Err(refused("it has no frame"));
     };
+    // One palette for all frames, because a palette per frame flickers and takes 768
+    // bytes each.
     let palette = palette(colours.iter().flat_map(|(pixels, _)| pixels));
+    // Anti-aliased edges repeat the same colours in all frames, so each is looked up
+    // once.
     let mut nearest = BTreeMap::new();
     let indexed = colours.into_iter().map(|(pixels, hundredths)| {
         let index = |rgb: &Rgb| {
@@ -77,6 +82,7 @@ pub fn looping_gif(
     let mut shown: Vec<IndexedFrame> = indexed.collect();
     loop {
         let file = encoded(size_px, &palette, &shown)?;
+        // Two frames cannot be halved without losing the begin or the end.
         if file.len() <= MOST_GIF_BYTES || shown.len() < 3 {
             return Ok(file);
         }
@@ -92,6 +98,8 @@ fn refused(why: &str) -> RasterError {
 
 /// Returns the palette: the most frequent colours, then frequent ones that differ from them.
 fn palette<'a>(pixels: impl Iterator<Item = &'a Rgb>) -> Vec<Rgb> {
+    // Ordered, since the iteration order of a hash map would change the bytes of the
+    // file.
     let mut counts: BTreeMap<Rgb, usize> = BTreeMap::new();
     for rgb in pixels {
         *counts.entry(*rgb).or_default() += 1;
@@ -100,6 +108,8 @@ fn palette<'a>(pixels: impl Iterator<Item = &'a Rgb>) -> Vec<Rgb> {
     // The sort is stable, so equal counts stay in the order of the colours.
     frequent.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     let mut palette: Vec<Rgb> = frequent.iter().take(EXACT).map(|(rgb, _)| *rgb).collect();
+    // From large to small distances, so that rare but distinct colours come before
+    // shades.
     for apart in APART {
         for (rgb, _) in &frequent {
             let is_new = |known: &Rgb| distance_of(*rgb, *known) >= apart * apart;
@@ -124,6 +134,7 @@ fn distance_of(one: Rgb, other: Rgb) -> i32 {
 
 /// Returns the index of the most similar colour.
 fn nearest_of(rgb: Rgb, palette: &[Rgb]) -> u8 {
+    // The zip ends with the palette, so the index of staying pixels is never chosen.
     let nearest = (0..=STAYS)
         .zip(palette)
         .min_by_key(|(_, known)| distance_of(rgb, **known));
@@ -180,6 +191,8 @@ fn encoded(
         }
         let written = Frame {
             delay: frame.hundredths,
+            // Pixels that stay are transparent, so the frame before must remain below
+            // them.
             dispose: DisposalMethod::Keep,
             transparent: Some(STAYS),
             left: side(left)?,
@@ -218,6 +231,7 @@ fn changed(before: Option<&IndexedFrame>, frame: &IndexedFrame, width: usize) ->
         until = [until[0].max(last + 1), row + 1];
     }
     if until == [0, 0] {
+        // The format has no empty frame, and a frame without change still takes its time.
         return [0, 0, 1, 1];
     }
     [from[0], from[1], until[0] - from[0], until[1] - from[1]]

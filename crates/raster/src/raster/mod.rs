@@ -58,6 +58,7 @@ static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
         fonts.load_font_source(Source::Binary(Arc::new(face)));
     }
     let family = fonts.faces().next().and_then(|it| it.families.first());
+    // Pictures ask for `sans-serif`, and no face of that name exists without this line.
     if let Some((family, _)) = family.cloned() {
         fonts.set_sans_serif_family(family);
     }
@@ -94,6 +95,7 @@ impl PixelImage {
             width_px,
             height_px,
         };
+        // Written so that a size that is no number is refused, too.
         if !(width_px <= MOST_PX && height_px <= MOST_PX) {
             return Err(wrong);
         }

@@ -77,8 +77,9 @@ impl<'a> ViewedEpisode<'a> {
 
     /// First sample at or after an instant.
     pub(super) fn sample_of(&self, time_s: f64) -> usize {
-        // Upwards, since a contact between two samples shows in the later one.
-        let sample = (time_s / self.episode.trace.dt_s()).ceil() as usize;
+        // Upwards, since a contact between two samples shows in the later one. The
+        // tolerance is for 3 · 0.1 s, which is a little more than three samples.
+        let sample = (time_s / self.episode.trace.dt_s() - 1e-9).ceil() as usize;
         sample.min(self.samples().saturating_sub(1))
     }
 

@@ -77,6 +77,7 @@ impl XmlElement {
         let mut writer = Writer::new(Vec::new());
         writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
         self.write(&mut writer, Some(0))?;
+        // Tools that read line by line expect an end of the last line.
         writer.write_event(Event::Text(BytesText::new("\n")))?;
         String::from_utf8(writer.into_inner()).map_err(io::Error::other)
     }

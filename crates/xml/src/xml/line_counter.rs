@@ -19,6 +19,8 @@ pub(super) struct LineCounter<R> {
 impl<R: Read> LineCounter<R> {
     pub(super) fn new(inner: R) -> LineCounter<R> {
         LineCounter {
+            // Recordings have hundreds of megabytes, and small reads would dominate their
+            // time.
             inner: BufReader::with_capacity(1 << 18, inner),
             line: 1,
             part_bytes: 0,

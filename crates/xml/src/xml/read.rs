@@ -86,15 +86,18 @@ pub struct XmlText<'a> {
 /// The text cannot be read, is not well-formed, or exceeds a limit, or `parts` refuses a part.
 pub fn read_xml<P: XmlParts>(text: impl Read, parts: &mut P) -> Result<(), P::Error> {
     let mut reader = Reader::from_reader(LineCounter::new(text));
+    // Receivers then need no second path for elements without content.
     reader.config_mut().expand_empty_elements = true;
     let mut open = OpenElements::default();
     let mut buffer = Vec::new();
     loop {
         buffer.clear();
+        // Set back for each part, since the whole text may be of any length.
         reader.get_mut().part_bytes = 0;
         let event = reader.read_event_into(&mut buffer);
         // The reader is behind the event, so the line is that of the end of a tag.
         let (line, place) = (reader.get_ref().line, reader.buffer_position());
+        // A tag ends the text before it, which comments and entities may have split.
         if let Ok(Event::Start(_) | Event::End(_) | Event::Eof) = event {
             open.tell(parts, line)?;
         }
@@ -173,6 +176,7 @@ impl OpenElements {
     /// Appends to the text: comments, escapes and CDATA cut one text into pieces.
     fn add(&mut self, piece: &str) -> Result<(), XmlProblem> {
         let is_blank = piece.trim().is_empty();
+        // Indentation would otherwise be collected between all elements.
         if self.text.is_empty() && is_blank {
             return Ok(());
         }
@@ -249,6 +253,7 @@ fn problem_of(error: Error) -> XmlProblem {
             XmlProblem::TooLong(MAX_PART_BYTES)
         }
         Error::Io(source) => {
+            // The parser shares its error, and an owned one keeps the kind.
             XmlProblem::Unreadable(std::io::Error::new(source.kind(), source.to_string()))
         }
         error => XmlProblem::Syntax(error.to_string()),
