@@ -100,6 +100,8 @@ pub(crate) fn train_ado<'py>(
                     "write the program into a RON file with a `Change`, and give its path",
                 ));
             }
+            // An ego in Python has no name that a request could state, so the world
+            // itself gets it.
             Err(_) => world = egos(&world, Some(ego))?[0].scenario().clone(),
         }
     }
@@ -168,6 +170,8 @@ pub(crate) fn train_ado<'py>(
             TrainSession::begin(&world, &options.output, &request)?
         };
         let trained = session.train(watch)?;
+        // The run directory keeps a checkpoint, and the caller gets its
+        // `KeyboardInterrupt`.
         if trained.interrupted {
             return Ok(None);
         }
@@ -230,6 +234,7 @@ pub(crate) fn eval_run<'py>(
         .flat_map(|group| group.ids(&run, &nominal))
         .collect();
     let temperature = options.temperature;
+    // The command line checks these while parsing, and Python has no such step.
     if temperature.is_some_and(|it| !(1e-6..=1e6).contains(&it)) || options.draws == 0 {
         return Err(wrong(
             "a temperature or a number of draws is out of range",
@@ -247,6 +252,7 @@ pub(crate) fn eval_run<'py>(
             search: options.search,
             tries: options.tries,
             sampling,
+            // 0 stands for no adaptation, as on the command line.
             runs: NonZeroU64::new(options.runs),
             keeps: options.keep.is_some(),
             ..Evaluation::new(&run, &nominal, &egos)
@@ -258,6 +264,8 @@ pub(crate) fn eval_run<'py>(
             table.keep(&keep.directory, keep.settings(), watch)?;
         }
         let rows = table.rows();
+        // A failure at a later ego is an exception, because a list of rows cannot show
+        // it.
         match table.failure {
             Some(failure) => Err(failure.into()),
             None => Ok(Some(rows)),
@@ -317,6 +325,7 @@ pub(crate) fn eval_world<'py>(
         };
         let mut rows = Vec::new();
         let ado = Ado::Rule(policy, "python", "python");
+        // The order matters for the places below: your ado first, the constant second.
         let adversaries: [&dyn Adversary; 4] = [&ado, &BestConstant, &Ado::Held, &Ado::Random];
         for ego in &egos {
             let experiment = Experiment {

@@ -109,6 +109,7 @@ impl PythonController {
         };
         let made = match source {
             Source::Class | Source::Object => call(self.limit(), ask, Instance::of),
+            // A function has no state, so all controllers share it.
             Source::Function => Ok(Instance::function(&self.maker.given)),
         };
         match made {
@@ -262,6 +263,7 @@ impl PythonController {
             Ok((fork, PyTuple::empty(py).unbind()))
         };
         let copied = call(self.limit(), ask, |copy| {
+            // `fork` may return None to state that it makes no copy here.
             if copy.is_none() {
                 Ok(None)
             } else {

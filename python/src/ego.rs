@@ -66,11 +66,13 @@ pub(crate) fn factory(given: &Bound<'_, PyAny>) -> PyResult<(String, ControllerF
         }
     };
     let named = match source {
+        // An object has no name of its own, so its class gives one.
         Source::Object => given.get_type().into_any(),
         Source::Class | Source::Function => given.clone(),
     };
     let name = (match named.getattr("__qualname__") {
         Ok(name) => name.extract::<String>()?,
+        // A `functools.partial` is callable and has no name.
         Err(_) => given.get_type().qualname()?.to_string(),
     })
     // Names become parts of file names and tables, and `<lambda>` disturbs both.

@@ -53,6 +53,7 @@ pub(crate) fn replay_kept(
         found = found.against(name.as_deref(), &command).map_err(failed)?;
         requested_ego = Some(name.map_or_else(|| command.join(" "), |name| stem(&name)));
     }
+    // Names are read now, because the files move into the other thread below.
     let recorded = found
         .kept()
         .iter()
@@ -159,6 +160,7 @@ impl RawReplayed {
     /// Returns the bytes of its picture: "svg" plays, "png" is a still.
     fn picture<'py>(&self, py: Python<'py>, format: &str) -> PyResult<Bound<'py, PyBytes>> {
         let format = match format {
+            // Notebooks ask for these two only.
             "png" => PictureFormat::Png,
             _ => PictureFormat::Svg,
         };

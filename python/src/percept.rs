@@ -136,6 +136,7 @@ impl From<&ego::SeenLight> for SeenLight {
         SeenLight {
             name: light.name.clone(),
             line_m: light.line_m,
+            // Words, so that Python code needs no import to compare them.
             phase: match light.phase {
                 ego::Phase::Green => "green",
                 ego::Phase::Yellow => "yellow",
@@ -200,6 +201,7 @@ impl Percept {
     /// All other road users, in the order of the world file.
     #[getter]
     fn others(&self) -> Vec<Seen> {
+        // Converted when read, since most egos read one of many road users at a sample.
         self.0.others.iter().map(Seen::from).collect()
     }
 
@@ -278,6 +280,7 @@ pub(crate) fn command_of(answer: &Bound<'_, PyAny>) -> PyResult<Command> {
 
 /// Returns the command of a Python object.
 pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
+    // The usual answer, of an ego that does not steer, is tried first.
     if let Ok(accel_mps2) = number(answer) {
         return Ok(ego::Command::accelerate(accel_mps2));
     }

@@ -122,6 +122,7 @@ impl RawRecording {
     ) -> PyResult<Bound<'py, PyAny>> {
         let file = if is_file {
             let text = match text {
+                // The shipped rules have a name and no file, as on the command line.
                 "motorway" => TrafficRuleFile::motorway_text(),
                 text => text,
             };
@@ -206,6 +207,7 @@ pub(crate) fn fit_traffic<'py>(
     name: &str,
     recordings: Vec<PyRef<'py, RawRecording>>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
+    // Cloned, because a borrowed object of Python needs the lock that the fit releases.
     let analyses: Vec<Analysis> = recordings.iter().map(|it| it.0.clone()).collect();
     let sources = analyses
         .iter()

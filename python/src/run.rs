@@ -59,6 +59,7 @@ impl RawRun {
 
 impl RawRun {
     fn open(&self) -> PyResult<RunDir> {
+        // Opened anew at each call, because a training may still write to it.
         RunDir::open(&self.0).map_err(failed)
     }
 

@@ -59,6 +59,7 @@ impl RawFormula {
         let formulas = formulas
             .into_iter()
             .map(|(name, text)| Ok((name, parsed(&text)?)));
+        // A NaN would make every comparison with the constant undefined.
         if let Some((name, value)) = constants.iter().find(|(_, value)| !value.is_finite()) {
             let what = format!("the constant `{name}` is {value}");
             return Err(wrong(what, "constants are finite numbers"));
@@ -147,6 +148,7 @@ impl RawFormula {
         let schema = schema(signals.into_iter(), dt_s)?;
         let monitor = self.bind(&schema)?;
         let online = match samples {
+            // With a known end, windows are cut there and bounds close earlier.
             Some(samples) => monitor.online_for(samples),
             None => monitor.online(),
         };

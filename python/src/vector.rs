@@ -158,6 +158,7 @@ impl RawVector {
             terminated.len(),
             truncated.len(),
         ];
+        // Checked before the step, so that a wrong buffer changes no environment.
         let fits = lengths == [self.count; 4] && obs.len() == self.count * self.observation;
         self.fits(fits)?;
         self.play(py, move |at, group| {

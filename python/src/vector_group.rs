@@ -148,6 +148,7 @@ impl Lanes {
 
     fn step(&mut self, actions: &[i64], purpose: Purpose) {
         for (to, action) in self.actions.iter_mut().zip(actions) {
+            // The caller has checked all actions, so none is negative.
             *to = *action as usize;
         }
         // The step leaves those alone whose episode was over before it.
@@ -259,6 +260,7 @@ impl RawEpisode {
             world: Arc::clone(world),
             key: played.map(|(key, _)| key),
             actions: played
+                // Copied, because the next step begins another episode in this place.
                 .map(|(_, actions)| actions.to_vec())
                 .unwrap_or_default(),
         }

@@ -113,6 +113,7 @@ impl RawWorld {
         let world = &self.0;
         let clock = world.world().clock();
         let signals: Vec<_> = world.signals();
+        // Observations carry no unit, so it is that of the signal of their name.
         let unit = |name: &str| {
             let found = signals.iter().find(|(signal, _)| signal.name == name);
             found.map_or(String::new(), |(signal, _)| signal.unit.to_string())

@@ -169,6 +169,7 @@ fn answer(worlds: &[&Coverage], remark: Option<String>) -> PrintedAnswer {
         };
         format!("{title}{}", coverage.table(most).to_terminal(columns))
     };
+    // One table fits a screen, so those of further worlds are details.
     let (first, others) = worlds.split_at(worlds.len().min(1));
     let tables: Vec<String> = first.iter().map(table).collect();
     let whole = |coverage: &&Coverage| {

@@ -101,6 +101,7 @@ impl Defaults {
 
 /// Parses the file.
 fn values(text: &str) -> Result<Vec<(&'static str, String)>, Vec<Problem>> {
+    // Parsed with spans, so that an error shows its place.
     let table = DeTable::parse(text).map_err(|error| {
         let start = text.len();
         vec![Problem {

@@ -242,6 +242,7 @@ pub(super) fn gate_command(report: &HardenReport, ego: &EgoUnderTest) -> Option<
             words.extend(["--allow-programs", "--"].map(str::to_owned));
             words.extend(program.command.iter().cloned());
         }
+        // The next version does not exist yet, so a placeholder stands for its file.
         None => words.extend(["--ego", "NEW.ron"].map(str::to_owned)),
     }
     Some(command_line(&words))

@@ -92,6 +92,7 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
 fn line(file: &Path, about: &About) -> [String; 6] {
     let severity = about.severity.as_ref();
     let dash = || "–".to_owned();
+    // A share of nothing is unknown and not 0.
     let of = |part: usize, whole: usize| match whole {
         0 => dash(),
         _ => format!("{part} of {whole}"),
@@ -155,11 +156,14 @@ fn request(text: &str) -> Result<KeepRequest, String> {
         let selection = match (name, value) {
             ("most", _) => CrashSelection::Worst(number(1)? as usize),
             ("all", None) => CrashSelection::All,
+            // Form and runs go with either selection, so they are no part of the check
+            // below.
             ("as-found", None) => {
                 request.form = Form::AsFound;
                 continue;
             }
             ("runs", _) => {
+                // Without a run a program's crashes are kept as found and without labels.
                 request.runs = number(0)?;
                 continue;
             }

@@ -130,6 +130,8 @@ impl RerunArgs {
                 Some(stdout) => EpisodeStream::new(Box::new(stdout), name, learning),
                 None => return Ok(None),
             },
+            // A viewer reads the file while it grows, so it cannot appear whole at the
+            // end.
             Some(file) => match std::fs::File::create(file) {
                 Ok(created) => EpisodeStream::new(Box::new(created), name, learning),
                 Err(source) => Err(ViewError::Write {

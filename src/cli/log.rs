@@ -119,6 +119,7 @@ pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
 
 /// Draws the only recording, or an instant of it.
 fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Result<(), Failure> {
+    // A picture has one frame of coordinates, and each recording has its own.
     let [(analysis, _)] = recordings else {
         return Err(Failure::input(
             format!("--picture draws one recording, not {}", recordings.len()),
@@ -180,6 +181,7 @@ pub(super) fn read_all(
     road: Option<&Path>,
 ) -> Result<Vec<(Analysis, String)>, Failure> {
     let mut map = columns.map.map(column_map).transpose()?;
+    // `--time` is for exports that differ from the map in this column only.
     if let (Some((map, _)), Some(time)) = (&mut map, columns.time) {
         map.time = TimeColumn::named(time);
     }
@@ -211,6 +213,7 @@ fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
     let lanes = driven_lanes(file, &file_text)?.into_iter();
     let carriageways = lanes.filter_map(|lanes| {
         Some(MappedCarriageway {
+            // Close points would turn small errors of a map into large ones of headings.
             path: brakecheck_traffic::Path::through(lanes.right_lane_m, 0.5)?,
             offsets_m: lanes.offsets_m,
         })
@@ -313,6 +316,7 @@ fn read_rows(
         meta: Some(&meta),
     };
     let (recording, guessed) = columns.read(rows, &file.display().to_string())?;
+    // Without a map the header decides, and the output names the decision.
     let known = map.map_or(guessed, |(_, known)| known);
     Ok((recording, known.to_owned()))
 }

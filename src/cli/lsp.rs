@@ -62,6 +62,7 @@ impl WorldLanguage for Worlds {
             Ok(world) => checked(&world),
             Err(error) => CheckedText {
                 problems: shown(error.problems, false).collect(),
+                // Places of problems count in the text with its included files.
                 text: error.text,
                 names: None,
             },

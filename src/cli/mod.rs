@@ -203,6 +203,7 @@ impl Verb {
             Verb::Serve(args) => args.common(),
             Verb::Lsp(args) => args.common(),
             Verb::Reference(args) => args.common(),
+            // They print fixed texts, on which no option has an effect.
             Verb::Completions(_) | Verb::Man(_) | Verb::Notices(_) => Common::default(),
         }
     }
@@ -210,6 +211,7 @@ impl Verb {
     /// Returns whether Ctrl-C makes it stop and save. Other verbs just end.
     fn saves_when_interrupted(&self) -> bool {
         #[cfg(feature = "drive")]
+        // Ctrl-C is the regular end of a drive and of a watched check, with exit code 0.
         if matches!(self, Verb::Drive(_)) {
             return true;
         }

@@ -95,6 +95,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     let file = format!("{name}.ron");
     let text = new_world::text_named(name)?;
     let path = PathBuf::from(&file);
+    // A world that a user has written must never be replaced by a template.
     new_world::refuse_taken(&path)?;
     write_file(&path, text.as_bytes())?;
     if args.json {
@@ -183,6 +184,7 @@ fn commonroad(args: &NewArgs, from: &Path, files: Files<'_>) -> Result<Exit, Fai
 /// Writes the worlds of a protocol, or none if a file cannot be written.
 fn import(args: &NewArgs, from: &Path, read: Files<'_>) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
+    // World names are single words, and the directory is that of the files.
     let stem = named.file_name().unwrap_or_default().to_string_lossy();
     new_world::text_named(&stem)?;
     let maps: Vec<_> = args.road.iter().map(named_road).collect::<Result<_, _>>()?;
@@ -321,6 +323,7 @@ impl From<ImportError> for Failure {
             let what = format!("{further} further problems");
             notes.push(Note::new(&what, Some("mend those above first")));
         }
+        // A reader that stopped early knows only a part of the problems.
         if let Some(part) = error.unread_part() {
             let what = format!("not read so far: {part}");
             notes.push(Note::new(

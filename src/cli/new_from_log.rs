@@ -88,6 +88,7 @@ pub(super) fn run(
 ) -> Result<Exit, Failure> {
     // clap requires the kind beside a recording, so this default is never taken.
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
+    // The argument names the world, and many type the name of its file.
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
     let columns = log::GivenColumns {
@@ -136,6 +137,7 @@ impl NewFile {
 /// Returns the file of each world, all of them free and each world sound.
 fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<NewFile>, Failure> {
     let mut files = Vec::new();
+    // All refused worlds are collected, so that one run shows every reason.
     let mut refused = Vec::new();
     for world in &recorded.worlds {
         let path = folder.join(format!("{}.ron", world.name));
@@ -245,6 +247,7 @@ fn in_words(world: &RecordedWorld) -> String {
         RecordedPlace::Behind => "behind the ego",
     };
     let bend = match world.road_m {
+        // A straight road is exact, so there is no distance to state.
         0.0 => String::new(),
         road_m => format!(", road within {road_m:.2} m of the lane"),
     };

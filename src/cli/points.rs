@@ -232,6 +232,7 @@ fn outcome(point: &PointResult) -> String {
     let failure = point.failure.as_ref();
     match point.outcome {
         PointOutcome::Passed => {
+            // A protocol counts the point itself, so a failing variation is only a mark.
             if point.varied.as_ref().is_some_and(|it| it.fails) {
                 "passed !".to_owned()
             } else {

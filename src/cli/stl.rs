@@ -154,6 +154,7 @@ impl StlArgs {
         match &self.json {
             None => Ok(()),
             Some(_) if self.prints_json() => print_json(value),
+            // A file leaves stdout to the tables, so CI gets both from one run.
             Some(file) => Ok(write_file(file, format!("{value}\n").as_bytes())?),
         }
     }

@@ -64,6 +64,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
 /// Returns the failure of rules that no row of any recording answers.
 fn unanswered(checked: &[CheckedRecording]) -> Option<Failure> {
     let rules = &checked.first()?.results;
+    // One recording with an answer suffices, since a rule need not apply to all of them.
     let is_open = |rule: usize| !checked.iter().any(|it| it.results[rule].is_evaluated());
     let open = (0..rules.len()).filter(|rule| is_open(*rule));
     let names: Vec<String> = open.map(|rule| format!("`{}`", rules[rule].rule)).collect();

@@ -37,6 +37,7 @@ pub(super) fn rows(rows: &[Row]) -> PrintedAnswer {
 /// Adds effects of single ados: to the verdict if one hinders, and all to the details.
 pub(super) fn add_effects(answer: &mut PrintedAnswer, effects: &[AdoEffect]) {
     let hinders = |effect: &&AdoEffect| effect.finding == AdoFinding::Hinders;
+    // A world is better tested without an ado that hinders the others.
     let named = effects.iter().filter(hinders).take(EFFECTS_SHOWN);
     answer.verdict.extend(named.map(ToString::to_string));
     for effect in effects {
@@ -105,6 +106,8 @@ pub(super) fn warnings(rows: &[Row]) -> String {
         for fault in &row.faults {
             text.push_str(&format!("\ninvalid: {}, {}: {fault}", row.ego, row.ado));
         }
+        // A start counts by a number of its runs, so the share of all runs is stated
+        // beside it.
         if let Some(repeats) = &row.repeats {
             let [lo, hi] = repeats.ci95.map(|share| 100.0 * share);
             text.push_str(&format!(
@@ -139,6 +142,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
                     let share = percent(share);
                     format!("; on {share} of the starts a rule broke between failure and contact")
                 });
+            // A success that no driver can judge must not be taken for unavoidable.
             let partly = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
             let unjudged = partly.map_or(String::new(), |of| {
                 let sample = of.judged + of.not_judged;
@@ -256,6 +260,7 @@ fn named_once(table: TextTable, rows: &[Row]) -> TextTable {
 /// Draws contacts, broken rules and processor times.
 pub(super) fn contacts(rows: &[Row]) -> String {
     let lines = rows.iter().map(|row| {
+        // The first cell is the contact, which the table of rates has already.
         let [_, sides, without_fault, avoided] = row.contact_cells();
         [
             ego(row),

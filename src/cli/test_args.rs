@@ -58,6 +58,7 @@ pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
     }
     for program in programs {
         let cost = program.cost();
+        // A mean over no command would be 0/0.
         if cost.steps > 0 {
             watch.note(&format!(
                 "`{}` gave {} commands in {} episodes, also in trivial starts and checks; \

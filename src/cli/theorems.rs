@@ -43,6 +43,7 @@ fn on_a_grid(checked: &GridTheorems) -> String {
             "\nof another size, or with formulas on other signals, not compared: {names}"
         ));
     }
+    // A theorem that was not checked must not read as one that holds.
     if !checked.unchecked.is_empty() {
         let names = checked.unchecked.join(", ");
         text.push_str(&format!(
@@ -277,6 +278,7 @@ fn on_the_road(carried: &CarryOver) -> String {
          \npredicted      pairs forecast to carry over; precision: of those, the share that does;\
          \n               recall: of those that do, the share forecast",
     );
+    // An ego without a row could be taken for one on which nothing carries over.
     for refused in &carried.refused {
         text.push_str(&format!("\nleft out: {}", refused.why));
     }
@@ -287,6 +289,7 @@ fn forecast_row(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [St
     let bounds = forecast.quantiles.iter().map(|q| number(*q));
     let [lo, hi] = forecast.coverage_ci95.map(|share| 100.0 * share);
     let coverage = format!("{:.1} % [{lo:.1}, {hi:.1}]", 100.0 * forecast.coverage);
+    // Bounds that are exceeded more often than promised make the forecast useless.
     let promised = if forecast.as_promised {
         coverage
     } else {

@@ -99,6 +99,7 @@ pub(super) struct TrainArgs {
 }
 
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
+    // A run must be repeatable from its directory, which a typed program is not in.
     refuse_program("train", &args.program)?;
     let world = load_world(&args.world, &args.common)?;
     args.traffic.one_rate("train")?;

@@ -159,6 +159,7 @@ fn of_training(
     let (skipped, most) = match (all, args.live.is_complete()) {
         (true, true) => (0, usize::MAX),
         (true, false) => (0, NEWEST),
+        // Number 0 is the newest, so the number is that of newer ones to skip.
         (false, _) => (number, 1),
     };
     let newest = newest_of_training(run, skipped, most)?;
@@ -231,6 +232,7 @@ fn draw(
     format: PictureFormat,
 ) -> Result<(), Failure> {
     let mut drivers = ReferenceDriver::VARIANTS.iter().copied();
+    // The parser allows these names only, so each given one is found.
     let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
     let bytes = picture_as(format, replayed, ego, beside)?;
     write_file(output, &bytes)?;

@@ -35,6 +35,8 @@ pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
         "horizon_s": clock.horizon_s,
         "observe": observed(world),
         "derived": derived(drive),
+        // Expressions of derived signals use them, and a simulator may compute these
+        // itself.
         "constants": drive.map(|spec| &spec.constants),
         "agents": drive.map(agents),
         "ego_spec": scenario.ego_spec().to_string(),
@@ -95,6 +97,7 @@ fn agents(spec: &DriveSpec) -> Vec<Value> {
         let role = match agent.drive {
             Drive::Ego => "ego",
             Drive::Ado { .. } => "ado",
+            // No action of the served ados moves these, whoever trained them.
             Drive::Trained(_) | Drive::Scripted(_) | Drive::Planned(_) => "traffic",
         };
         let body = &agent.body;
@@ -118,6 +121,7 @@ pub(super) fn with_derived(
     let mut known = IndexMap::new();
     let schema = world.schema();
     let names: Vec<&str> = schema.signals().iter().map(|it| it.name.as_str()).collect();
+    // An unknown column stays 0, and no expression with an unknown signal is evaluated.
     let mut row = vec![0.0; names.len()];
     let position = |name: &str| names.iter().position(|it| *it == name);
     let observed = |name: &str| world.observed().iter().any(|it| it.name == name);

@@ -244,6 +244,7 @@ impl LiveEpisode {
         // JSON has no word for other numbers.
         self.value = self.ados.value(&obs).filter(|value| value.is_finite());
         self.actions.push(action);
+        // The simulator moves the samples, so the bench only notes the decision.
         self.bench.decide_only(action);
     }
 

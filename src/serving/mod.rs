@@ -329,6 +329,7 @@ impl ServedAdo {
             return all;
         };
         let mut unit = 1;
+        // The first ado's action is the lowest digit of a joint action.
         for (name, actions, _) in drive.spec().action_sets() {
             for (signal, joint) in ["action_before", "action"].iter().zip(self.last) {
                 let own = joint / unit % actions.len();
@@ -353,6 +354,7 @@ impl ServedAdo {
             let value = match (signals.get(name), name) {
                 (Some(value), _) => *value,
                 (None, "time") => passed_s,
+                // A simulator may go on beyond the horizon, where no time is left.
                 (None, "time_left") => (clock.horizon_s - passed_s).max(0.0),
                 (None, _) => {
                     missing.push(format!("`{name}`"));
@@ -361,6 +363,7 @@ impl ServedAdo {
             };
             obs.push(observed.scaled(value));
         }
+        // All missing signals are named at once, so that one look at the error suffices.
         if !missing.is_empty() {
             return Err(format!("the ado also observes {}", missing.join(", ")));
         }
@@ -426,6 +429,8 @@ pub fn actions_of(world: &World, mut action: usize) -> Value {
 
 fn in_numbers(actions: &Actions, action: usize) -> Value {
     match actions {
+        // Every vehicle has the same keys, so one that keeps its lane has a lateral speed
+        // of 0.
         Actions::Accelerations(list) => json!({ "accel_mps2": list[action], "lateral_mps": 0.0 }),
         Actions::Grid(grid) => {
             let (accel_mps2, lateral_mps) = grid.command(action);

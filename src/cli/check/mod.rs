@@ -142,6 +142,7 @@ fn show(
         answer.table.push_str(&programs::text(named));
         terminal::data(&answer.text(args.answer))?;
     }
+    // On stderr, so that the listing on stdout can be piped.
     note_warnings(world, scenario);
     // A faulty program is reported last, so that the listing is complete.
     match programs::first_fault(named) {
@@ -256,6 +257,7 @@ fn answer(scenario: &Scenario) -> PrintedAnswer {
     let counts = [
         count(scenario.rules.len(), "rule"),
         count(scenario.world().spaces().actions, "action"),
+        // The world's own ego is one more than those under `reuse`.
         count(1 + scenario.reuse.len(), "ego"),
         count(scenario.signals().len(), "signal"),
     ];

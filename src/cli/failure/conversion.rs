@@ -99,6 +99,8 @@ impl From<&RiskTrafficError> for Failure {
         match error {
             RiskTrafficError::File(LoadError::Io { .. }) => Failure::input(
                 error.to_string(),
+                // The general help of an unreadable file would advise to name a world
+                // here.
                 "name a traffic file (examples/traffic has some), or `motorway`",
             ),
             RiskTrafficError::File(error) => Failure::from(error),
@@ -119,6 +121,7 @@ impl From<HardenError> for Failure {
             HardenError::Session(error) => error.into(),
             HardenError::Run(error) => error.into(),
             HardenError::Kept(error) => error.into(),
+            // A program or a disk that fails is no mistake of the command line.
             HardenError::Program(_) | HardenError::Unwritable { .. } => {
                 Failure::fault(error.to_string(), error.help())
             }
@@ -269,6 +272,8 @@ impl From<&RegressionError> for Failure {
                 let who = format!("the ego in `{}`", path.display());
                 not_allowed(&who, command)
             }
+            // A changed record has an exit code of its own, since neither ego nor input
+            // is wrong.
             RegressionError::Differ { .. } => Failure::plain(
                 Exit::NotIdentical,
                 error.to_string(),
@@ -287,6 +292,7 @@ impl From<&RegressionError> for Failure {
                         .to_owned(),
                 ),
             ),
+            // An open question is no pass, and no counterexample either.
             RegressionError::NoAnswer { .. } => Failure::fault(
                 error.to_string(),
                 Some(
@@ -452,6 +458,7 @@ macro_rules! from_owned {
     };
 }
 
+// `?` passes errors by value, while the conversions above only read them.
 from_owned!(
     AdversaryError,
     CampaignError,
@@ -495,6 +502,7 @@ impl<E: Into<Failure>> From<E> for ErrorReport {
     }
 }
 
+// Rust prints the error of a test by `Debug`, so the report is written there.
 impl fmt::Debug for ErrorReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = self.0.render(plain_theme(), message_columns());

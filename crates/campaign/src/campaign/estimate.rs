@@ -43,6 +43,7 @@ pub(super) fn start_s(ego: &EgoUnderTest, ado: &AdversaryId) -> f64 {
                 };
                 episode_s(scenario) + sequences * steps(scenario) * searched_step_s
             }
+            // Other methods play whole episodes, up to their budget.
             _ => *budget as f64 * episode_s(scenario),
         },
         _ => episode_s(scenario),

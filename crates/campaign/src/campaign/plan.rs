@@ -239,6 +239,8 @@ impl Plan {
             Work::Starts { unit, starts } => {
                 let planned = self.units.get(*unit);
                 let run = planned.and_then(|planned| self.ados.get(planned.ado.run?));
+                // Another training gives another policy and other rows, so it is part of
+                // the question.
                 let training =
                     planned.and_then(|planned| self.trainings.get(planned.ado.training?));
                 // The gate and the boundary are read by the merge only, so they are

@@ -46,6 +46,7 @@ impl UnitGate {
                 };
                 let (_, before) = units.iter().find(is_before)?;
                 let mut gate = Gate::of(counts.gated(&unit.ego.name), before.gated(baseline));
+                // The decision asks for the labels of newly failing starts only.
                 let starts: Vec<usize> = gate.newly_failing.iter().map(|it| it.start).collect();
                 gate.label(starts.iter().map(|start| counts.avoidability[*start]));
                 Some(UnitGate {

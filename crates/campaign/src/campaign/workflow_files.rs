@@ -86,6 +86,7 @@ fn needs_of(plan: &Plan) -> Vec<(usize, usize, usize)> {
 /// Writes a Slurm array script with a task per piece.
 pub(super) fn slurm(plan: &Plan) -> String {
     let (trainings, pieces) = (plan.trainings.len(), plan.len());
+    // Ranges of Slurm include their end.
     let (last, first) = (pieces.saturating_sub(1), trainings);
     let submit = match trainings {
         0 => format!("#   pieces=$(sbatch --parsable --array=0-{last} slurm.sh)\n"),
