@@ -88,7 +88,6 @@ pub(super) fn run(
 ) -> Result<Exit, Failure> {
     // clap requires the kind beside a recording, so this default is never taken.
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
-    // The argument names the world, and many type the name of its file.
     let name = name.strip_suffix(".ron").unwrap_or(name);
     new_world::text_named(name)?;
     let columns = log::GivenColumns {

@@ -97,8 +97,6 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
         } else {
             ReplayQuestion::StillFails
         };
-        // The file is written before any error below, because CI reads it even after a
-        // failure.
         let suite = regressions.suite(&replayed, question);
         write_file(file, junit(&[suite]).as_bytes())?;
     }
