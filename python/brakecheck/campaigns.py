@@ -359,6 +359,9 @@ def _running(
         jobs = 0 if played is None or isinstance(played, str | list) else 1
     if jobs < 0:
         raise InputError("`jobs` is a number of threads: 1 or more, or None for one per core")
+    # NaN would compare with no share of faults, and so tolerate all of them.
+    if not 0.0 <= allow_invalid <= 1.0:
+        raise InputError("`allow_invalid` is a share: a number from 0 to 1, such as 0.05")
     if progress is None:
         progress = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
     shown: Progress | None = _Line() if progress is True else progress or None

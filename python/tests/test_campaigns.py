@@ -85,6 +85,12 @@ def test_a_test_of_no_starts_is_refused():
             asked("acc", starts=0)
 
 
+def test_a_share_that_is_none_is_refused():
+    for share in (-0.1, 1.5, float("nan")):
+        with pytest.raises(InputError, match="is a share"):
+            brakecheck.search("acc", starts=3, allow_invalid=share)
+
+
 def test_options_that_a_world_would_ignore_are_refused(tmp_path):
     with pytest.raises(InputError, match="are about the ado of a run"):
         brakecheck.eval("acc", starts=3, temperature=0.1)
