@@ -14,8 +14,8 @@ use brakecheck::risk::RiskTraffic;
 use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{AdversaryId, Row, RunDir};
 use brakecheck::search::{
-    Adversary, BestConstant, Experiment, GuidingPolicy, Method, MethodSettings, Search,
-    usual_switches,
+    Adversary, BestConstant, Experiment, GuidingPolicy, Method, MethodOption, MethodSettings,
+    Search, usual_switches,
 };
 use brakecheck::training::{PerAdoMode, TrainRequest, TrainSession};
 use brakecheck::world::Scenario;
@@ -397,7 +397,22 @@ pub(crate) fn search_world<'py>(
         guide: policy.as_deref().map(GuidingPolicy),
         ..MethodSettings::default()
     };
-    Method::named(&options.method, &settings).map_err(failed)?;
+    let method = Method::named(&options.method, &settings).map_err(failed)?;
+    // An option without effect would suggest a result that it did not have.
+    let given = [
+        options.switches.map(|_| MethodOption::Switches),
+        options.budget.map(|_| MethodOption::Budget),
+        options.guided.as_ref().map(|_| MethodOption::Guided),
+    ];
+    let options_given: Vec<MethodOption> = given.into_iter().flatten().collect();
+    let refused = method.info().refuse_others(&options_given);
+    refused.map_err(failed)?;
+    if options.budget == Some(0) {
+        return Err(wrong(
+            "a search of 0 simulations finds nothing",
+            "give at least one per start, such as `budget=100`",
+        ));
+    }
     // The work may outlive this call after Ctrl-C, so it owns all that it reads.
     let (world, name) = (world.0.clone(), options.method.clone());
     let rows = running.watched(py, move |watch| {

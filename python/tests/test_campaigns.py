@@ -96,6 +96,10 @@ def test_options_that_a_world_would_ignore_are_refused(tmp_path):
         brakecheck.eval("acc", starts=3, temperature=0.1)
     with pytest.raises(InputError, match="`keep` needs an ado"):
         brakecheck.eval("acc", starts=3, keep=tmp_path / "kept")
+    with pytest.raises(InputError, match="budget"):
+        brakecheck.search("acc", starts=3, budget=5)
+    with pytest.raises(InputError, match="0 simulations"):
+        brakecheck.search("acc", starts=3, method="uniform", budget=0)
 
 
 @pytest.mark.parametrize(
