@@ -399,18 +399,18 @@ fn a_campaign_that_plays_or_compares_nothing_is_refused() {
     // A baseline under `reuse` of one world is no ego of the other.
     let text = r#"Campaign(
         name: "two",
-        worlds: [(file: "acc"), (file: "cut_in")],
+        worlds: [(file: "cyclist"), (file: "junction")],
         egos: [Ego("all")],
         ados: [Neutral],
         starts: Drawn(count: 3),
-        gate: (baseline: "longer gap"),
+        gate: (baseline: "earlier trigger"),
     )"#;
     fs::write(&file, text).expect("written");
     let output = brakecheck(&["campaign", "plan", &file, "-o", &path(&dir, "p")]);
     assert_eq!(code(&output), 2);
     let message = stderr(&output);
     assert!(
-        message.contains("has no ego `longer gap` to compare with"),
+        message.contains("has no ego `earlier trigger` to compare with"),
         "{message}"
     );
 }
