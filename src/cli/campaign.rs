@@ -302,6 +302,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
             Some("correct the starts of the campaign, or test another ego".to_owned()),
         ));
     }
+    // A gate that compares nothing is open, which CI must not take for a pass.
     if merged.summary.is_unanswered() {
         return Err(Failure::fault(
             "no gate compares a start: none has a result on both egos with every rule kept",

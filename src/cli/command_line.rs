@@ -72,6 +72,8 @@ pub(super) fn read<P: CommandLine>(
     };
     // Colours hold for the errors of the command line, too.
     colour(color_choice(&arguments, &defaults));
+    // The long help is looked for before parsing, because its layout is part of the
+    // parser.
     let mut command = defaults
         .of_command(command::<P>(own_words(&arguments).any(|word| word == ALL)))
         // Lines as wide as a large screen are hard to read.

@@ -54,6 +54,7 @@ impl Excerpt {
             at += line.len();
             shown += usize::from(line_start < at);
             behind += usize::from(end < at || shown >= MOST_LINES);
+            // One line behind the mistake is context, as is the one before it.
             if behind > 1 {
                 break;
             }

@@ -39,6 +39,7 @@ pub(super) fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Fa
         )
     })?;
     Ok(Regressions::of_text(
+        // Test cases and pictures are named after the file, and `-` names nothing.
         Path::new("standard-input.ron"),
         &text,
     )?)

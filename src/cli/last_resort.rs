@@ -10,6 +10,7 @@ static SPOKE: AtomicBool = AtomicBool::new(false);
 
 /// Gives `note` the message of a panic: the fault, the place to report it, the kept work.
 pub(super) fn speak_plainly(note: fn(&str)) {
+    // Rust's own message has a backtrace, which helps no user.
     panic::set_hook(Box::new(move |fault| {
         if !SPOKE.swap(true, Ordering::Relaxed) {
             note(&in_words(fault));

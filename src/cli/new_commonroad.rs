@@ -52,6 +52,7 @@ fn in_json(world: &CommonRoadWorld, from: &Path, file: &str) -> serde_json::Valu
         "worlds": [json!({ "file": file, "points": [0] })],
         "broken": 0,
         "dropped": dropped.collect::<Vec<_>>(),
+        // The keys are those of every import, so that scripts need one form only.
         "ego_events": [],
     })
 }

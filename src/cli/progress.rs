@@ -150,6 +150,7 @@ impl Present {
             ..ProgressPhase::default()
         };
         (self.began, self.last) = (Instant::now(), Instant::now());
+        // A new phase may announce itself again, once its length can be estimated.
         self.announced = false;
     }
 

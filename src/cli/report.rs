@@ -211,6 +211,7 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
         "brakecheck train {world} -o runs/{}-again --seed {} --decisions {}",
         manifest.world, manifest.seed, manifest.decisions
     );
+    // Stated even if it is the world's, because a `brakecheck.toml` may name another.
     if let Some(plant) = manifest.plant.plant() {
         train.push_str(&format!(" --plant {}", <&str>::from(plant)));
     }

@@ -82,6 +82,7 @@ impl Common {
 
 fn share(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
+        // A range contains no NaN, with which every comparison of shares would be false.
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
         _ => Err("a share is a number from 0 to 1, such as 0.05".to_owned()),
     }

@@ -103,6 +103,7 @@ impl TrafficArgs {
     pub(super) fn limited(&self, world: Scenario) -> Result<Scenario, Failure> {
         let world = self.declared(world)?;
         Ok(match *self.natural.as_slice() {
+            // With several rates each ego gets its own, which is done by `levels`.
             [rate] => world.naturally(rate),
             _ => world,
         })

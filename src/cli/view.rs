@@ -99,6 +99,8 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
             "name one, or a directory of them",
         ));
     };
+    // A run that failed to start has no motion, and an empty picture would hide the
+    // reason.
     if let Some(fault) = first.fault() {
         let message = format!("there is nothing to see: {fault}");
         return Err(Failure::fault(message, None));

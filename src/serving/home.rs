@@ -239,6 +239,7 @@ impl Controller for MotionTracker {
         };
         let accel_mps2 = ((wish_mps2 - self.arriving_mps2 * decay) / (1.0 - decay))
             .clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2);
+        // A percept has no command that is on its way, so the lag is computed here, too.
         self.arriving_mps2 = accel_mps2 + (self.arriving_mps2 - accel_mps2) * decay;
         let aside_mps = (then.lateral_m - now.lateral_m) / sample_s
             + CORRECTION_PER_S * (now.lateral_m - own.lateral_m);

@@ -21,6 +21,7 @@ pub(super) fn stepped(world: &Scenario, step_s: f64) -> Result<Scenario, String>
         return Ok(world.clone());
     };
     let clock = drive.spec().clock;
+    // The world itself keeps the bits of its episodes, whatever a change would round.
     if step_s == clock.sample_s {
         return Ok(world.clone());
     }

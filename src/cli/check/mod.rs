@@ -96,6 +96,8 @@ fn checked(
         Ok(scenario) => scenario,
         Err(error) => {
             if args.json {
+                // Programs read stdout, and people the drawing that the failure puts on
+                // stderr.
                 print_json(&problems(&error))?;
             }
             let is_whole = is_whole(&error);
@@ -158,6 +160,7 @@ fn listed(name: &str, items: &[String]) -> String {
     for (i, item) in items.iter().enumerate() {
         let comma = if i + 1 < items.len() { "," } else { "" };
         let width = |text: &str| text.chars().count();
+        // Two more columns are for the blank before an item and the comma behind it.
         let full = |line: &String| width(line) + width(item) + 2 > stdout_columns();
         if i > 0 && lines.last().is_some_and(full) {
             lines.push(" ".repeat(14));
