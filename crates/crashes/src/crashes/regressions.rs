@@ -108,12 +108,17 @@ impl Regressions {
         let path = path.as_ref();
         let mut files = vec![path.to_path_buf()];
         if path.is_dir() {
-            let entries = std::fs::read_dir(path).map_err(|source| RunError::Io {
+            let unreadable = |source| RunError::Io {
                 verb: "reading",
                 path: path.into(),
                 source,
-            })?;
-            files = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+            };
+            let entries = std::fs::read_dir(path).map_err(unreadable)?;
+            // A crash that is skipped would look like one that is fixed.
+            let paths = entries.map(|entry| entry.map(|it| it.path()));
+            files = paths
+                .collect::<Result<Vec<PathBuf>, _>>()
+                .map_err(unreadable)?;
             // Reports and pictures may lie beside them.
             files.retain(|file| file.extension().is_some_and(|e| e == "ron"));
             // Directories list their files in no order, and numbers of episodes refer to

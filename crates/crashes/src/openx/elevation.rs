@@ -10,6 +10,9 @@ use crate::scene::drive::{BodyAttitude, DriveWorld};
 use crate::sim::Pose;
 use crate::xml::XmlElement;
 
+/// Least length of a written stretch, in metres.
+const LEAST_M: f64 = 1e-9;
+
 /// Heights of the roads of a world.
 #[derive(Clone, Copy)]
 pub(crate) struct Elevation<'a>(&'a DriveWorld);
@@ -81,7 +84,8 @@ fn stations_m(heights: &RoadProfile<'_>, stretch: Stretch) -> Vec<f64> {
     let mut all: Vec<f64> = [stretch.from_s_m].into_iter().chain(changes).collect();
     all.retain(|s_m| (stretch.from_s_m..stretch.to_s_m).contains(s_m));
     all.sort_by(f64::total_cmp);
-    // Two curves that touch share a station, and a stretch without length has no slope.
-    all.dedup();
+    // Two curves that touch share a station up to rounding, and a stretch of no length
+    // has no slope.
+    all.dedup_by(|next, before| *next - *before < LEAST_M);
     all
 }
