@@ -186,8 +186,12 @@ fn the_tables_have_what_the_program_reads() {
     cell("world-file", "`Effect`", "`Teleport`");
     cell("signals", "Driving worlds", "A.B.ttc");
     cell("signals", "Grid worlds", "d_man");
+    cell("signals", "Derived signals", "−5 to 5");
+    cell("signals", "Default observation", "time_left");
     cell("verbs", "Options", "`--fail-on-counterexample`");
     cell("verbs", "Exit codes", "130");
+    cell("verbs", "Reasons of `gate --on`", "`unless-unavoidable`");
+    cell("verbs", "Starts of a gate", "no answer");
 }
 
 #[test]
