@@ -104,7 +104,7 @@ observe the signal with its sign.";
 fn observed() -> ReferenceTable {
     let about = "\
 Ados of driving worlds without `observe` see these signals. \
-`brakecheck check WORLD --details` lists those of your world with their scales.";
+`brakecheck check WORLD` lists those of your world with their scales.";
     let rows = OBSERVED.map(|row| row.map(str::to_owned).to_vec());
     ReferenceTable::new(
         "Default observation",
