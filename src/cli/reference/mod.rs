@@ -40,9 +40,9 @@ impl ReferenceArgs {
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum ReferenceTopic {
-    /// Verbs, their options, the exit codes and the outcomes of a gate.
+    /// Verbs, their options, exit codes and outcomes of a gate.
     Verbs,
-    /// Signals that formulas may use, and those that ados observe.
+    /// Signals that formulas use and that ados observe.
     Signals,
     /// Keys that `--json` prints.
     Json,
