@@ -1,6 +1,6 @@
 //! Graph of the crates of the workspace, from `cargo metadata`.
 //!
-//! An arrow leads from a crate to one that it uses, and is left out where a longer path
+//! An arrow leads from a crate to one that uses it, and is left out where a longer path
 //! leads there too.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -7,11 +7,29 @@ use std::sync::LazyLock;
 use serde_json::{Value, json};
 
 use super::help::verbs;
-use super::program::{json as json_of, run_with, unchecked};
+use super::program::{json as json_of, run_with, scratch, unchecked};
 use super::{brakecheck, refused, root};
 
 /// Verbs that print messages of a protocol, or a text for another program.
 const WITHOUT_JSON: [&str; 4] = ["serve", "lsp", "completions", "man"];
+
+/// World whose ado observes a derived signal of each unit, in the order of the table.
+const DERIVED: &str = r#"Scenario(
+    name: "derived", question: "Has each signal the range of its unit?",
+    clock: (horizon_s: 10.0, decision_s: 0.5, sample_s: 0.05, substeps: 4),
+    road: Straight(lanes: 1, lane_width_m: 3.5, friction: 0.9),
+    agents: [
+        Vehicle(name: "ego", body: "sedan", lane: 0, start: At(x_m: 0.0, speed_mps: 20.0), drive: Ego(RssDriver())),
+        Vehicle(name: "ado", body: "van", lane: 0, start: Ahead(of: "ego", headway_m: 40.0, speed_mps: 20.0),
+            drive: Ado(actions: Accelerations([-6.0, 0.0, 2.0]), neutral: 1, observe: ["a", "b", "c", "d", "e"],
+                rulebook: [Rule(name: "keeps moving", stl: "always (ado.speed >= 1)")])),
+    ],
+    signals: {
+        "a": "ado.x - ego.x", "b": "ado.speed - ego.speed", "c": "ado.accel + ego.accel",
+        "d": "time + time_left", "e": "ado.speed * 2",
+    },
+    ego_spec: "always (ego.ado.gap >= 0.2)",
+)"#;
 
 /// Names of keys by verb.
 type Keys = BTreeMap<String, BTreeSet<String>>;
@@ -186,8 +204,38 @@ fn the_tables_have_what_the_program_reads() {
     cell("world-file", "`Effect`", "`Teleport`");
     cell("signals", "Driving worlds", "A.B.ttc");
     cell("signals", "Grid worlds", "d_man");
+    cell("signals", "Derived signals", "−5 to 5");
+    cell("signals", "Default observation", "time_left");
     cell("verbs", "Options", "`--fail-on-counterexample`");
     cell("verbs", "Exit codes", "130");
+    cell("verbs", "Reasons of `gate --on`", "`unless-unavoidable`");
+    cell("verbs", "Starts of a gate", "no answer");
+}
+
+#[test]
+fn the_ranges_of_derived_signals_are_those_of_worlds() {
+    let dir = scratch();
+    std::fs::write(dir.path().join("derived.ron"), DERIVED).expect("a file");
+    let checked = json_of(&unchecked(
+        dir.path(),
+        "brakecheck",
+        &["check", "derived.ron", "--json"],
+    ));
+    let observed = checked["observed"].as_array().expect("observed signals");
+    let ranges: Vec<String> = observed
+        .iter()
+        .map(|it| format!("{} to {}", it["lo"], it["hi"]).replace(".0", ""))
+        .map(|it| it.replace('-', "−"))
+        .collect();
+    let page = page("signals");
+    let (_, rows) = tables(&page)
+        .find(|(title, _)| *title == "Derived signals")
+        .expect("a table");
+    let stated: Vec<&str> = rows
+        .iter()
+        .filter_map(|row| row["default range"].as_str())
+        .collect();
+    assert_eq!(ranges, stated);
 }
 
 #[test]

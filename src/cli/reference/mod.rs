@@ -1,6 +1,7 @@
 //! `brakecheck reference`: tables of what the program knows, as Markdown or as data.
 
 mod egos;
+mod gates;
 mod json_keys;
 mod page;
 mod shapes;
@@ -39,9 +40,9 @@ impl ReferenceArgs {
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum ReferenceTopic {
-    /// Verbs, their options and the exit codes.
+    /// Verbs, their options, exit codes and outcomes of a gate.
     Verbs,
-    /// Signals that formulas may use.
+    /// Signals that formulas use and that ados observe.
     Signals,
     /// Keys that `--json` prints.
     Json,

@@ -2,6 +2,7 @@
 
 use clap::{Arg, Command};
 
+use super::gates;
 use super::page::{ReferencePage, ReferenceTable};
 use crate::cli::examples::EXIT_CODES;
 
@@ -20,7 +21,9 @@ pub(super) fn page(program: &Command) -> ReferencePage {
     let about = "\
 `brakecheck VERB --help` prints the first options of a verb, and `--help-all` every option. \
 Data is written to stdout, and messages to stderr. \
-Numbers may be written as `300k` or `1_000`.
+A file `-` is stdin. \
+Numbers may be written as `300k` or `1_000`. \
+Relative paths of a command, and the programs of a world, start from the working directory.
 
 If several exit codes apply, the first of 130, 2, 3, 4, 1 is returned.";
     let verbs = leaves(program, "");
@@ -40,11 +43,14 @@ If several exit codes apply, the first of 130, 2, 3, 4, 1 is returned.";
     ReferencePage {
         title: "Verbs",
         about: about.to_owned(),
-        tables: vec![
+        tables: [
             ReferenceTable::new("Verbs", &["verb", "usage", "effect", "documents"], rows),
             ReferenceTable::new("Exit codes", &["code", "meaning"], codes),
             ReferenceTable::new("Options", &["option", "verbs", "effect"], options),
-        ],
+        ]
+        .into_iter()
+        .chain(gates::tables())
+        .collect(),
     }
 }
 

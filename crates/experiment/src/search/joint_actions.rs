@@ -44,8 +44,7 @@ pub enum AdoPlayer {
     Trained,
     /// Random actions, each held for a while.
     Random,
-    /// The first successful sequence of a search against the world's own ego, or the one that
-    /// drives.
+    /// The first successful sequence of a search against the ego.
     Search,
 }
 

@@ -33,10 +33,11 @@ use brakecheck::world::Scenario;
 use brakecheck_experiment::run_dir::cached_result::CachedResult;
 use brakecheck_files::run_files::disk::make_dir;
 
-/// First training and stream of test starts that no earlier measurement opened.
+/// First training and stream of test starts of the recorded rows.
 ///
-/// docs/background/intervals.md lists the seeds that were looked at.
-const FIRST_UNOPENED: u64 = 300;
+/// No setting was chosen by them. docs/background/intervals.md lists the seeds that were
+/// looked at, also those with which an earlier version was measured.
+const FIRST_REPORTED: u64 = 300;
 /// Trainings per world, at most.
 const MOST_SEEDS: u64 = 100;
 /// Seeds are named in files: no more than nine digits.
@@ -87,11 +88,11 @@ struct ReproduceArgs {
     /// Training seeds per world, by default as many as the page has.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: Option<u64>,
-    /// The first of them; from 100 on they are sealed: no setting was chosen by them.
-    #[arg(long, value_name = "N", default_value_t = FIRST_UNOPENED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    /// First training seed. Seeds from 100 on were not tuned on.
+    #[arg(long, value_name = "N", default_value_t = FIRST_REPORTED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     first_seed: u64,
-    /// Seed of the test starts; sealed from 100 on, too.
-    #[arg(long, value_name = "N", default_value_t = FIRST_UNOPENED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    /// Seed of the test starts. Seeds from 100 on were not tuned on.
+    #[arg(long, value_name = "N", default_value_t = FIRST_REPORTED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     start_seed: u64,
     /// Test starts per world, by default as many as the page has.
     #[arg(long, value_name = "N", value_parser = start_count())]
