@@ -103,6 +103,8 @@ impl<'a> EpisodeObserver<'a> {
             origin,
             start: episode.start.clone(),
             failure,
+            // Other actions are simulated for the rules, which costs far more than the
+            // verdict.
             rules: if with_rules {
                 self.bounds(episode)
             } else {
@@ -136,9 +138,13 @@ impl<'a> EpisodeObserver<'a> {
     fn forbidden(&mut self, episode: &Episode) -> Option<Vec<bool>> {
         let mut found = vec![false; self.scenario.rulebook().rules.len()];
         if !self.branches {
+            // The program cannot branch here, which is unknown and not the same as
+            // unbroken.
             return None;
         }
         let bench = &mut self.bench;
+        // Only decisions before the verdict can be changed, so the motion after it is not
+        // needed.
         bench.begin(&episode.start, episode.noise, Aftermath::Skip);
         for &action in &episode.actions {
             // With every rule found, further branches would add nothing.
@@ -146,7 +152,10 @@ impl<'a> EpisodeObserver<'a> {
                 break;
             }
             let allowed = bench.allowed();
+            // A masked action was no alternative of the ado.
             let may = |other: &usize| allowed.as_ref().is_none_or(|allowed| allowed[*other]);
+            // One ado deviates at a time, since joint deviations grow exponentially with
+            // the ados.
             let others = self.digits.iter().flat_map(|digit| digit.others(action));
             for other in others.filter(may) {
                 let mut branch = bench.branch()?;
@@ -180,5 +189,7 @@ fn failure(scenario: &Scenario, episode: &Episode) -> CoveredFailure {
 
 /// Returns whether an item is among `most` of `count` items that are evenly spread.
 pub fn evenly_spread(index: usize, count: usize, most: usize) -> bool {
+    // Rounding down cuts the list into `most` runs of nearly equal length, each with one
+    // pick.
     count <= most || (index + 1) * most / count > index * most / count
 }

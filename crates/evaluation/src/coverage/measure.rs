@@ -184,6 +184,7 @@ fn rules(scenario: &Scenario, episodes: &[CoveredEpisode]) -> Vec<RuleCoverage> 
         let margins = || bounds.iter().filter_map(|bound| bound.margin);
         let least = margins().reduce(f64::min);
         let greatest = margins().reduce(f64::max).unwrap_or(0.0);
+        // Relative to the spread, because formulas have different units.
         let near = NEAR * (greatest - least.unwrap_or(greatest));
         let is_near = |bound: &&RuleBound| {
             bound.is_broken
@@ -230,6 +231,7 @@ fn parts(scenario: &Scenario, episodes: &[CoveredEpisode]) -> Vec<PartCoverage> 
 
 /// Counts the drawn starts of some episodes, a start of several episodes once.
 fn distinct_starts<'a>(episodes: impl Iterator<Item = &'a CoveredEpisode>) -> usize {
+    // Equal draws are equal to the last bit, and floats alone have no order for a set.
     let bits =
         |it: &CoveredEpisode| -> Vec<u64> { it.start.0.iter().map(|x| x.to_bits()).collect() };
     let starts: BTreeSet<Vec<u64>> = episodes.map(bits).collect();
@@ -238,6 +240,7 @@ fn distinct_starts<'a>(episodes: impl Iterator<Item = &'a CoveredEpisode>) -> us
 
 /// Counts the kinds of failure, the most frequent first and equals in their order.
 fn kinds(episodes: &[CoveredEpisode]) -> Vec<KindCoverage> {
+    // Sorted, so that equally frequent ones keep an order that no hash decides.
     let mut of_kind: BTreeMap<&FailureKind, Vec<&CoveredEpisode>> = BTreeMap::new();
     for episode in episodes {
         if let Some(failure) = &episode.failure {
@@ -299,6 +302,8 @@ fn cells(
                     stored: failing().count() - failures,
                     tries: drawn().count(),
                     starts: distinct_starts(drawn()),
+                    // The level of the test depends on the number of tried cells, which
+                    // is known at the end.
                     chance: None,
                     state: CoverageState::Untried,
                 });
@@ -318,6 +323,7 @@ fn judge_cells(cells: &mut [CellCoverage], kinds: &[KindCoverage], starts: usize
         let chance = chance_of_none(starts, cell.starts, kinds[cell.kind].starts);
         cell.chance = (cell.starts > 0).then_some(chance);
         cell.state = match cell {
+            // A stored failure fills its cell, although it is no try.
             CellCoverage { failures: 1.., .. } | CellCoverage { stored: 1.., .. } => {
                 CoverageState::Covered
             }

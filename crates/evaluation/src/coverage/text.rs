@@ -216,6 +216,7 @@ impl Coverage {
     pub fn table(&self, most: usize) -> TextTable {
         let mut lines = self.lines();
         let is_plain = |(state, cells): &(CoverageState, [String; 5])| {
+            // Gaps keep a line each, and other cells would bury them.
             cells[0] == "cell" && *state != CoverageState::Never
         };
         for state in [
@@ -233,6 +234,7 @@ impl Coverage {
             let together = ["cell", share.as_str(), "–", "–", state.words()];
             lines.push((state, together.map(str::to_owned)));
         }
+        // The lines of cells were appended behind covered rules.
         lines.sort_by_key(|(state, _)| *state);
         let hidden = lines.len().saturating_sub(most);
         if hidden > 0 {

@@ -123,6 +123,7 @@ pub fn break_even(
 ///
 /// `passes` must be monotone: a greater number passes if a smaller number does.
 fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
+    // The caller knows that `most` passes, and no simulation at all solves nothing.
     let (mut fails, mut passing) = (0, most);
     while passing - fails > 1 {
         let middle = fails + (passing - fails) / 2;

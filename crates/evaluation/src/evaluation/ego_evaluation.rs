@@ -132,6 +132,7 @@ impl<'a> EgoEvaluation<'a> {
 
     /// Searches every start by the trained ado's proposals, if several tries are requested.
     fn guided(&mut self) {
+        // A single try is the run of the trained ado, which has its row already.
         if self.evaluation.tries <= 1 {
             return;
         }
@@ -183,6 +184,8 @@ impl<'a> EgoEvaluation<'a> {
             self.add(&Ado::Without(self.policy, seed, left_out));
             return;
         }
+        // A placed ado has no part in the joint action, so its idling is a change of the
+        // world.
         let others = self
             .ego
             .in_world(world.with_idle_ados(|ado| ado == left_out));

@@ -282,6 +282,7 @@ impl EvaluatedEgo {
         let mut varied = VariedPoint::of(outcome);
         if varied.fails {
             let episode = cell.replay(bench, index);
+            // A variation may also violate a specification that needs no contact.
             let contact = episode.contact.as_ref();
             varied.closing_mps = contact.map(|contact| contact.closing_speed_mps);
             varied.preventable = self

@@ -106,6 +106,7 @@ impl SearchCampaign<'_> {
     /// # Errors
     /// The run's policy is damaged.
     pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
+        // Before any draw, because a trivial start is found by starting the programs.
         consent(self.world, self.egos)?;
         let trained = self.trained()?;
         let (own, dir) = (
@@ -214,6 +215,7 @@ impl Trained<'_> {
 /// It stored none, or they do not fit the egos' worlds.
 pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, EvaluationError> {
     let (stored, source) = (run.counterexamples()?, run.scenario()?);
+    // Actions are stored by number, which means another one in another set.
     let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
     let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
     match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {

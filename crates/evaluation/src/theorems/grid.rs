@@ -77,6 +77,7 @@ pub fn grid_theorems(
         let relations = changed.and_then(|changed| bisimulations(scenario, changed, TAU));
         let (Some(changed), Some(relations)) = (changed, relations) else {
             not_comparable.push(name.clone());
+            // Refusal of one change must not hide the results of the others.
             continue;
         };
         if relations.is_empty() {

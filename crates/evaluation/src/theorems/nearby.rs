@@ -177,8 +177,10 @@ fn theorem_1_row(
         }
         counts[0] = 1;
         counts[1] = u64::from(held < values[here] - delta);
+        // Strict here and not in Theorem 2, as both are printed.
         let near = |there: &usize| (values[here] - values[*there]).abs() < delta;
         for there in (0..values.len()).filter(near) {
+            // Sums in another order may miss an exact bound by their last bits.
             let least = values[here] - delta - ROUNDING;
             counts[2] += 1;
             counts[3] += u64::from(is_late(&played[0][there], &run, least));
@@ -265,6 +267,7 @@ impl Theorem1 {
 
     /// Returns the outcome for the trained ado, if the premises hold for the optimal ado.
     fn learned(&self, row: &Theorem1Row) -> TheoremOutcome {
+        // Starts that are near by the learned values need not be near by V* then.
         if row.delta <= self.gap {
             return TheoremOutcome::PremiseNotMet {
                 why: format!(
@@ -354,6 +357,7 @@ pub fn theorem_2(
     let grid = GridUnderTest::of(scenario)?;
     let (best, values) = (grid.values(truth)?, grid.values(approximation.values)?);
     let greedy = grid.greedy(approximation.values)?;
+    // A table without a policy of its own plays greedily, so both runs are the same.
     let agent = match approximation.policy {
         Some(policy) => grid.trained(policy)?,
         None => greedy.clone(),
@@ -415,6 +419,7 @@ fn theorem_2_row(
         if !run.success {
             return counts;
         }
+        // The printed bound leaves out the loss of greedy play, so both are counted.
         let bound = run.paid() - spent - loss;
         let printed = run.reward - spent / run.weight;
         let near = |there: &usize| (values[here] - values[*there]).abs() <= beta;

@@ -106,6 +106,7 @@ impl<'a> GridUnderTest<'a> {
         };
         // A held episode and a counterexample both keep all rules.
         let keeps_rules = !matches!(episode.verdict, Verdict::Foul { .. });
+        // T counts from 0, and an episode without any decision ended where it began.
         let last = episode.actions.len().saturating_sub(1);
         Ok(TheoremEpisode {
             decisions: episode.actions.len(),

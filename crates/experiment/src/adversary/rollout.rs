@@ -106,6 +106,7 @@ impl RecordedSuccess {
         if self.commands.is_empty() {
             return play(bench, start, noise, &mut ado, Aftermath::Play);
         }
+        // The ego may act otherwise this time, so its recorded commands drive instead.
         let world = scenario.with_commands(&self.commands);
         play(&mut world.bench(), start, noise, &mut ado, Aftermath::Play)
     }
@@ -180,6 +181,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
         watch.faults.note(turn.index as u64, attempt.fault.as_ref());
         if attempt.episode.verdict.is_success() {
             let caption = || success_caption(request.ego, &request.ado.id(), turn.index);
+            // The copy is made only if the viewer has room for it.
             let episode = || attempt.episode.clone();
             watch.show_success(request.scenario, &caption, episode);
         }
@@ -304,6 +306,7 @@ impl EvalRequest<'_> {
         let uncounted = valid
             .clone()
             .filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
+        // A world that counts every violation has no such number, rather than 0.
         let some_do_not = !self.scenario.rulebook().counts.is_violation();
         row.uncounted = some_do_not.then(|| uncounted.count());
         let late_violations = valid.clone().filter(|o| o.violation_before_contact).count();
@@ -361,6 +364,7 @@ impl EvalRequest<'_> {
 pub fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
     let recorded: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
     let mut all = recorded.filter(|all| !all.is_empty())?;
+    // Clusters are led by their first member, which must be the worst.
     all.sort_by(|a, b| descending(&a.badness, &b.badness));
     let shapes: Vec<CrashFeatures> = all.iter().map(|one| one.shape.clone()).collect();
     Some(clusters(&shapes).len())
@@ -396,6 +400,7 @@ pub fn blank_row(scenario: &Scenario, ego: &str, ado: AdversaryId, starts: &Test
         fails_alone: None,
         successes: 0,
         success_rate: 0.0,
+        // Without any start, every rate is possible.
         ci95: Some([0.0, 1.0]),
         partial: None,
         specification: scenario.ego_spec().to_string(),

@@ -210,6 +210,7 @@ struct QuantileRule {
 impl QuantileRule {
     fn zones(&self, values: &[Vec<f32>]) -> Zones {
         let values = &values[self.signal];
+        // Signals have different distributions, and ranks put all of them on one scale.
         let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
         Zones {
             position: self.signal,
@@ -293,6 +294,7 @@ impl Chances {
         Chances {
             signal: even(signals),
             actions: [even(actions), even(actions), even(actions)],
+            // The first generation cuts the usual values into thirds.
             quantiles: [(1.0 / 3.0, 0.3), (2.0 / 3.0, 0.3)],
         }
     }
@@ -302,6 +304,7 @@ impl Chances {
         let mut quantiles = self
             .quantiles
             .map(|(mean, spread)| (mean + spread * seed::normal(rng)).clamp(0.0, 1.0));
+        // Crossed thresholds would leave no middle zone.
         quantiles.sort_by(f64::total_cmp);
         let [a, b, c] = &self.actions;
         QuantileRule {
@@ -329,6 +332,7 @@ impl Chances {
             let variance = values.map(|v| (v - centre).powi(2)).sum::<f64>() / n;
             *mean += SMOOTHING * (centre - *mean);
             *spread += SMOOTHING * (variance.sqrt() - *spread);
+            // Elites that agree would otherwise end the search in its first generations.
             *spread = spread.max(LEAST_SPREAD);
         }
     }

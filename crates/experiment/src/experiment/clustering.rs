@@ -55,6 +55,7 @@ impl CrashFeatures {
     pub fn distance(&self, other: &CrashFeatures) -> f64 {
         let pairs = self.signals.iter().zip(&other.signals);
         let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
+        // A world whose ado observes nothing has no signal to differ in.
         (squares / self.signals.len().max(1) as f64).sqrt()
     }
 }

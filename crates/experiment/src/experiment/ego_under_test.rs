@@ -39,6 +39,7 @@ impl EgoUnderTest {
             EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
         };
         let nominal = EgoUnderTest::nominal(world);
+        // Reserved words come first, so that a command means the same in every world.
         if requested == "nominal" {
             return Ok(vec![nominal]);
         }
@@ -51,6 +52,7 @@ impl EgoUnderTest {
             return Ok(vec![reused(requested, change)?]);
         }
         let path = Path::new(requested);
+        // The ending tells a file from a mistyped name, which needs another help.
         if path.extension().is_some_and(|extension| extension == "ron") {
             let (change, scenario) = world.changed_by(path)?;
             let name = requested.to_owned();
@@ -111,6 +113,7 @@ impl EgoUnderTest {
     #[must_use]
     pub fn named_by_hello(self) -> EgoUnderTest {
         let world = &self.scenario;
+        // Rows are compared by name, so two egos must not share one.
         let is_free = |name: &String| name != "nominal" && !world.reuse.contains_key(name);
         match world
             .program()
@@ -184,6 +187,7 @@ impl EgoUnderTest {
 
     /// Returns whether the ego is the world's own.
     pub fn is_nominal(&self) -> bool {
+        // An own controller leaves the change empty, although it replaces the ego.
         !self.is_own() && self.change == Change::default()
     }
 
@@ -248,6 +252,7 @@ pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError
 /// # Errors
 /// A program is not allowed. No program was started.
 pub fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
+    // Structures of a family without a training are never started.
     let family = world.family().filter(|_| !world.against.is_nominal());
     let mut programs = family.into_iter().flat_map(|family| family.programs());
     match programs.next().filter(|_| !world.may_start_programs()) {

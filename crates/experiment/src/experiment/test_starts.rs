@@ -59,6 +59,7 @@ pub fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStart
 }
 
 fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, u64)> {
+    // A longer list is sampled, because the count bounds the cost.
     let listed = scenario.starts().filter(|all| all.len() <= count);
     match listed {
         Some(all) => with_noise(scenario, seed, all),
@@ -196,6 +197,7 @@ impl TestStarts {
             ..watch.later(0)
         };
         let Some(own) = TrivialStarts::stored(dir, ego, self.seed, &self.starts, &apart) else {
+            // Without its marks, the work that follows meets the faults on every start.
             let mut all = self.clone();
             if left_out {
                 all.trivial.fill(false);

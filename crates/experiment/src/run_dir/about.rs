@@ -410,6 +410,8 @@ impl Display for LastChance {
                 let left_s = (self.violated_s - at_s).max(0.0);
                 // Later samples without an answer may avoid it, too.
                 let at_least = match self.no_answer {
+                    // A file of an earlier version has no gaps on record, which is no
+                    // sign of one.
                     None | Some(NoAnswer::EarlierVersion) => "",
                     Some(_) => "at least ",
                 };
@@ -535,6 +537,7 @@ impl Display for Persistence {
 impl Display for About {
     /// Writes one line per known fact.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        // Each report opens with the contact, so a reader sees that there was none.
         let mut lines: Vec<String> = vec![match &self.severity {
             Some(severity) => severity.to_string(),
             None => "no contact of the ego".to_owned(),

@@ -80,6 +80,7 @@ impl CachedResult {
                 "it was changed since it was written: SHA-256 is {found}, it says {stated}"
             )));
         }
+        // A missing seal is checked as an empty one, and fails.
         let seal = kept["seal"].as_str().unwrap_or_default();
         content_hash::check(&text, seal).map_err(damaged)?;
         let made = serde_json::from_value(kept["made"].take());

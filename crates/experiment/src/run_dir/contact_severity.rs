@@ -64,6 +64,8 @@ impl ContactSeverity {
         for impact in impacts {
             *kinds.entry(impact.kind).or_default() += 1.0;
             if let Some(risk) = impact.injury_risk() {
+                // Curves are of different injuries, so the risks of two of them do not
+                // compare.
                 let most = max_injury_risk.entry(risk.curve).or_insert(0.0);
                 *most = risk.probability.max(*most);
             }

@@ -346,6 +346,7 @@ impl RunDir {
         if let Some(count) = &mut self.manifest.counterexamples {
             count.note(self.counterexamples.now());
         }
+        // Before the manifest, whose reader requires the time of the same checkpoint.
         self.write(TIMING, &self.manifest.timing())
     }
 

@@ -38,6 +38,8 @@ impl SuccessContacts {
             counted.contacts += 1;
             let Some(impact) = impact else { continue };
             *counted.sides.entry(impact.ego_side).or_default() += 1;
+            // Each contact counts once, and an ego that stands is not blamed for its
+            // rear.
             if impact.is_ego_at_rest() {
                 counted.ego_at_rest += 1;
             } else if !impact.concerns_ego() {
@@ -66,6 +68,7 @@ impl SuccessContacts {
     ///
     /// `successes` are those of the row.
     pub fn warning(&self, successes: usize) -> Option<String> {
+        // Up to a half, the row is still about faults of the ego.
         if 2 * self.without_fault() <= self.contacts {
             return None;
         }

@@ -127,6 +127,7 @@ impl ExperimentCell {
         let is_foreign = self.ego.scenario().ego().is_some_and(EgoDrive::is_foreign);
         let runs_again = |index: &usize| {
             let commands = self.success(*index).map(|success| &success.commands);
+            // Recorded commands drive again without the program that gave them.
             !is_foreign || commands.is_some_and(|commands| !commands.is_empty())
         };
         let solved: Vec<usize> = self.solved().into_iter().filter(runs_again).collect();
@@ -214,6 +215,7 @@ impl ExperimentCell {
         let index = *self.solved().first()?;
         let scenario = self.ego.scenario();
         let episode = self.replay(&mut scenario.bench(), index);
+        // Samples after the verdict may be worse, but did not decide it.
         let mut judged = episode.trace;
         judged.truncate(episode.judged);
         Some((index, scenario.rulebook().spec.explain(&judged)))

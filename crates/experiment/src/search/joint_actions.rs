@@ -79,6 +79,7 @@ impl JointActions {
             Some(temperature) => JointActions::Drawn(Box::new(DrawnPolicy {
                 policy,
                 temperature,
+                // Each episode replaces the generator by that of its own seed.
                 rng: draws(0, 0),
             })),
         }
