@@ -99,6 +99,7 @@ impl VectorEnv {
     }
 
     fn build(world: &Scenario, count: usize, signals: Option<&[usize]>) -> VectorEnv {
+        // Only the world decides the layout, so it is found once for all groups.
         let lanes = LaneWorld::of(world, signals.unwrap_or(&[]));
         let group = |first: usize| {
             let runs = LANES.min(count - first);

@@ -253,6 +253,7 @@ pub struct LearnedEgo {
 pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
     let all = starts(request.nominal, request.runs, request.seed);
     let count = if request.runs >= THREE_ROUNDS { 3 } else { 2 };
+    // No starts at all would make chunks of length 0, which panics.
     let mut rounds = all.chunks(all.len().div_ceil(count).max(1));
     let mut learning = EgoLearning::begin(request, &all, rounds.next()?, watch)?;
     let further: Vec<_> = rounds.collect();

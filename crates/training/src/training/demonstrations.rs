@@ -114,6 +114,7 @@ pub(super) fn seed_failures(
     let training_search = TrainingSearch::new(scenario, Purpose::Train, seed);
     let left = most_simulations(scenario, &training_search, seeding).saturating_sub(spent);
     let mut seeded = Seeded::default();
+    // Too little is left for both, the runs of the ado and a search.
     if left <= PLAYED || seeding.starts == 0 {
         return Some(seeded);
     }
@@ -137,6 +138,7 @@ pub(super) fn seed_failures(
         }
     }
     let own = seeded.demonstrations.len();
+    // Half, because an extended training looks for failures again.
     let budget = Budget {
         simulations: (left - PLAYED) / 2,
         switches: usize::MAX,
@@ -159,6 +161,7 @@ fn most_simulations(
     if training_search.forks() {
         most
     } else {
+        // Without copies, every sequence is played from its start.
         most / 100
     }
 }
@@ -250,6 +253,7 @@ impl Seeded {
                 done,
                 total: indices.len(),
             };
+            // A copy, since results are noted while it is read.
             let known = self.demonstrations.clone();
             let mut rest = chunk.to_vec();
             if known.len() >= FEW {

@@ -221,6 +221,8 @@ impl<'a> TrainLoop<'a> {
     fn next_pause(&self) -> u64 {
         let now = self.learner.decisions();
         let every = self.watch.intervals.checkpoint_decisions.max(1);
+        // At multiples, so that a resumed training pauses where it would have paused
+        // anyway.
         let checkpoint = (now / every + 1) * every;
         self.stopping.next_look(now).min(checkpoint)
     }
@@ -239,6 +241,7 @@ impl<'a> TrainLoop<'a> {
                     audience.progress(&line);
                 }
             }
+            // The last episode may end beyond the decisions that were asked for.
             (watch.progress)(progress.decisions.min(total), total);
             let pause = until <= progress.decisions || watch.stopped();
             if pause {
@@ -386,6 +389,7 @@ fn finished(run: &RunDir) -> TrainingOutcome {
             ended: manifest.ended,
         },
         interrupted: false,
+        // Only the process that trained knows their number, since no manifest has it.
         aborted: 0,
         search_simulation_s: None,
     }

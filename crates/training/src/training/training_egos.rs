@@ -81,6 +81,7 @@ impl<'a> TrainingGym<'a> {
 
     /// Draws the member of an episode, if there is a family.
     fn member(&self, index: u64) -> Option<EgoVariant> {
+        // Without a family, the bench keeps the ego that it was made with.
         let nominal = self.scenario.against.is_nominal();
         let family = self.scenario.family().filter(|_| !nominal)?;
         let member = family.draw(&self.scenario.name, self.gym.key(index));
@@ -113,6 +114,7 @@ impl Env for TrainingGym<'_> {
             && let Some(episode) = self.gym.success()
         {
             step.reward = self.gym.reward_for(goals.share(self.scenario, &episode));
+            // Some goals play failures again, which costs steps of the training.
             let mut spent = self.gym.spent();
             spent.physics_steps += goals.take_physics_steps();
             self.gym.count_from(spent);

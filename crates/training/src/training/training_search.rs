@@ -54,6 +54,7 @@ impl<'a> TrainingSearch<'a> {
                 start: &known.start,
                 noise: known.noise,
             };
+            // The success counts on the requested plant alone.
             let bench = worker.target.as_mut().unwrap_or(&mut worker.first);
             if confirms(bench, from, &known.actions, &mut scouted) {
                 scouted.actions = Some(known.actions.clone());

@@ -293,6 +293,7 @@ fn write_filled(words: &[TextItem], indent: usize, text: &mut String) {
     let mut used = 0;
     for item in words {
         let word = &item.value.word;
+        // A comma and a blank follow each word.
         let width = word.chars().count() + 2;
         if used > 0 && used + width <= WIDTH {
             text.push(' ');

@@ -155,6 +155,7 @@ impl<'a> PayoffStarts<'a> {
         ego: &LeagueEgo,
         watch: &Watch<'_>,
     ) -> Option<f64> {
+        // The seed names a training in rows, of which payoffs keep none.
         let trained = Ado::Trained(policy, 0);
         let evaluated = eval(&ego.ego.against(trained, &self.starts), watch);
         // Starts that only the ado solves do not count, so that recall is at most 1.
