@@ -265,6 +265,7 @@ impl StudyRun<'_> {
             "{}{only} --seeds {} --first-seed {}",
             self.study.name, seeds.count, seeds.first
         );
+        // Table I plays all starts of its grid, and the figures choose theirs.
         if self.starts() > 0 {
             command.push_str(&format!(
                 " --starts {} --start-seed {}",
