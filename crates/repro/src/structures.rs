@@ -184,6 +184,7 @@ pub struct StructureStudy<'a> {
 /// # Errors
 /// Returns an error if the world has no driving scene.
 pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
+    // Invariant: a shipped world is always read.
     let Some(Ok(structures)) = Scenario::shipped(STRUCTURES) else {
         return Ok(Vec::new());
     };

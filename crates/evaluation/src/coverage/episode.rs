@@ -115,6 +115,7 @@ impl<'a> EpisodeObserver<'a> {
 
     fn bounds(&mut self, episode: &Episode) -> Vec<Option<RuleBound>> {
         let forbidden = self.forbidden(episode);
+        // Samples after the verdict are no evidence on a rule.
         let judged = episode.judged_trace();
         let decision = self.bench.clock().samples_per_decision();
         let rules = self.scenario.rulebook().rules.iter().enumerate();
@@ -128,6 +129,7 @@ impl<'a> EpisodeObserver<'a> {
                 forbids_other: forbidden
                     .as_ref()
                     .map(|found| found[position])
+                    // A rule that was seen broken is certain, however far it looks ahead.
                     .filter(|found| *found || rule.monitor.inner_window_samples() <= decision),
             }
         });

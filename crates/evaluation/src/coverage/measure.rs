@@ -148,6 +148,7 @@ impl Coverage {
             tries,
             starts,
             failing_tries,
+            // Each episode is of one origin, so the rest is stored.
             stored: episodes.len() - tries,
             rules: rules(scenario, episodes),
             parts: parts(scenario, episodes),

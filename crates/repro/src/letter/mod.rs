@@ -452,5 +452,6 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
 /// Returns the smallest and the largest rate.
 fn ends(rates: &[f64]) -> [f64; 2] {
     let least = rates.iter().copied().fold(f64::INFINITY, f64::min);
+    // Rates are shares, of which none is below 0.
     [least, rates.iter().copied().fold(0.0, f64::max)]
 }

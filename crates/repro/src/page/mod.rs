@@ -157,6 +157,7 @@ impl RecordedRows<'_> {
 
 /// Returns a command without the option that selects a world.
 fn without_world(command: &str) -> String {
+    // Rows of a study differ in the world, and the page shows one command for all.
     let Some((before, after)) = command.split_once(" --world ") else {
         return command.to_owned();
     };

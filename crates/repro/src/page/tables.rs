@@ -204,6 +204,7 @@ fn contact(result: &WorldResult) -> [String; 3] {
     let closing = contacts
         .closing_mps
         .map(|closing| format!("{:.1}", closing.median));
+    // No driver applies to any contact, which is not the same as none avoided.
     let avoided = match contacts.judged {
         0 => "–".to_owned(),
         _ => share(contacts.avoided, contacts.successes),
@@ -344,6 +345,7 @@ fn paper(rows: &RecordedRows<'_>) -> TextTable {
     let lines = PAPER.iter().map(|paper| {
         let (study, name) = paper.here;
         let row = rows.of(study).iter().find(|row| row.name == name);
+        // A row that was never measured is not of an earlier version either.
         let fresh = row.is_none_or(|row| rows.is_fresh(row));
         let world: Option<WorldResult> = row.and_then(ResultRow::read);
         let measured: Option<Measured> = row.and_then(ResultRow::read);

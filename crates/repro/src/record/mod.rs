@@ -154,6 +154,7 @@ impl Results {
         }
         for entry in folder.read_dir().map_err(unreadable)? {
             let path = entry.map_err(unreadable)?.path();
+            // The folder may hold notes beside the rows.
             if path.extension().is_none_or(|ending| ending != "json") {
                 continue;
             }
@@ -184,6 +185,7 @@ impl Results {
         let origin = RowOrigin::here(root);
         let mut probes: BTreeSet<DigestProbe> = BTreeSet::new();
         probes.extend(rows.iter().flat_map(|row| row.depends.iter().cloned()));
+        // Rows are recorded by the program that measured them, so its digests are theirs.
         let digests = probe::digests(&probes);
         let kept = self.0.entry(study.to_owned()).or_default();
         for new in rows {
@@ -198,14 +200,18 @@ impl Results {
                 command: new.command,
                 seeds: new.seeds,
                 origin: origin.clone(),
+                // Fractions of a second are noise, and would change the file at each
+                // measurement.
                 cpu_s: new.cpu_s.map(|cpu_s| cpu_s.round()),
                 data: rounded(new.data),
                 seal: String::new(),
             }
             .sealed();
+            // Rows of other names stay, since a command may measure a part of a study.
             kept.retain(|old| old.name != row.name);
             kept.push(row);
         }
+        // The order of measurements must not show as a change of the file.
         kept.sort_by(|a, b| a.name.cmp(&b.name));
         write(&root.join(FOLDER).join(format!("{study}.json")), kept)
     }
@@ -254,6 +260,7 @@ fn write(path: &Path, rows: &[ResultRow]) -> Result<(), RecordError> {
         .iter()
         .map(|row| {
             let mut value = json!(row);
+            // Otherwise a feature of the JSON crate decides the order of the keys.
             value.sort_all_objects();
             value.to_string()
         })
@@ -265,6 +272,7 @@ fn write(path: &Path, rows: &[ResultRow]) -> Result<(), RecordError> {
 /// Rounds all numbers to five decimals, which no table shows.
 fn rounded(value: Value) -> Value {
     match value {
+        // Whole numbers are counts and seeds, of which each digit matters.
         Value::Number(number) if number.is_f64() => {
             let number = number.as_f64().unwrap_or_default();
             json!((number * 1e5).round() / 1e5)
