@@ -162,9 +162,21 @@ fn curve_budgets(most: u64, also: u64) -> Vec<u64> {
     while budget < most {
         budgets.push(budget);
         // 1.25 to the tenth is about 9.3, so these are ten budgets per decade.
-        budget = (budget * 5).div_ceil(4);
+        // A budget may be the largest number there is, so the sum stays below it.
+        budget = budget.saturating_add(budget.div_ceil(4));
     }
     budgets.sort_unstable();
     budgets.dedup();
     budgets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn budgets_of_a_curve_grow_by_a_quarter_up_to_the_largest_number() {
+        assert_eq!(curve_budgets(10, 10), [1, 2, 3, 4, 5, 7, 9, 10]);
+        assert_eq!(curve_budgets(u64::MAX, 1).last(), Some(&u64::MAX));
+    }
 }
