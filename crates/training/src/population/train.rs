@@ -192,8 +192,10 @@ pub fn archive_of(dir: &PopulationDir) -> Result<FailureArchive, RunError> {
         return Ok(FailureArchive::default());
     };
     let text = String::from_utf8_lossy(&bytes);
+    let recorded = dir.manifest().archive.as_ref();
     FailureArchive::from_text(&text).map_err(|error| RunError::Damaged {
-        path: dir.path().join(archive_name(dir.manifest().members.len())),
+        // A search that was stopped leaves the file of an earlier number of members.
+        path: recorded.map_or(dir.path().into(), |it| dir.path().join(&it.file)),
         why: error.to_string(),
     })
 }
