@@ -33,7 +33,7 @@ pub const NEAR: f64 = 0.15;
 pub struct CrashFeatures {
     /// Kind of the failure, which similar counterexamples share exactly.
     pub kind: FailureKind,
-    /// Scaled signals at the contact.
+    /// Observed signals at equally spaced times, in half ranges.
     pub signals: Vec<f64>,
 }
 

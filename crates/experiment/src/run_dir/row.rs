@@ -90,7 +90,8 @@ pub struct Row {
     /// `None` if every violation counts in this world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncounted: Option<usize>,
-    /// Share of solved starts on which a rule broke between verdict and contact.
+    /// Share of all starts that were solved and on which a rule broke between verdict and
+    /// contact.
     ///
     /// `None` if it was not recorded.
     #[serde(default)]
