@@ -162,7 +162,7 @@ fn curve_budgets(most: u64, also: u64) -> Vec<u64> {
     while budget < most {
         budgets.push(budget);
         // 1.25 to the tenth is about 9.3, so these are ten budgets per decade.
-        // A budget may be the largest number there is, so the sum stays below it.
+        // A user may ask for the largest number, which a product would exceed.
         budget = budget.saturating_add(budget.div_ceil(4));
     }
     budgets.sort_unstable();

@@ -207,7 +207,7 @@ pub fn archive_of(dir: &PopulationDir) -> Result<FailureArchive, RunError> {
     let recorded = dir.manifest().archive.as_ref();
     FailureArchive::from_text(&text).map_err(|error| RunError::Damaged {
         // A search that was stopped leaves the file of an earlier number of members.
-        path: recorded.map_or(dir.path().into(), |it| dir.path().join(&it.file)),
+        path: recorded.map_or_else(|| dir.path().into(), |it| dir.path().join(&it.file)),
         why: error.to_string(),
     })
 }
