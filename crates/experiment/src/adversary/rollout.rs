@@ -252,6 +252,7 @@ impl EvalRequest<'_> {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut simulations, mut physics_steps) = (0, 0);
         let mut episodes = Vec::with_capacity(runs as usize);
+        // A caller may set any number, and some run has to represent the start.
         for run in 0..runs.max(1) {
             let (episode, more_simulations, more_steps) =
                 self.attempt(bench, index, u64::from(run));
@@ -275,6 +276,7 @@ impl EvalRequest<'_> {
         if let Ado::Replays(stored, nearest) = self.ado {
             return replay_nearest(bench, from, stored, nearest);
         }
+        // A bench lends itself to the episode, so the shapes are copied.
         let spaces = bench.spaces().clone();
         let mut actor = self.ado.actor(&spaces, run);
         let episode = play(bench, from.start, from.noise, &mut *actor, Aftermath::Play);
@@ -314,6 +316,8 @@ impl EvalRequest<'_> {
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
         let marks = played.iter().zip(&self.starts.trivial);
         row.solved = marks
+            // A trivial start has no result, and must not look like one that was not
+            // reached.
             .map(|(played, trivial)| match (played.as_ref(), trivial) {
                 (_, true) => StartOutcome::Trivial,
                 (Some(played), _) => StartOutcome::from(&played.outcome.verdict),

@@ -95,6 +95,7 @@ impl Actor for Zones {
 pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Option<Heuristic> {
     let clock = ThreadTime::now();
     watch.phase("tuning the heuristic (generations)");
+    // Thresholds are drawn as ranks among these, so no signal needs a range of its own.
     let (values, mut cost) = usual_values(scenario, seed, watch);
     if values.iter().any(Vec::is_empty) || values.is_empty() {
         return None;
@@ -110,8 +111,10 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         let try_one = |bench: &mut Testbench, rule: &QuantileRule, turn: &WorkItem| {
             Some(try_out(bench, rule.zones(&values), seed, watch, turn))
         };
+        // The bar counts generations, and not the episodes of one.
         let all = EpisodeLoop::uncounted(watch);
         let tried = all.run(&rules, || scenario.bench(), try_one);
+        // A generation that was cut short ranks only some of its rules.
         if watch.stopped() {
             return None;
         }
@@ -129,6 +132,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         let elites: Vec<&QuantileRule> = ranked.iter().map(|(_, rule)| rule).collect();
         chances.learn(&elites);
         let first = ranked.swap_remove(0);
+        // A later generation may be worse than an earlier one.
         if best
             .as_ref()
             .is_none_or(|best| best.0.better(&first.0).is_lt())
@@ -154,6 +158,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
     let mut seen = ObservationSampler {
+        // Held actions reach values that actions of single decisions average away.
         held: HeldRandom::new(spaces.actions, HOLD_DECISIONS),
         values: vec![Vec::new(); spaces.observation],
     };
@@ -262,10 +267,12 @@ fn try_out(
     turn: &WorkItem,
 ) -> RuleScore {
     let (mut score, mut physics_steps) = (Score::default(), 0);
+    // All rules play the same starts, which makes their scores comparable.
     for index in 0..STARTS {
         let key = key(seed, index);
         let start = (bench.draw(key), bench.noise_of(key));
         let (from, at) = (NoisyStart::from(&start), index as usize);
+        // What follows a verdict changes no score, so it is not simulated.
         let episode = watch.play(bench, from, at, &mut zones, Aftermath::Skip);
         // An invalid episode is worth nothing to either side.
         let reward = bench.rulebook().reward_of(&episode.verdict);
@@ -319,6 +326,8 @@ impl Chances {
         let towards = |shares: &mut [f64], of: &dyn Fn(&QuantileRule) -> usize| {
             for (value, share) in shares.iter_mut().enumerate() {
                 let chosen = elites.iter().filter(|rule| of(rule) == value).count();
+                // Less than a full step, so an action that no elite used can still come
+                // back.
                 *share += SMOOTHING * (chosen as f64 / n - *share);
             }
         };

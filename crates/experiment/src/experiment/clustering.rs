@@ -64,6 +64,7 @@ impl CrashFeatures {
 fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
     let last = trace.len().saturating_sub(1) as f64;
     let times: Vec<usize> = (0..POINTS)
+        // Episodes of different lengths are compared over the same number of points.
         .map(|n| (last * n as f64 / (POINTS - 1) as f64).round() as usize)
         .collect();
     let observed = scenario.world().observed().iter();
@@ -80,6 +81,8 @@ fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
 pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
     let mut clusters: Vec<Vec<usize>> = Vec::new();
     for (at, shape) in shapes.iter().enumerate() {
+        // Against the leader only, so that clusters do not grow along a chain of
+        // neighbours.
         let like = |cluster: &&mut Vec<usize>| shapes[cluster[0]].is_like(shape);
         match clusters.iter_mut().find(like) {
             Some(cluster) => cluster.push(at),

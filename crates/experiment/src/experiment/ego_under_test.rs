@@ -80,6 +80,7 @@ impl EgoUnderTest {
         name: &str,
         factory: ControllerFactory,
     ) -> Result<EgoUnderTest, EgoError> {
+        // A grid moves its ego by a rule of its own, without any controller.
         if let ScenarioKind::Grid(_) = world.kind() {
             return Err(EgoError::NotDriven {
                 world: world.name.clone(),
@@ -137,6 +138,8 @@ impl EgoUnderTest {
     ) -> Result<Vec<EgoUnderTest>, EgoError> {
         match (program.is_empty(), requested) {
             (true, _) => EgoUnderTest::find(world, requested),
+            // Only the default may give way to a program, since two named egos
+            // contradict.
             (false, "nominal") => Ok(vec![
                 EgoUnderTest::program(world, program)?.named_by_hello(),
             ]),

@@ -169,6 +169,7 @@ impl TestStarts {
     /// The nominal ego of `world` then does not represent the others, by the kind of the
     /// world or because it fails on every start.
     pub fn judges_each_ego(&self, world: &Scenario) -> bool {
+        // A nominal ego that fails everywhere would leave no start for any ego.
         world.judges_each_ego() || self.trivial.iter().all(|trivial| *trivial)
     }
 

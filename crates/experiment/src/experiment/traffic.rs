@@ -66,6 +66,7 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
             world: world.name().to_owned(),
         });
     }
+    // A world that declares its traffic knows it better than a default.
     if name.is_none() && world.traffic().is_declared {
         return Ok(world.clone());
     }

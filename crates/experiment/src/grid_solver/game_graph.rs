@@ -127,6 +127,7 @@ impl GameGraph {
     /// Returns the errors of [`GameGraph::explore`]. A game that is only found to be too
     /// large on the way is not among them.
     pub fn admits(world: &GridWorld, rulebook: &Rulebook) -> Result<(), NotSolvable> {
+        // The monitors are checked first, since that takes no exploration.
         judge_of(world, rulebook, Depth::Sign)?;
         let listed = match &world.spec().starts {
             Starts::Pairs(pairs) => pairs.len(),

@@ -393,6 +393,7 @@ impl LastChance {
     /// Returns whether the driver avoids the failure from any sample on.
     pub fn answer(&self) -> Answer {
         match (self.at_s, &self.no_answer) {
+            // A takeover that works is an answer, whatever other samples lack.
             (Some(_), _) => Answer::Avoided,
             (None, None) => Answer::NotAvoided,
             (None, Some(reason)) => Answer::NoAnswer(reason.clone()),
@@ -523,6 +524,8 @@ impl Display for Persistence {
         // Every variation without an answer is listed with its reason.
         let mut unanswered: IndexMap<String, Vec<&str>> = IndexMap::new();
         for one in self.variations.iter().filter(|one| one.fails.is_none()) {
+            // Earlier versions gave no reason, and only a fault left them without an
+            // answer.
             let reason = one.no_answer.as_ref().unwrap_or(&NoAnswer::Fault);
             let names = unanswered.entry(reason.to_string()).or_default();
             names.push(&one.name);

@@ -103,6 +103,7 @@ impl Display for ContactSeverity {
             let percent = 100.0 * risk;
             write!(f, "; at most {percent:.1} % risk of {}", curve.about())?;
         }
+        // Silence would look like no risk.
         if self.max_injury_risk.is_empty() {
             write!(f, "; injury risk not computed")?;
         }

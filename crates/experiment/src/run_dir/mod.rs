@@ -154,6 +154,7 @@ impl RunDir {
             path: path.into(),
             manifest: Manifest {
                 format: FORMAT,
+                // Filled in with the seal, which covers all other fields.
                 sha256: String::new(),
                 brakecheck: version(),
                 target: target(),

@@ -83,6 +83,8 @@ impl ExperimentCell {
             found.map(|found| StartResult {
                 outcome: match (&found.actions, &found.fault) {
                     (Some(_), _) => StartOutcome::Solved,
+                    // A fault may have hidden a failure, so such a start is not called
+                    // held.
                     (None, Some(_)) => StartOutcome::Invalid,
                     // Runs that all broke a rule show nothing about the ego.
                     (None, None) if found.violations == found.simulations => {
@@ -121,6 +123,7 @@ impl ExperimentCell {
     /// The row then counts the contacts that they avoid. Programs are not started again, so
     /// their searched successes are not in the sample.
     pub fn with_judged_contacts(mut self, watch: &Watch<'_>) -> ExperimentCell {
+        // Reference drivers steer a vehicle, and an ego on a grid has none.
         if self.row.success_contacts.is_none() || self.ego.scenario().drive().is_none() {
             return self;
         }

@@ -100,12 +100,15 @@ impl JointActions {
         let starts = TestStarts {
             seed: 0,
             starts: vec![(start.clone(), noise)],
+            // Here the search has to answer even for a start on which the ego fails by
+            // itself.
             trivial: vec![false],
         };
         let request = SearchRequest {
             scenario: ego.scenario(),
             ego: ego.name(),
             method: Method::from(Switches(SWITCHES_OF_EPISODE)),
+            // A search of switches ends with its tree and needs no budget.
             budget: 0,
             starts: &starts,
         };
