@@ -296,6 +296,7 @@ pub fn deeper_search(
     let Some(runs) = finished_runs(scenario, request, watch)? else {
         return Ok(None);
     };
+    // Three switches multiply the sequences, so fewer starts are searched.
     let count = request.starts.min(DEEPER_STARTS);
     let Some(starts) = test_starts(scenario, request.seeds.starts, count, watch) else {
         return Ok(None);

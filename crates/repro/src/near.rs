@@ -92,6 +92,7 @@ pub fn near_starts(
     let mut bench = scenario.bench();
     // The paper's start has no index, so it gets the noise seed 0.
     let (value, fails) = look(&mut bench, around, 0);
+    // Starts follow from their keys, so those of a training need no file.
     let training_starts: Vec<Start> = (0..trained.episodes)
         .map(|index| {
             bench.draw(StartKey {

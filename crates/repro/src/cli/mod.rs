@@ -224,6 +224,7 @@ impl StudyRun<'_> {
         mut settings: Value,
         make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
     ) -> Result<Option<StudyPiece<T>>, Failure> {
+        // A piece of an earlier state of the program is no answer for this one.
         settings["digests"] = json!(digests(depends));
         let parts = self.args.output.join("parts");
         let kept = CachedResult::new(&parts, piece, scenario, settings);
@@ -384,6 +385,7 @@ impl Made {
 
 /// A shipped world, or one of that name in the directory that was named.
 fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
+    // Copies of worlds may differ, and their results are never recorded.
     if let Some(dir) = &args.worlds {
         return Ok(Scenario::load(&dir.join(format!("{name}.ron")))?);
     }

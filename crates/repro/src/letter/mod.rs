@@ -254,6 +254,7 @@ pub fn letter_row(
     for (judge, baselines) in JUDGES.iter().zip(baselines) {
         // The policy is trained once, and only the judge of the evaluation changes.
         let scenario = step.judged_by(judge)?;
+        // Trivial starts depend on the judge, so each judge has its own.
         let Some(starts) = test_starts(&scenario, request.seeds.starts, request.starts, watch)
         else {
             return Ok(None);

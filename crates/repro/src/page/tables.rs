@@ -389,6 +389,7 @@ fn episodes(rows: &RecordedRows<'_>) -> TextTable {
         // The paper's own counts are all below a thousand.
         let (last, earlier) = measured.reached.split_last().unzip();
         let counts = earlier.into_iter().flatten();
+        // The last count is a measurement of its own, however large.
         let few = counts.filter(|reached: &&Reached| reached.episodes < 1_000.0);
         let shown: Vec<Reached> = few.chain(last).cloned().collect();
         shown.into_iter().map(move |reached| {

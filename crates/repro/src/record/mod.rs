@@ -265,6 +265,7 @@ fn write(path: &Path, rows: &[ResultRow]) -> Result<(), RecordError> {
             value.to_string()
         })
         .collect();
+    // A row per line, so that a change of one row is a change of one line.
     let text = format!("[\n{}\n]\n", lines.join(",\n"));
     Ok(write_file(path, text.as_bytes())?)
 }

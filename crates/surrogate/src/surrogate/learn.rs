@@ -366,6 +366,7 @@ impl<'a> EgoLearning<'a> {
         let LearnEgoRequest {
             ego, bundle, seed, ..
         } = *self.request;
+        // The policy of an earlier round knows the ego already.
         let before = self.fine_tuned.as_ref().or(bundle);
         self.fine_tuned = fine_tuned(ego, before, &self.surrogate, seed, self.watch);
     }
@@ -376,6 +377,7 @@ impl<'a> EgoLearning<'a> {
         let followed = self
             .fine_tuned
             .as_ref()
+            // Without a policy that loads, plans are still possible.
             .and_then(|inside| load_policy(inside).ok());
         let policies = Policies {
             as_trained: self.request.policy,

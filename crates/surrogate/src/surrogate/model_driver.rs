@@ -36,6 +36,7 @@ pub(super) struct ModelDriverSlot(Arc<Mutex<ModelDriverConfig>>);
 
 impl ModelDriverSlot {
     pub(super) fn set(&self, config: ModelDriverConfig) {
+        // A value that is replaced as a whole is sound even after a panic elsewhere.
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = config;
     }
 

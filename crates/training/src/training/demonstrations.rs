@@ -84,10 +84,12 @@ pub(super) fn seed_training(
     let again = unsolved.len();
     unsolved.extend(&indices[reached..]);
     if seeded.demonstrations.len() >= FEW && bank.is_empty() {
+        // Half, because the starts without a success are still to be searched.
         let left = most.saturating_sub(seeded.sought.simulations);
         seeded.search_near(&training_search, left / 2, watch)?;
     }
     let left = most.saturating_sub(seeded.sought.simulations);
+    // An extended training looks for failures again, and needs its share then.
     let keeps = scenario.learner.decisions() < scenario.learner.longest();
     let budget = Budget {
         simulations: if keeps { left / 2 } else { left },
@@ -203,6 +205,8 @@ impl Seeded {
             if self.demonstrations.len() >= FEW && (dear || !is_bank_empty) {
                 break;
             }
+            // Where one switch hardly ever suffices, the budget is for sequences with
+            // more.
             let few = (self.demonstrations.len() as f64) < ENOUGH * tried as f64;
             if most <= spent || (tried >= TRIED && few) {
                 break;

@@ -126,6 +126,7 @@ impl<'a> TrainLoop<'a> {
             gym.reward_by(goals);
         }
         let mut learner = match (checkpoint, run.from()?) {
+            // A checkpoint has left the initial policy behind.
             (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
             (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
             (None, None) => scenario.learner.build(spaces, seed),
@@ -134,6 +135,7 @@ impl<'a> TrainLoop<'a> {
         let mut physics_steps = run.manifest().physics_steps;
         let mut spent_s = run.manifest().cpu_s;
         let mut own = OwnTime::begin();
+        // A checkpoint has the demonstrations in its memory.
         if is_new {
             let shown = known.map(|known| known.demonstrations).unwrap_or_default();
             let seeded = own.aside(|| demonstrations(scenario, run, shown, watch))?;
@@ -211,6 +213,7 @@ impl<'a> TrainLoop<'a> {
             self.note_searches();
             self.note_phase();
         }
+        // A finished learner is judged next, and then stored as a policy.
         if !self.learner.finished() {
             self.save_checkpoint(0)?;
         }

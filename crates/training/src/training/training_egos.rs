@@ -51,6 +51,7 @@ impl<'a> TrainingGym<'a> {
             .zip(self.member(self.index))
             .map(|(driving, variant)| driving.with_member(&variant));
         let last = self.gym.spent().decisions;
+        // The count includes this episode, whose first decision follows those before it.
         let first = last.saturating_sub(episode.actions.len() as u64) + 1;
         audience.episode(&ShownEpisode {
             scenario: member.as_ref().unwrap_or(self.scenario),
@@ -65,6 +66,7 @@ impl<'a> TrainingGym<'a> {
     /// Each success is then played to its contact, with the last action held, so that
     /// its severity and its difference from the others are known.
     pub fn reward_by(&mut self, goals: GoalTracker) {
+        // A goal may judge the contact, which comes after the verdict.
         self.gym.play_aftermath();
         self.goals = Some(goals);
     }

@@ -83,6 +83,7 @@ pub fn text(world: &WorldFile) -> Result<String, ron::Error> {
 }
 
 fn written(world: &WorldFile, comments: &[TextComment]) -> Result<String, ron::Error> {
+    // As people write world files, without `Some` and without double brackets.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let compact = options.to_string(world)?;
@@ -182,6 +183,7 @@ impl CompactText<'_> {
                 name: name + ": ",
             };
         }
+        // Without a colon, the word belongs to the value.
         self.rest = before;
         let path = group.at(index);
         TextItem {
@@ -204,6 +206,7 @@ impl CompactText<'_> {
         let mut is_escaped = false;
         let mut is_string = false;
         let end = self.rest.find(|c: char| {
+            // A bracket inside a string ends nothing.
             let ends = !is_string && "()[]{},:".contains(c);
             is_string ^= c == '"' && !is_escaped;
             is_escaped = c == '\\' && !is_escaped;
@@ -231,6 +234,7 @@ impl TextItem {
         }
         *text += &margin;
         *text += &self.name;
+        // A comma follows on the same line.
         let used = indent + self.name.chars().count() + 1;
         self.value.write(indent, used, text);
         *text += end;
@@ -276,6 +280,7 @@ impl TextNode {
         *text += &format!("{}{open}\n", self.word);
         let inner = indent + INDENT;
         let is_plain = |it: &TextItem| it.value.group.is_none() && it.comments.is_empty();
+        // A line for each number of a long list would hide the rest of the world.
         if items.iter().all(|it| is_plain(it) && it.name.is_empty()) {
             write_filled(items, inner, text);
         } else {

@@ -53,6 +53,7 @@ impl<'a> PayoffStarts<'a> {
     ) -> Option<PayoffStarts<'a>> {
         let bench = scenario.bench();
         let draw = |index| {
+            // Payoffs decide who is a member, so they leave the test starts alone.
             let key = StartKey {
                 purpose: Purpose::Calibration,
                 seed,
