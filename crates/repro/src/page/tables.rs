@@ -323,6 +323,7 @@ pub(super) fn readme(rows: &RecordedRows<'_>) -> String {
         all.filter(|row| IN_README.contains(&row.name.as_str()))
     };
     let mut seeds: Vec<&str> = of_page().map(|row| row.seeds.as_str()).collect();
+    seeds.sort_unstable();
     seeds.dedup();
     text.push_str(&format!("\nThe rows have {}.\n", seeds.join(" or ")));
     for row in of_page().filter(|row| !rows.is_fresh(row)) {
