@@ -121,6 +121,7 @@ pub fn near_starts(
     // A stopped evaluation has gaps and would bias the shares.
     let looked: Vec<(&Start, f64, bool)> = evaluated.into_iter().collect::<Option<_>>()?;
     let row = |delta: f64| {
+        // Near in the ado's own estimate, as in the paper.
         let near: Vec<_> = looked
             .iter()
             .filter(|(_, v, _)| (v - value).abs() < delta)

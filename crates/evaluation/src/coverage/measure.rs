@@ -152,6 +152,7 @@ impl Coverage {
             stored: episodes.len() - tries,
             rules: rules(scenario, episodes),
             parts: parts(scenario, episodes),
+            // Stored failures were chosen and not drawn, so no estimate rests on them.
             all_kinds: (failing_tries > 0).then(|| Incidence::new(starts as u64, counts).kinds()),
             cells: cells(&scenario.axes(), &kinds, episodes, starts),
             kinds,

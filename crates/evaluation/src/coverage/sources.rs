@@ -245,5 +245,6 @@ fn repeated_failure(
 ) -> Option<Episode> {
     let mut replay = Replay::holding(actions);
     let episode = play(bench, start, noise, &mut replay, Aftermath::Play);
+    // On another plant a stored failure may not happen again.
     episode.verdict.is_success().then_some(episode)
 }

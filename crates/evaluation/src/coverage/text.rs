@@ -62,6 +62,7 @@ impl Coverage {
         let kind = &self.kinds[kind].kind;
         let first = self.kinds.first().map(|first| &first.kind.leaf);
         let words = kind.in_words();
+        // A leaf that all kinds share tells none of them apart.
         let is_one_leaf = self.kinds.iter().all(|one| Some(&one.kind.leaf) == first);
         // Without a contact the words have the leaf already.
         if is_one_leaf || kind.agents.is_none() {
@@ -80,6 +81,7 @@ impl Coverage {
             .iter()
             .filter(|rule| never(rule.state))
             .map(|it| format!("rule “{}” never bounds `{}`", it.rule, it.ado));
+        // A part of a part that never decides goes without saying.
         let is_named = |part: &&PartCoverage| {
             let larger = part.within.map(|at| self.parts[at].state);
             never(part.state) && !larger.is_some_and(never)

@@ -170,6 +170,8 @@ impl Gate {
                 before: old.outcomes[start],
                 now: new.outcomes[start],
                 closing_mps: failing.contacts.get(&start).map(|it| it.closing_mps),
+                // Labels take replays by other drivers, which follow once the flips are
+                // known.
                 avoidability: Avoidability::Unknown,
             };
             starts.iter().map(one).collect()

@@ -161,6 +161,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     };
     let starts = untried_starts(scenario, seed, most);
     let neutral = Ado::Neutral.play(request.ego, &starts, watch)?;
+    // An interruption before the first point leaves no table.
     if neutral.results.iter().all(Option::is_none) {
         return None;
     }
@@ -446,6 +447,8 @@ impl PointsTable {
             || scenario.bench(),
             |bench, (point, is_varied), _| {
                 let episode = cells[usize::from(*is_varied)]?.replay(bench, *point);
+                // A program is not started again for a film, and its recorded commands
+                // drive.
                 let mut bench = scenario.repeating(&episode).bench();
                 let Film { frames, after } = film_beyond(&mut bench, &episode);
                 Some(Example {

@@ -161,6 +161,7 @@ impl SearchCampaign<'_> {
     }
 
     fn trained(&self) -> Result<Option<Trained<'_>>, EvaluationError> {
+        // A run that still trains has no ado to compare with.
         let finished = self.run.filter(|run| run.manifest().is_finished());
         let Some(run) = finished else {
             return Ok(None);

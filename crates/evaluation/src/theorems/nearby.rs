@@ -187,6 +187,7 @@ fn theorem_1_row(
             for (other, counts) in played.iter().zip(counts[4..].chunks_mut(3)) {
                 let other = other[there];
                 let holds = least <= other.paid();
+                // False where T differs between the two, and so counted beside ours.
                 let printed = run.reward - delta / run.weight - ROUNDING <= other.reward;
                 counts[0] += u64::from(other.keeps_rules && holds);
                 counts[1] += u64::from(other.keeps_rules && printed);

@@ -72,6 +72,7 @@ impl<'a> GridUnderTest<'a> {
         self.played(|bench, start| {
             let actions = table.actions(position_of(start, &self.game.arena));
             let mut ado = Replay::holding(&actions);
+            // Nothing on a grid draws noise, so its seed is any number.
             play(bench, start, 0, &mut ado, Aftermath::Skip)
         })
     }

@@ -107,6 +107,7 @@ impl RecordedRows<'_> {
     /// Lines below the tables of a study: commands, days and rows that are not of this version.
     fn notes(&self, study: &str) -> String {
         let rows = self.of(study);
+        // Rows that were measured by hand come from other commands.
         let fresh: Vec<&ResultRow> = rows.iter().filter(|row| !row.depends.is_empty()).collect();
         let mut commands: Vec<(String, Vec<&ResultRow>)> = Vec::new();
         for row in fresh {

@@ -137,6 +137,7 @@ fn origins(rows: &RecordedRows<'_>) -> String {
     let measured = rows
         .results
         .rows()
+        // Rows that were measured by hand have their day in their own table.
         .filter(|(_, row)| !row.depends.is_empty());
     let mut origins: Vec<(String, Vec<&str>)> = Vec::new();
     for (study, row) in measured {

@@ -241,6 +241,7 @@ impl TrainSession {
         // The evaluation is the last step, after the training and its searches.
         let watch = &watch.first_of(steps).later(steps - 1);
         let nominal = EgoUnderTest::nominal(&self.run.world()?);
+        // The same starts after every training, so that closing rows compare.
         let stored = TestStarts::stored(Some(self.run.path()), &nominal, starts, 0, watch);
         let Some(starts) = stored else {
             return Ok(None);
@@ -414,6 +415,7 @@ impl TrainRequest<'_> {
                 None => Ok(None),
             };
         };
+        // Training as traffic has a learner and an aim of its own.
         if self.learner.is_some() || self.per_ado.is_some() || self.goals.is_some() {
             return refused(OptionClash::TrafficAndLearner);
         }
@@ -446,6 +448,7 @@ impl TrainRequest<'_> {
 
     fn against_family(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let refused = |clash: OptionClash| Err(SessionError::Options(clash));
+        // A family draws the ego of each episode.
         if self.ego.is_some() {
             return refused(OptionClash::FamilyAndEgo);
         }

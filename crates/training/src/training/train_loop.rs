@@ -140,6 +140,7 @@ impl<'a> TrainLoop<'a> {
             let shown = known.map(|known| known.demonstrations).unwrap_or_default();
             let seeded = own.aside(|| demonstrations(scenario, run, shown, watch))?;
             if let Some(seeded) = seeded {
+                // Random exploration rarely finds the failures that a search does.
                 learner.demonstrate(&mut gym, &seeded.demonstrations);
                 run.note_sought(seeded.sought);
                 spent_s += seeded.cpu_s;

@@ -100,6 +100,7 @@ pub struct StartCount {
 impl StartCount {
     /// Counts the outcomes of starts.
     pub(super) fn of(outcomes: &[StartOutcome]) -> StartCount {
+        // Starts are counted without the runs in natural traffic.
         let measured = EgoMeasurement {
             outcomes: outcomes.to_vec(),
             runs: Vec::new(),
