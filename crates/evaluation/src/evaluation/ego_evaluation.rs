@@ -254,6 +254,8 @@ impl<'a> EgoEvaluation<'a> {
         self.rows.extend(self.row(&ado).map(|row| Row {
             ado: AdversaryId::Retrained,
             method,
+            // Its training is another than that of the run, and may have learned less.
+            warning: own.warning(),
             ..row
         }));
         Ok(())
