@@ -326,6 +326,7 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     if args.what == What::Page {
         return pages::write(args);
     }
+    know_worlds(args)?;
     let records = args.record || args.what == What::All;
     if records {
         // Before hours of work, of which nothing could be recorded.
@@ -401,6 +402,14 @@ fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
             ))
         }
     }
+}
+
+/// Requires that each named world exists.
+fn know_worlds(args: &ReproduceArgs) -> Result<(), Failure> {
+    // Most studies skip names that they lack, and would be empty after a mistyped one.
+    args.world
+        .iter()
+        .try_for_each(|name| world(args, name).map(|_| ()))
 }
 
 fn save(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
