@@ -158,9 +158,13 @@ impl CompactText<'_> {
         let mut items = Vec::new();
         // Invariant: the writer closes every bracket. The end of the text ends all groups.
         while !self.rest.is_empty() && !self.rest.starts_with(close) {
+            let found = self.found.len();
             let item = self.item(path, items.len());
             // A field reads as `None` where it is missing, too.
-            if open != '(' || !item.is_missing() {
+            if open == '(' && item.is_missing() {
+                // Its comments have no line to stand above, and must not vanish silently.
+                self.found.truncate(found);
+            } else {
                 items.push(item);
             }
             self.rest = self.rest.strip_prefix(',').unwrap_or(self.rest);
