@@ -61,6 +61,7 @@ impl SolvedBy {
         row.compare_with_search(searched);
         SolvedBy {
             recall: row.recall,
+            // An interrupted row has no such number, and is not recorded.
             beyond: row.beyond_search.unwrap_or(0),
             successes: row.successes,
         }

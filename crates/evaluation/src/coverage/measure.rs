@@ -185,6 +185,7 @@ fn rules(scenario: &Scenario, episodes: &[CoveredEpisode]) -> Vec<RuleCoverage> 
         let bounds: Vec<RuleBound> = episodes.iter().filter_map(bound).collect();
         let margins = || bounds.iter().filter_map(|bound| bound.margin);
         let least = margins().reduce(f64::min);
+        // A rule without any margin has no spread, and nothing is near its bound.
         let greatest = margins().reduce(f64::max).unwrap_or(0.0);
         // Relative to the spread, because formulas have different units.
         let near = NEAR * (greatest - least.unwrap_or(greatest));

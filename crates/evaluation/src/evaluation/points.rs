@@ -340,6 +340,7 @@ fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
 impl PointsTable {
     /// Returns whether the ego fails at any point or variation.
     pub fn fails(&self) -> bool {
+        // Without variations only the points themselves can fail.
         self.failed + self.strayed.unwrap_or(0) > 0
     }
 

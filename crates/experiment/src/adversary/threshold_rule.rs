@@ -172,6 +172,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
         cost.physics_steps += episode.physics_steps;
     }
     for values in &mut seen.values {
+        // Observations are finite, so all of them compare.
         values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
     }
     (seen.values, cost)

@@ -61,6 +61,7 @@ pub fn unrepeatable(
         kind: fault.kind,
         message: fault.message,
         stderr: String::new(),
+        // An episode of another stream than the test starts has no position among them.
         first_start: start.unwrap_or(0),
         count: found.differing,
     };

@@ -239,6 +239,7 @@ impl Calibration {
 
 /// Returns a processor time in the unit of its size, rounded up.
 fn duration(cpu_s: f64) -> String {
+    // From two of a unit on, since a single one that is rounded up may be twice the time.
     match cpu_s {
         few if few < 120.0 => format!("{:.0} CPU seconds", few.ceil()),
         some if some < 7200.0 => format!("{:.0} CPU minutes", (some / 60.0).ceil()),

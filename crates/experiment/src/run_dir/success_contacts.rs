@@ -76,6 +76,7 @@ impl SuccessContacts {
             "of {successes} successes, {} are contacts with the ego at rest or hit from behind",
             self.without_fault()
         );
+        // A file may hold counts that contradict each other.
         let without = successes.saturating_sub(self.contacts);
         if without > 0 {
             text.push_str(&format!(" and {without} have no contact"));

@@ -82,6 +82,7 @@ pub enum LetterError {
 impl LetterPath {
     /// Returns the name of its learner in files and tables.
     pub fn learner_name(&self) -> &'static str {
+        // The own learner of each letter world is the DQN of the paper.
         self.learner.unwrap_or("dqn")
     }
 

@@ -281,6 +281,7 @@ fn ordered(rows: &RecordedRows<'_>) -> Vec<(WorldResult, bool)> {
         .collect();
     let place = |name: &str| WORLDS.iter().position(|world| *world == name);
     all.sort_by_key(|(result, _): &(WorldResult, bool)| {
+        // Worlds that the page does not know come last.
         place(&result.world).unwrap_or(WORLDS.len())
     });
     all

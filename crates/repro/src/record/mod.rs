@@ -132,6 +132,7 @@ impl ResultRow {
 
     /// Returns the numbers. `None`: they are of another format.
     pub(crate) fn read<T: DeserializeOwned>(&self) -> Option<T> {
+        // A row of another version may lack a field, and the page then shows none of it.
         T::deserialize(&self.data).ok()
     }
 }

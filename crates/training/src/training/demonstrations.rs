@@ -334,6 +334,7 @@ impl Seeded {
     pub(super) fn note(&mut self, starts: &[u64], found: Vec<Option<Scouted>>) -> Vec<u64> {
         let mut unsolved = Vec::new();
         for (&index, scouted) in starts.iter().zip(found) {
+            // A start that an interruption left out has cost nothing and shown nothing.
             let scouted = scouted.unwrap_or_default();
             self.sought.simulations += scouted.simulations;
             self.sought.physics_steps += scouted.physics_steps;

@@ -116,6 +116,7 @@ impl StampColumn<'_> {
     /// Returns an error for times after the year 5000, which are those of a finer unit.
     fn other_epoch(&self) -> Option<SamplesError> {
         let time_s = self.times_s.iter().fold(0.0_f64, |most, it| most.max(*it));
+        // Seconds since 1970 have ten digits for centuries, so more are of a finer unit.
         let units = [(1e17, "ns"), (1e14, "µs"), (1e11, "ms")];
         let (_, unit) = units.into_iter().find(|(from_s, _)| time_s > *from_s)?;
         Some(SamplesError::Epoch {
@@ -182,6 +183,7 @@ fn rounding_s(times_s: &[f64], digits: usize, unit_s: f64) -> f64 {
     } else {
         0.0
     };
+    // Stamps are scaled and subtracted, which costs some of the last bits.
     written_s.max(single_s) + 4.0 * f64::EPSILON * most_s
 }
 

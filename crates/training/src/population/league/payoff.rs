@@ -107,6 +107,7 @@ impl<'a> PayoffStarts<'a> {
             let mut coasting = Constant(neutral);
             let from = NoisyStart::from(start);
             let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
+            // Without the signal an ego seems to stand, and no response may rest on it.
             let speeds = episode.trace.signal(&signal).unwrap_or_default();
             let speed_mps = speeds.iter().sum::<f64>() / speeds.len().max(1) as f64;
             Some((episode.verdict.is_success(), speed_mps))
