@@ -92,6 +92,7 @@ impl<'a> EpisodeObserver<'a> {
         origin: EpisodeOrigin,
         with_rules: bool,
     ) -> Option<CoveredEpisode> {
+        // An episode that did not run shows nothing about rules or failures.
         if episode.verdict == Verdict::Invalid {
             return None;
         }

@@ -209,6 +209,7 @@ impl<'a> EgoEvaluation<'a> {
         let evaluation = self.evaluation;
         let policy = self.policy;
         let kept = evaluation.run.policy_bundle()?;
+        // A surrogate is of a driver, and a grid has none.
         let Some(driving) = self.ego.scenario().drive() else {
             return Ok(());
         };
@@ -240,6 +241,7 @@ impl<'a> EgoEvaluation<'a> {
 
     /// Plays an ado trained for this ego. The nominal ego has the trained ado already.
     fn retrained(&mut self) -> Result<(), EvaluationError> {
+        // The ado of the run was trained for the own ego already.
         let Some(changed) = self.ego.as_changed() else {
             return Ok(());
         };

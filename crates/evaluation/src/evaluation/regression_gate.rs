@@ -18,6 +18,7 @@ impl EvaluationTable<'_> {
     /// # Errors
     /// Returns an error if two egos have different starts, which cannot be paired.
     pub fn gates(&self, baseline: &str, watch: &Watch<'_>) -> Result<Vec<Gate>, EvaluationError> {
+        // An interruption may come before the baseline was played.
         let Some(old) = cell_of(&self.found, baseline) else {
             return Ok(Vec::new());
         };

@@ -196,6 +196,7 @@ impl Trained<'_> {
     ) -> Option<BreakEven> {
         let manifest = self.run.manifest();
         let method = request.method.info();
+        // Without a budget there is no smaller one that reaches the success of the ado.
         if watch.interrupted() || !method.takes(MethodOption::Budget) {
             return None;
         }

@@ -131,6 +131,7 @@ fn is_covered(scenario: GridScenario<'_>) -> bool {
 /// The world has no list of starts, or its formulas are not functions of the game's
 /// states.
 pub fn admits_theorems(scenario: &Scenario) -> Result<(), TheoremsError> {
+    // Only on a grid do the theorems need an exact solution.
     let Some(grid) = scenario.grid() else {
         return Ok(());
     };

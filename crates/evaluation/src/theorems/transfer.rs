@@ -126,9 +126,11 @@ pub fn carry_over(
     watch: &Watch<'_>,
 ) -> Result<Option<CarryOver>, TheoremsError> {
     let world = request.nominal.name.clone();
+    // Two runs of one noisy ego are apart already, and Definition 5 compares two egos.
     if is_stochastic(request.nominal) {
         return Err(TheoremsError::Stochastic { world });
     }
+    // Theorem 3 is about violations, of which a restricted world leaves some out.
     if !request.nominal.rulebook().counts.is_violation() {
         return Err(TheoremsError::NotEveryViolation { world });
     }

@@ -273,6 +273,7 @@ impl EvalRequest<'_> {
     /// Plays one run and returns it with its simulations and physics steps.
     fn attempt(&self, bench: &mut Testbench, index: usize, run: u64) -> (Episode, u64, u64) {
         let from = NoisyStart::from(&self.starts.starts[index]);
+        // A start may take several replays, which no single actor plays.
         if let Ado::Replays(stored, nearest) = self.ado {
             return replay_nearest(bench, from, stored, nearest);
         }

@@ -189,6 +189,7 @@ impl TestStarts {
         watch: &Watch<'_>,
     ) -> Option<(TestStarts, Option<FailsAlone>)> {
         let left_out = self.judges_each_ego(world);
+        // Its trivial starts are those that are left out anyway.
         if ego.is_nominal() && !left_out {
             return Some((self.clone(), None));
         }

@@ -150,6 +150,7 @@ impl Results {
             error,
         };
         let mut all = BTreeMap::new();
+        // Before the first measurement there is no folder.
         if !folder.is_dir() {
             return Ok(Results(all));
         }

@@ -87,6 +87,7 @@ impl ModelDriver {
                 lateral_mps: (next.lateral_m - here.lateral_m) / percept.sample_s,
             };
         }
+        // The yardstick of every surrogate is an ego that keeps its acceleration.
         let Some(surrogate) = &self.config.surrogate else {
             return Command::accelerate(own.accel_mps2);
         };

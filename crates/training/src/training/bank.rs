@@ -145,6 +145,7 @@ fn of_files(world: &Scenario, path: &Path) -> Result<Vec<KnownEpisode>, BankErro
             actions: kept.actions,
         });
     }
+    // An empty directory is more likely a mistyped path than a wish.
     if known.is_empty() {
         return Err(empty());
     }
