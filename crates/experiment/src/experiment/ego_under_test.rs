@@ -101,6 +101,7 @@ impl EgoUnderTest {
     pub fn program(world: &Scenario, command: &[String]) -> Result<EgoUnderTest, EgoError> {
         let change = EgoUnderTest::change_to(command);
         let help = "a program drives the ego of a driving world";
+        // The command is its name until the program says hello.
         let ego = EgoUnderTest::changed(world, &command.join(" "), &change, help)?;
         Ok(EgoUnderTest {
             scenario: ego.scenario.allow_programs(true),

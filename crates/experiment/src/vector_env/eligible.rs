@@ -76,6 +76,7 @@ impl LaneWorld {
 /// Returns whether nothing but the vehicles changes, and no start changes the world.
 fn has_constant_surroundings(layout: &DriveLayout) -> bool {
     let spec = &layout.spec;
+    // Rigid bodies are rapier's, which steps one world at a time.
     spec.plant == PlantKind::Kinematic
         && spec.lights.is_empty()
         && spec.weather.is_none()

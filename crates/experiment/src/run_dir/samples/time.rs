@@ -96,6 +96,7 @@ impl StampColumn<'_> {
     ///
     /// It has at least two times.
     pub(super) fn fit(&self) -> Result<TimeFit, SamplesError> {
+        // Times of such a size have lost their digits, and would only look uneven.
         if let Some(error) = self.other_epoch() {
             return Err(error);
         }
@@ -104,6 +105,7 @@ impl StampColumn<'_> {
         };
         let most_s = UNEVEN * fit.dt_s + rounding_s(&self.times_s, self.digits, self.unit_s);
         let is_even = fit.off_s <= most_s.min(MOST_OFF * fit.dt_s);
+        // More periods than steps mean missing samples, which a trace cannot have.
         if fit.periods as usize != self.times_s.len() - 1 || !is_even {
             return Err(self.odd_step());
         }
