@@ -254,11 +254,12 @@ impl TrainSession {
         };
         // Invariant: every adversary here has a cell, and the first is the trained ado's.
         let mut cells = experiment.run(watch);
+        let mut second = self.second_look(&*policy, &starts, watch);
         let rows = cells.iter_mut().map(|cell| &mut cell.row);
-        check_repeatability(&self.ego, &starts, rows, watch);
+        check_repeatability(&self.ego, &starts, rows.chain(second.as_mut()), watch);
         let mut rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
         let trained = cells.swap_remove(0);
-        if let Some(row) = self.second_look(&*policy, &starts, watch) {
+        if let Some(row) = second {
             // Below the ado's own row, with which it is compared.
             rows.insert(1, row);
         }
