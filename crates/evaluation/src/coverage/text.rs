@@ -62,7 +62,7 @@ impl Coverage {
         let kind = &self.kinds[kind].kind;
         let first = self.kinds.first().map(|first| &first.kind.leaf);
         let words = kind.in_words();
-        // A leaf that all kinds share tells none of them apart.
+        // What all of them share tells none apart.
         let is_one_leaf = self.kinds.iter().all(|one| Some(&one.kind.leaf) == first);
         // Without a contact the words have the leaf already.
         if is_one_leaf || kind.agents.is_none() {

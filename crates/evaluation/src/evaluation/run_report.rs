@@ -168,7 +168,7 @@ impl<'a> ReportRequest<'a> {
     ) -> Result<Option<()>, EvaluationError> {
         let nominal_ego = EgoUnderTest::nominal(self.scenario);
         let own = self.ego.unwrap_or(&nominal_ego);
-        // Given rows replace the other egos, so only that of the page is played.
+        // What was measured already is not played again, but for the subject of the page.
         let egos = match self.ego {
             _ if !self.given.rows.is_empty() => vec![own.clone()],
             Some(ego) => vec![nominal_ego.clone(), ego.clone()],

@@ -158,7 +158,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
     let mut seen = ObservationSampler {
-        // Held actions reach values that actions of single decisions average away.
+        // Jitter at every decision averages out, and would not reach the rarer ones.
         held: HeldRandom::new(spaces.actions, HOLD_DECISIONS),
         values: vec![Vec::new(); spaces.observation],
     };

@@ -57,7 +57,7 @@ impl BenchRuns {
             bench.observe(into.row(at, count));
             let rulebook = bench.rulebook();
             (into.rewards[at], into.ends[at]) = run.report(rulebook);
-            // A run with a fault ends early, and its robustness would be of a part.
+            // After a fault only a part is recorded, of which the formula says nothing.
             if run.is_over && bench.fault().is_none() {
                 let trace = bench.trace();
                 run.robustness = rulebook.spec.robustness(trace, &mut self.scratch);

@@ -216,7 +216,7 @@ pub(super) fn worst_loss(conditions: &Conditions<'_>, measured: &EgoMeasurement)
     let all = conditions.losses.iter().enumerate().map(|(nth, loss)| {
         let [one, own] = measured.paired(&own, nth);
         let (value, own) = (loss.value(&one), loss.value(&own));
-        // A limit at or below the own value leaves no allowance to divide by.
+        // A limit may be what the ego has already, and nothing is left to divide by.
         let allowance = (loss.limit.of(own) - own).max(1e-9);
         (value - own) / allowance
     });
