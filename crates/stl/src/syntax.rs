@@ -293,6 +293,7 @@ impl Node {
             | NodeKind::Xor(a, b)
             | NodeKind::Binary(_, _, a, b) => a.depth.max(b.depth),
         };
+        // Stored, since a recursive count of a deep tree could overflow the stack.
         Node {
             kind,
             span: Span(span),

@@ -100,6 +100,7 @@ pub struct UnknownTimeUnit(pub String);
 /// # Errors
 /// The column is a time in a unit that is not known, such as `time [h]`.
 pub fn time_name(header: &str) -> Result<Option<TimeName>, UnknownTimeUnit> {
+    // Both kinds of brackets are common, as in `time [s]` and `Time (ms)`.
     let (name, unit) = match header.split_once(['[', '(']) {
         Some((name, unit)) => (name.trim_end(), unit.trim_end_matches([']', ')']).trim()),
         None => (header, ""),
@@ -116,6 +117,8 @@ pub fn time_name(header: &str) -> Result<Option<TimeName>, UnknownTimeUnit> {
         return match (unit, seconds(unit)) {
             ("", _) => of(1.0),
             (_, Some(unit_s)) => of(unit_s),
+            // A wrong unit scales every rate, so an unknown unit is refused and never
+            // guessed.
             (_, None) => Err(UnknownTimeUnit(unit.to_owned())),
         };
     }
@@ -125,6 +128,7 @@ pub fn time_name(header: &str) -> Result<Option<TimeName>, UnknownTimeUnit> {
     };
     let unit_s = seconds(last);
     let total = before.concat();
+    // `simSeconds` is a time, while `sim` alone may be anything.
     let is_time = NAMES.contains(&&*total) || ["total", "elapsed", "sim"].contains(&&*total);
     match unit_s {
         Some(unit_s) if is_time && unit.is_empty() => of(unit_s),
