@@ -62,6 +62,7 @@ pub(super) fn values(
             })
             .ok()
     };
+    // The named roads are placed relative to it, so nothing can follow without it.
     let Some(own) = read(&place.to("along"), along) else {
         return Vec::new();
     };

@@ -49,6 +49,7 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     for (quantity, place, NumberOrRange(numbers)) in ranges(file) {
         let (lo, hi) = match quantity {
             EnvironmentQuantity::Rise { .. } => (-MAX_RISE, MAX_RISE),
+            // A gust that begins after the end would never blow.
             EnvironmentQuantity::GustBegin => (0.0, file.clock.horizon_s),
             _ => (-MAX_WIND_MPS, MAX_WIND_MPS),
         };

@@ -108,6 +108,7 @@ pub(super) fn check_points(problems: &mut Problems, path: &ValuePath, spec: &Dri
         if let Err(what) = story.at_values(&spec.parameters_of(start)) {
             let help = "change the row, or the number of the storyboard".to_owned();
             problems.add(&path.at(i), what, "wrong for the storyboard", Some(help));
+            // One row is enough, as the rows of a table are usually wrong alike.
             return;
         }
     }

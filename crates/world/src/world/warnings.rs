@@ -321,6 +321,7 @@ impl Warnings {
             }
         }
         let family = file.train_against.iter();
+        // The upper end alone: if it is usual, so is the lower end.
         for (name, (_, hi)) in family.flat_map(|family| &family.ego.0) {
             self.speed(&ValuePath::top().to("train_against").to("ego"), name, *hi);
         }
@@ -434,6 +435,7 @@ fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
     let spec = ("the ego's specification".to_owned(), place, &rulebook.spec);
     let rules = rulebook.rules.iter().map(|rule| {
         let mut specs = scenario.rules.iter();
+        // Rules of two ados may share a name.
         let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
         let place = same.map_or_else(ValuePath::top, |spec| spec.place.clone());
         (format!("the rule `{}`", rule.name), place, &rule.monitor)

@@ -75,6 +75,7 @@ pub(super) fn read(
         problems.add(&place, what, "no bounds", Some(help));
     }
     let [friction, visibility, noise] = quantities.each_ref().map(|quantity| quantity.bounds);
+    // Visibility is missing here, because it has a start of its own.
     begins_within(problems, &place, file, sound[0], sound[2]);
     rates(
         problems,
@@ -86,6 +87,7 @@ pub(super) fn read(
         name: weather.name.clone(),
         friction,
         visibility_m: visibility,
+        // Bounds that are wrong already leave nothing to compare a start with.
         first_visibility_m: if visibility.is_some() && sound[1].is_none() {
             f64::INFINITY
         } else {
