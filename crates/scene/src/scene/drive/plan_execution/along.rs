@@ -59,8 +59,11 @@ impl PlanRun {
                 }
                 size => size,
             };
-            let lasts_s =
-                shape.peak() * off_mps.abs() / greatest_rate(shape, lasting, [off_mps, 0.0]);
+            let lasts_s = match lasting {
+                // Without a difference the rate is 0 as well, and 0 / 0 is no duration.
+                Dimension::Time(time_s) if off_mps == 0.0 => time_s,
+                size => shape.peak() * off_mps.abs() / greatest_rate(shape, size, [off_mps, 0.0]),
+            };
             along.from_mps = now_mps;
             along.left = SpeedRamp {
                 begins_s: at_s,
