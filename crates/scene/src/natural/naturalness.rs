@@ -164,7 +164,9 @@ impl Display for Naturalness {
 
 impl Display for NaturalnessOfRow {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (inside, outside) = (self.successes - self.outside_data, self.outside_data);
+        let outside = self.outside_data;
+        // Saturating, since both numbers may come from an edited file.
+        let inside = self.successes.saturating_sub(outside);
         match &self.median {
             Some(median) => write!(
                 f,
