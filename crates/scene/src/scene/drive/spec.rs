@@ -582,6 +582,7 @@ impl DriveSpec {
                 });
             }
         }
+        // A fixed parameter is no dimension of a search.
         let drawn = self
             .parameters
             .iter()

@@ -152,6 +152,7 @@ impl SampleStage<'_> {
         // Sides are those of the other agent, which may face against the road.
         let turned = if in_its_axes { 1.0 } else { facing(&other_on) };
         let side = match distance.side {
+            // On either side is allowed, so the agent stays on its own.
             DistanceSide::Any => 1f64.copysign(left_m),
             DistanceSide::More => turned,
             DistanceSide::Less => -turned,
