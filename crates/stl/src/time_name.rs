@@ -67,7 +67,9 @@ const UNITS: [(&[&str], f64); 4] = [
     (
         &[
             "us",
+            // The micro sign and the Greek letter look alike.
             "µs",
+            "μs",
             "usec",
             "usecs",
             "micros",
@@ -199,6 +201,8 @@ mod tests {
             ("timestampNs", 1e-9),
             ("total_nanos", 1e-9),
             ("t(us)", 1e-6),
+            ("time [\u{b5}s]", 1e-6),
+            ("time [\u{3bc}s]", 1e-6),
             ("header.stamp", 1.0),
         ] {
             let found = time_name(header).expect("a known unit");
