@@ -404,7 +404,8 @@ impl DenseWindow<'_> {
         let mut end = self.high;
         // The end of the window: at a breakpoint, in a piece, or behind the function.
         if let Some(to) = self.to {
-            if function.times[end - 1] - to == t {
+            // At times so large that `to` is lost in rounding, the end is the first breakpoint.
+            if end > 1 && function.times[end - 1] - to == t {
                 end -= 1;
                 value = E::pick(value, function.pieces[end - 1].end);
                 // An open window leaves out the end itself, but not the limit before
