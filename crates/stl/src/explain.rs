@@ -402,13 +402,8 @@ impl<C: Columns> ExplanationSearch<'_, C> {
 
     /// Finds the first sample of `from ..= to` with the value.
     fn within(&mut self, value: f64, place: DecidingNode, from: usize, to: usize) -> SearchMove {
-        let program = self.evaluation.program;
-        let nothing = match &program.get(place.id).op {
-            _ if to < from => SearchMove::Stop(Reason::EmptyWindow),
-            _ => SearchMove::Stop(Reason::BeyondTheEnd),
-        };
         if to < from {
-            return nothing;
+            return SearchMove::Stop(Reason::EmptyWindow);
         }
         let values = self.values(place, from, to);
         match values.iter().position(|v| *v == value) {
@@ -416,7 +411,8 @@ impl<C: Columns> ExplanationSearch<'_, C> {
                 sample: from + i,
                 ..place
             }),
-            None => nothing,
+            // No known sample has the value, so one beyond the end decides.
+            None => SearchMove::Stop(Reason::BeyondTheEnd),
         }
     }
 

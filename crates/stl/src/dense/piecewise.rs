@@ -324,7 +324,7 @@ fn sort(times: &mut Vec<f64>) {
     times.dedup();
 }
 
-/// DenseWindow that moves over a function.
+/// Window that moves over a function.
 struct DenseWindow<'a> {
     function: &'a Piecewise,
     from: f64,
