@@ -263,7 +263,7 @@ impl Player<'_> {
 
 /// Returns whether a directory is that of an earlier request.
 pub(super) fn is_used(dir: &Path) -> bool {
-    dir.join("request.sha256").exists()
+    dir.join(REQUEST).exists()
 }
 
 /// Opens the directory of a request, whose fingerprint its files must have.
