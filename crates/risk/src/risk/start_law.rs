@@ -127,6 +127,7 @@ impl Shape {
                 let bin = above.checked_sub(1 + usize::from(is_end))?;
                 let (lo, hi) = (*edges.get(bin)?, *edges.get(bin + 1)?);
                 let width = cumulated[bin + 1] - cumulated[bin];
+                // A bin without weight has density 0, although its edges have a share.
                 if width <= 0.0 {
                     return None;
                 }
@@ -213,6 +214,7 @@ impl StartLaw {
             let (times, plus) = law.relation(&values);
             let value = plus + times * law.shape.quantile(shares[law.axis]);
             let axis = &self.axes[law.axis];
+            // A relation may lead beyond a range of the world.
             if !(axis.lo..=axis.hi).contains(&value) {
                 return None;
             }

@@ -70,6 +70,7 @@ impl RiskTraffic {
                 source,
             })?,
         };
+        // The shipped model has an empty text here.
         let is_model = first_word(&text).is_none_or(|it| &text[it] == "TrafficModel");
         if is_model {
             let laws = Laws::fitted(name, traffic_model(Some(name))?);
