@@ -3,6 +3,7 @@
 use strum::{IntoStaticStr, VariantArray};
 
 use super::Scenario;
+use super::dry_run::rule_place;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
 use crate::ron_file::Problem;
@@ -434,10 +435,7 @@ fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
     let place = ValuePath::top().to("ego_spec");
     let spec = ("the ego's specification".to_owned(), place, &rulebook.spec);
     let rules = rulebook.rules.iter().map(|rule| {
-        let mut specs = scenario.rules.iter();
-        // Rules of two ados may share a name.
-        let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
-        let place = same.map_or_else(ValuePath::top, |spec| spec.place.clone());
+        let place = rule_place(scenario, rule);
         (format!("the rule `{}`", rule.name), place, &rule.monitor)
     });
     std::iter::once(spec).chain(rules).collect()
