@@ -126,7 +126,8 @@ pub struct DriverOutcome {
     pub reacted_s: Option<f64>,
     /// True if the ados' rules are kept in the replay, `None` if not evaluated.
     ///
-    /// The ados of a replay do not react.
+    /// The ados of a replay do not react. Rules about plans and actions are not evaluated,
+    /// since a recorded motion holds neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_kept: Option<bool>,
     /// ρ(ψ_ego) of the replay, since a specification may demand more than no contact.

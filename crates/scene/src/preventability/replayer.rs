@@ -54,6 +54,8 @@ pub struct Replayer {
     world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
+    /// Whether replays have all signals of the rules, and of ψ_ego.
+    repeats: (bool, bool),
     /// Other vehicles, by position among the agents.
     vehicles: Vec<usize>,
     sample_s: f64,
@@ -112,9 +114,14 @@ impl Replayer {
         let vehicle = spec.agents[ego].body.vehicle()?;
         let agents = spec.agents.iter().enumerate();
         let vehicles = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
+        let mut rules = rulebook.rules.iter();
         Some(Replayer {
             scene: world.for_replay().scene(),
             world: world.clone(),
+            repeats: (
+                rules.all(|rule| world.repeats(&rule.monitor.signals())),
+                world.repeats(&rulebook.spec.signals()),
+            ),
             rulebook,
             vehicles: vehicles.map(|(i, _)| i).collect(),
             sample_s: spec.clock.sample_s,
@@ -492,6 +499,7 @@ impl Replayer {
         let recorded_mps = recorded.map_or(0.0, |touch| touch.closing_speed_mps);
         let now_mps = contact.as_ref().map(|it| it.closing_speed_mps);
         let judged = judged.map(|rows| rows.judge(&self.rulebook));
+        let (rules, spec) = self.repeats;
         DriverOutcome {
             avoided: contact.is_none(),
             // Below 0 for a contact, so that one number orders all outcomes.
@@ -499,8 +507,8 @@ impl Replayer {
             saved_mps: recorded_mps - now_mps.unwrap_or(0.0),
             contact,
             reacted_s,
-            rules_kept: judged.map(|(kept, _)| kept),
-            robustness: judged.map(|(_, robustness)| robustness),
+            rules_kept: judged.filter(|_| rules).map(|(kept, _)| kept),
+            robustness: judged.filter(|_| spec).map(|(_, robustness)| robustness),
         }
     }
 }

@@ -53,6 +53,17 @@ impl DriveWorld {
         }
     }
 
+    /// Returns whether a replay has all of some signals, by their positions in a row.
+    ///
+    /// A motion holds neither plans nor actions, so replays keep those of the start.
+    pub fn repeats(&self, signals: &[usize]) -> bool {
+        let sources = &self.0.sources;
+        signals.iter().all(|&signal| match sources.get(signal) {
+            Some(source) => !source.is_decided(),
+            None => self.repeats(&self.0.derived[signal - sources.len()].signals()),
+        })
+    }
+
     /// Returns a motion with commands that repeat it, continued to `samples`.
     ///
     /// After the record, every agent moves sideways to the middle of the next

@@ -67,6 +67,12 @@ impl SignalReading {
         }
     }
 
+    /// Returns whether it is a plan or an action, and so no motion of a body.
+    pub(super) fn is_decided(self) -> bool {
+        let name = self.quantity.name;
+        name.starts_with("planned.") || matches!(name, "action" | "action_before")
+    }
+
     /// Returns whether a scene of this spec has the signal.
     pub(super) fn exists(self, spec: &DriveSpec) -> bool {
         (self.quantity.exists)(spec, self.whose)
