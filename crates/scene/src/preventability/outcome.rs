@@ -68,7 +68,7 @@ pub enum NotApplicable {
     FromBehind,
     /// Before the contact, no agent was ahead to react to.
     NobodyAhead,
-    /// The weather changes during the episode, and replays have that of the start.
+    /// Weather or friction may change on the way, and replays have those of the start.
     ChangingWeather,
     /// An ado laid the road during the episode.
     ChangingRoad,
