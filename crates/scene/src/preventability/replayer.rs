@@ -242,6 +242,8 @@ impl Replayer {
         assessed.perfect = self.from_handover(&case, ReferenceDriver::Ideal, trace);
         assessed.foresight = Some(self.from_start(&case, Seat::FullBrakes, trace));
         assessed.label_outcomes();
+        // Only if braking at the first danger fails, because this replays from many
+        // samples.
         if assessed.label == Label::UnavoidableByBraking {
             // Braking may help between the start and the first danger, or after it.
             assessed.label = match (self.last_braking(&case), case.danger) {
@@ -277,6 +279,7 @@ impl Replayer {
 
     /// Returns the last sample from which full braking avoids the contact.
     fn last_braking(&mut self, case: &RecordedEpisode) -> Option<usize> {
+        // Backwards, so that the last such sample is found first.
         let mut samples = (0..case.recorded).rev();
         samples.find(|from| self.braking_avoids(case, *from))
     }
@@ -436,6 +439,7 @@ impl Replayer {
                 let gained_mps = then.state.speed_mps - ego.speed_mps;
                 self.scene.keep_lane(gained_mps / self.sample_s)
             }
+            // After the record there is no speed left to reproduce.
             _ => self.scene.keep_lane(then.state.accel_mps2),
         }
     }

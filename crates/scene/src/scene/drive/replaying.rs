@@ -167,6 +167,7 @@ impl Onward {
             across_mps,
             brake_mps2,
             stands_s,
+            // People on foot keep to no lane, so they seek no middle of one.
             centred_s: if on_foot || across_mps == 0.0 {
                 f64::INFINITY
             } else {
@@ -185,6 +186,8 @@ impl Onward {
         let lateral_m = self.at.lateral_m + self.across_mps * sideways_s;
         let is_centred = self.centred_s <= after_s;
         let mut pose = course.pose(s_m, lateral_m);
+        // In the middle of its lane a body points along the road, forwards or
+        // backwards.
         pose.heading_rad += match (is_centred, direction < 0.0) {
             (false, _) => self.at.heading_rad,
             (true, false) => 0.0,

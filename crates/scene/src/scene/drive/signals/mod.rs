@@ -100,6 +100,7 @@ impl SignalReading {
             name, unit, about, ..
         } = *self.quantity;
         let owners = self.owners(names);
+        // A parameter belongs to no agent, so its own name is the whole name.
         let name = match self.quantity.of {
             Of::Parameter => owners.concat(),
             _ => [&owners[..], &[name]].concat().join("."),
@@ -253,6 +254,7 @@ impl DriveSpec {
         let mut offers = self.offers(&|row: &SignalQuantity| {
             row.always || row.of == Of::Parameter || mentioned(row.name)
         });
+        // Other signals may end alike, so whole names decide.
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers
     }
