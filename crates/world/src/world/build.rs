@@ -216,6 +216,7 @@ fn assemble(
         if let Some(board) = &file.storyboard {
             spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
             storyboards::check_actors(&mut problems, &list, &file, &spec, &entries);
+            counting::check_story(&mut problems, &top, &file.counts, spec.story.as_deref());
         }
         starts::check(&mut problems, &list, &spec, &entries);
         starts::on_the_road(&mut problems, &list, &spec, in_list);
