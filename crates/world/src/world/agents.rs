@@ -315,6 +315,8 @@ impl Agents<'_> {
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
                 // Of several egos the last stays, and `count` refuses the world.
+                // With a mistake as well, so that the world does not seem to lack an
+                // ego.
                 self.ego = Some(controller.clone().into());
                 Drive::Ego
             }
@@ -342,6 +344,7 @@ impl Agents<'_> {
                     problems.add(path, what, "moved by it", Some(help.to_owned()));
                 }
                 // Without steps of its own, so that the story alone moves it.
+                // An empty script waits, and the storyboard moves the body.
                 Drive::Planned(MotionPlan::Script(Vec::new()))
             }
             DriveFile::Script(steps) => {
@@ -427,6 +430,7 @@ impl Agents<'_> {
         }
         for (j, rule) in ado.rulebook.iter().enumerate() {
             let place = path.to("rulebook").at(j).to("stl");
+            // Counted over all ados, so that no two rules tie by their places.
             let rank = self.rules.len();
             self.rules
                 .extend(rule_of(problems, place, rule, name, rank));

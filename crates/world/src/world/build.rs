@@ -285,6 +285,7 @@ fn assemble(
     let ego_spec = ego_spec.ok_or_else(Vec::new)?;
     spec.extra = language.published();
     let world = DriveWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
+    // Only the assembled world knows the observations and the joint actions.
     check::laws_fit(
         &mut problems,
         learners.values().chain([&learner]),
@@ -323,6 +324,7 @@ fn assemble(
         warnings: Vec::new(),
         world: World::Drive(world.clone()),
         rulebook: Arc::new(rulebook),
+        // No file consents to a program by itself.
         programs_allowed: false,
         fresh_egos: false,
         traffic,

@@ -111,6 +111,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
             super::plans::refuse_encounter(problems, &entry, agent, why, cure, &words);
             return;
         }
+        // One seed is enough, as nothing has been perceived yet.
         bench.begin(&start, 0, Aftermath::Skip);
         // An empty trace means that the first row was refused.
         if bench.trace().is_empty() {
@@ -390,6 +391,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     let mut scratch = crate::stl::Scratch::default();
     let (mut samples, affordable) = (0, affordable_samples(tried));
     for (i, start) in tried_starts(tried).iter().enumerate() {
+        // Every start tries another action, so that all have their turn.
         let mut constant = Constant(i % actions);
         let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
         let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];

@@ -50,6 +50,7 @@ pub(super) fn expanded(
             }
         }
     }
+    // The shipped model is in the program, so no text has to keep it.
     if let Some(NaturalFile {
         traffic: TrafficFile::Named(name),
         ..

@@ -122,6 +122,7 @@ pub(super) fn texts(
 
 fn road(problems: &mut Problems, path: &ValuePath, road: &OwnRoad) {
     match road {
+        // A file of lanes is written out as pieces first, which are counted then.
         OwnRoad::Straight { .. } | OwnRoad::OpenDrive { .. } => {}
         OwnRoad::Curved { pieces, .. } => {
             within(problems, &path.to("pieces"), pieces.len(), PIECES)

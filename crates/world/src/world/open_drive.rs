@@ -90,6 +90,7 @@ pub(super) fn values(
     let mut values = vec![(place, text)];
     let mut named = BTreeMap::new();
     for (name, it) in &file.roads.0 {
+        // Other roads are written out already.
         let Some(along) = &it.along else { continue };
         let place = top.to("roads").to(name);
         if let Some(road) = read(&place.to("along"), along) {
@@ -125,6 +126,7 @@ fn lines(
         };
         let place = ValuePath::top().to("agents").at(i).to("signal");
         match on.map(|road| line_m(road, signal)) {
+            // A millimetre is enough for a stop line.
             Some(Ok(line_m)) => values.push((place, format!("{signal:?}, line_m: {line_m:.3}"))),
             Some(Err(help)) => {
                 let what = format!("the way passes no signal `{signal}`");

@@ -92,6 +92,7 @@ pub(super) fn bind(
     spec: &DriveSpec,
 ) {
     for StoryFormula { path, text } in spec.story.iter().flat_map(|story| story.formulas()) {
+        // The counts of a file leave out what a storyboard holds.
         limits::within(problems, path, text.len(), STL_BYTES);
         if let Some(formula) = formula(problems, path, text) {
             language.bind_past(problems, path, &formula, names);

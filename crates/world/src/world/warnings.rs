@@ -172,6 +172,7 @@ impl Warnings {
             .map(|rule| rule.stl().parse::<Formula>().ok())
             .collect();
         for (j, rule) in rules.iter().enumerate() {
+            // Formulas that do not parse equal none, since other errors report them.
             let same = |i: &usize| {
                 rules[*i].name() == rule.name()
                     || formulas[j].is_some() && formulas[*i] == formulas[j]
@@ -228,6 +229,7 @@ impl Warnings {
                     self.start(&path.to("start"), start);
                     self.drive(&path.to("drive"), drive);
                 }
+                // An obstacle stands still and decides nothing.
                 AgentFile::Obstacle { .. } => {}
                 AgentFile::Weather(weather) => {
                     self.driven_ado(&path.to("drive"), weather.drive.ado());

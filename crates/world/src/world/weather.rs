@@ -163,6 +163,7 @@ fn first_visibility_m(
             let help = format!("write start: (visibility_m: {:?})", bounds.hi);
             let what = "the visibility has bounds, but no value at the start";
             problems.add(&place, what, "missing", Some(help));
+            // The clearest view lets no further mistake follow from this one.
             bounds.hi
         }
         (Some(_), None) => {
@@ -195,6 +196,7 @@ fn rates(
         for (quantity, value) in quantities.iter().zip(values) {
             let place = list.at(0).at(i).to(quantity.rate);
             within(problems, &place, value, -MAX_RATE_PER_S, MAX_RATE_PER_S);
+            // A rate of 0 is how an action leaves a quantity alone.
             if quantity.bounds.is_none() && value != 0.0 {
                 let what = format!("`{}` has no bounds in this weather", quantity.field);
                 let help = Some(format!("add `{}` to `bounds`", quantity.field));
