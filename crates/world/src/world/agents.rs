@@ -315,8 +315,6 @@ impl Agents<'_> {
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
                 // Of several egos the last stays, and `count` refuses the world.
-                // With a mistake as well, so that the world does not seem to lack an
-                // ego.
                 self.ego = Some(controller.clone().into());
                 Drive::Ego
             }
@@ -344,7 +342,6 @@ impl Agents<'_> {
                     problems.add(path, what, "moved by it", Some(help.to_owned()));
                 }
                 // Without steps of its own, so that the story alone moves it.
-                // An empty script waits, and the storyboard moves the body.
                 Drive::Planned(MotionPlan::Script(Vec::new()))
             }
             DriveFile::Script(steps) => {

@@ -30,7 +30,6 @@ pub(super) fn learner(
     };
     for (name, place, learner) in own {
         // Each at its own place first, as the whole has a single place.
-        // Here as well, since the check of all has the place of the world's own.
         check::learner(problems, &place, &learner);
         if each.ados.insert(name.clone(), learner).is_some() {
             let what = format!("`{name}` has two learners");

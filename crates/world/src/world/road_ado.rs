@@ -115,7 +115,6 @@ pub(super) fn check(
         problems.add(place, what, "crosses them", Some(help.to_owned()));
     }
     // A road that cannot be laid is reported elsewhere.
-    // A road that cannot be laid is reported elsewhere.
     let Ok(course) = spec.road.course() else {
         return;
     };
@@ -160,7 +159,6 @@ pub(super) fn check(
 /// Refuses listed pieces that turn beyond the headings of the pieces to come.
 fn turned_too_far(problems: &mut Problems, spec: &DriveSpec, ado: &str) {
     // A road with ranges turns furthest at an end of them.
-    // Arcs with ranges may turn farther at an end of them.
     let roads = core::iter::once(spec.clone()).chain(spec.extreme_roads());
     for course in roads.filter_map(|spec| spec.road.course().ok()) {
         let mut heading_rad = 0.0_f64;

@@ -185,7 +185,6 @@ fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<InnerWorld, RunR
     let help = "this version cannot use it: train again";
     let unusable = |what: &dyn fmt::Display| refused(format!("the world of a run: {what}"), help);
     // One problem is enough, since the author cannot change the world of a run.
-    // |The inner file is not the user's to mend, so one mistake is enough.
     let first = |problems: Vec<super::Problem>| match problems.first() {
         Some(problem) => unusable(&format!("{name}: {}", problem.what)),
         None => unusable(&name),
