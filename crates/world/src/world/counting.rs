@@ -76,7 +76,12 @@ pub(super) fn check_story(
     story: Option<&CheckedStoryboard>,
 ) {
     if story.is_some_and(CheckedStoryboard::changes_friction) {
-        refuse_drivers(problems, top, counts, "a friction that a storyboard changes");
+        refuse_drivers(
+            problems,
+            top,
+            counts,
+            "a friction that a storyboard changes",
+        );
     }
 }
 
