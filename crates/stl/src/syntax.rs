@@ -210,6 +210,7 @@ impl Arithmetic {
 
     fn strength(self) -> u8 {
         match self {
+            // As in the parser, so that printed brackets keep the meaning.
             Arithmetic::Add | Arithmetic::Subtract => 1,
             Arithmetic::Multiply | Arithmetic::Divide => 2,
         }

@@ -36,7 +36,7 @@ impl Manoeuvre {
     /// Notes an action by its place beside the neutral one.
     pub(super) fn note(&mut self, place: Ordering) {
         if self.phases[2] == Some(place) {
-            // Saturating, since only the first decisions are told apart.
+            // Saturating, since all longer phases count as one length.
             self.lasted[0] = self.lasted[0].saturating_add(1);
         } else {
             self.phases = [self.phases[1], self.phases[2], Some(place)];

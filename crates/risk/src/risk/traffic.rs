@@ -102,6 +102,7 @@ impl RiskTraffic {
             return Ok(None);
         };
         let laws = Laws::declared(file.clone(), ValuePath::top().to("traffic"))?;
+        // The laws stand in the world file, so mistakes are marked there.
         laws.bound(world, world.name(), world.text()).map(Some)
     }
 }

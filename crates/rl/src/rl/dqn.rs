@@ -286,7 +286,7 @@ impl Dqn {
         let from = buffer.observations.len() - 2 * width;
         let (observation, next) = buffer.observations[from..].split_at(width);
         let discount = match end {
-            // A fault is no transition, since nothing is known of what would follow.
+            // A fault is no transition, since the world after it is unknown.
             Some(End::Aborted) => return,
             Some(End::Terminated) => 0.0,
             Some(End::Truncated) | None => self.config.discount as f32,

@@ -151,7 +151,7 @@ impl Learner for PaidLearner {
         self.total += step.reward;
         match step.end {
             None => {}
-            // A fault tells nothing about the action.
+            // A fault is no result of the action.
             Some(End::Aborted) => self.tally.aborted += 1,
             Some(End::Terminated | End::Truncated) => {
                 self.tally.episodes += 1;

@@ -302,6 +302,8 @@ impl Preventability {
     /// Returns whether a driver avoids it from the handover on.
     pub fn is_avoided_by(&self, driver: ReferenceDriver) -> bool {
         let outcome = match driver {
+            // It takes over at the first danger, so it is none of those at the
+            // handover.
             ReferenceDriver::Ideal => self.perfect.as_ref(),
             _ => self.handover.get(&driver),
         };

@@ -159,6 +159,7 @@ fn raw(road: &OwnRoad) -> String {
     if range.lo == range.hi {
         format!("{:?}", range.lo)
     } else {
+        // Each start draws its own friction, so the range must survive.
         format!("({:?}, {:?})", range.lo, range.hi)
     }
 }
@@ -221,6 +222,7 @@ fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
         Priority::Equal => "Equal",
         Priority::Over => "Over",
     };
+    // The ground of a world is at height 0 where its own road begins.
     let z_m = road.begins_z_m - own.begins_z_m;
     format!(
         "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}, z_m: {z_m:?}), {}{}{}, \

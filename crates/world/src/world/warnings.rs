@@ -256,6 +256,8 @@ impl Warnings {
                 self.controller(&path.at(0), &ego.controller);
             }
             DriveFile::Ado(ado) => self.driven_ado(path, ado),
+            // A trained ado was warned of in its own world, and the others decide
+            // nothing.
             DriveFile::Trained(_)
             | DriveFile::Scripted(_)
             | DriveFile::Story

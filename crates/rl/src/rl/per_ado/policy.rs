@@ -214,6 +214,7 @@ fn read(bundle: &TensorFile) -> Result<(usize, Vec<(PartSpaces, TensorFile)>), B
     let mut product = Some(1usize);
     for part in &spaces {
         product = product.and_then(|product| product.checked_mul(part.actions));
+        // The comparison with the neutral action also refuses an ado without any.
         let outside = part.observed.iter().any(|&at| observation <= at);
         if outside || part.actions <= part.neutral {
             return Err(damaged("an ado with other spaces than the joint policy"));

@@ -197,6 +197,7 @@ fn traced(motions: &[(f64, AgentMotion)], at_s: f64) -> AgentMotion {
         after.checked_sub(1).map(|it| &motions[it]),
         motions.get(after),
     ) {
+        // Instants of a trace strictly increase, so no share is 0/0.
         (Some((from_s, from)), Some((to_s, to))) => {
             from.towards(to, to_s - from_s, (at_s - from_s) / (to_s - from_s))
         }

@@ -39,6 +39,7 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .within(|spec, _| zero_to(spec.clock.horizon_s)),
     Clock
         .signal("time_left", "s")
+        // A time that is rounded up at the last sample must not leave the bounds.
         .is(|state, _| (state.spec.clock.horizon_s - state.time_s()).max(0.0))
         .about("time to the horizon")
         .within(|spec, _| zero_to(spec.clock.horizon_s))
@@ -144,6 +145,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .only_if(acts)
         .within(action_bounds),
     Pair.signal("headway", "m")
+        // Both on the road of the first, since stations of two roads do not compare.
         .is(|state, [a, b]| state.on_road_of(a, b).s_m - state.on_road[a].s_m)
         .about("distance along the road from {a} to {b}, front to front; negative if {b} is behind {a}")
         .seen_in(-100.0, 100.0),
@@ -293,6 +295,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .seen_in(0.0, 300.0),
     Road.signal("ahead", "m")
         .is(|state, _| {
+            // Invariant: an assembled scene has exactly one.
             let ego = state.spec.egos().next().unwrap_or(0);
             state.network.main().end_s_m() - state.on_road[ego].s_m
         })
