@@ -145,6 +145,7 @@ impl ActionLaw {
     /// Returns the memory before the first decision.
     pub(super) fn begin(&self) -> LawMemory {
         LawMemory {
+            // Before a run, every ado counts as having driven on evenly.
             last: self.ados.iter().map(|ado| [ado.neutral; 2]).collect(),
             manoeuvres: vec![Manoeuvre::default(); self.ados.len()],
             decisions: 0,
