@@ -177,6 +177,28 @@ fn a_replay_keeps_the_rules_if_its_ados_keep_them() {
     }
 }
 
+/// A recorded motion holds no actions, so replays do not have those of the episode.
+#[test]
+fn a_rule_about_actions_is_not_judged_on_a_replay() {
+    let rule = "((ado.speed >= -99) and (ado.action >= -1))";
+    let text = lanes(0.9).text().replace("(ado.speed >= -99)", rule);
+    let ado = "start: At(x_m: 50.0, speed_mps: 20.0)";
+    let text = text.replace(ado, "start: At(x_m: 50.0, speed_mps: 5.0)");
+    let judge = "plant: Kinematic, judge: UntilContact, ";
+    let text = text.replace("plant: Kinematic, ", judge);
+    let world = Scenario::parse("rule.ron", &text).unwrap_or_else(|error| panic!("{error}"));
+    let mut bench = world.bench();
+    let mut ado = Constant(0);
+    let episode = play(&mut bench, &Start(Vec::new()), 0, &mut ado, Aftermath::Play);
+    assert!(episode.contact.is_some(), "{:?}", episode.verdict);
+    let known = world.preventability(&episode);
+    assert!(!known.handover.is_empty(), "{known}");
+    for outcome in known.handover.values() {
+        assert_eq!(outcome.rules_kept, None, "{outcome:?}");
+        assert!(outcome.robustness.is_some(), "{outcome:?}");
+    }
+}
+
 /// Without danger a driver takes the speed of the recorded ego at once, up to its limit.
 #[test]
 fn a_driver_without_danger_keeps_up_with_the_recorded_speed() {

@@ -324,6 +324,15 @@ fn mistakes_of_all_kinds_are_found_together() {
 }
 
 #[test]
+fn a_list_of_an_ado_that_is_too_long_is_marked_itself() {
+    let many = format!("observe: [{}", "\"headway\", ".repeat(1_001));
+    let text = ACC.replacen("observe: [", &many, 1);
+    let error = Scenario::parse("acc.ron", &text).expect_err("too many signals");
+    let marked = &text[error.problems[0].span.clone()];
+    assert!(marked.starts_with("[\"headway\""), "{error}");
+}
+
+#[test]
 fn rules_that_exclude_each_other_or_nothing_are_warned_about() {
     let text = ACC
         .replace("ado.speed >= v_min", "time < 1.02 or ado.speed >= 16")

@@ -3,11 +3,17 @@
 use brakecheck::ego::{FaultKind, Process, exercise};
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
+use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use brakecheck::world::Scenario;
 
 /// The ACC world with a shell script as the ego; no one consented to it.
 fn named_world(script: &str, timeout_s: f64) -> Scenario {
+    ended_world(script, timeout_s, "")
+}
+
+/// The same world with further fields at its end.
+fn ended_world(script: &str, timeout_s: f64, fields: &str) -> Scenario {
     let text = include_str!("../../worlds/acc.ron");
     let from = text.find("drive: Ego(Acc(").expect("the ego");
     let to = from + text[from..].find(")),").expect("its end") + 3;
@@ -17,7 +23,7 @@ fn named_world(script: &str, timeout_s: f64) -> Scenario {
     let text = format!("{}{drive}{}", &text[..from], &text[to..]);
     // Changes of the controller's parameters do not fit another controller.
     let from = text.find("reuse: {").expect("reuse");
-    let text = format!("{})\n", &text[..from]);
+    let text = format!("{}{fields})\n", &text[..from]);
     Scenario::parse("acc.ron", &text).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -80,6 +86,20 @@ fn one_program_serves_all_episodes_of_a_worker() {
     }
     let starts = std::fs::read_to_string(file.path()).expect("readable");
     assert_eq!(starts.lines().count(), 1, "{starts}");
+}
+
+#[test]
+fn members_of_a_family_begin_every_episode_anew_in_a_world_that_does() {
+    let fields = "train_against: Family(friction: (0.6, 1.0)),";
+    let world = ended_world("exit 0", 60.0, fields);
+    let family = world.family().expect("a family");
+    let variant = family.variant(&family.nominal(PlantKind::Kinematic));
+    let is_fresh = |world: &Scenario| {
+        let member = world.drive().expect("driven").with_member(&variant);
+        member.program().expect("a program").fresh
+    };
+    assert!(!is_fresh(&world));
+    assert!(is_fresh(&world.with_fresh_egos()));
 }
 
 #[test]

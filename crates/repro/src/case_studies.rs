@@ -130,6 +130,7 @@ pub fn case_study(
         success_rate: mean(|row| row.success_rate),
         // Intervals are computed below, from the finished rows.
         ci95: [0.0, 1.0],
+        // The upper one of two in the middle, so that it belongs to a training.
         recall_median: recalls.get(recalls.len() / 2).copied(),
         recall_min: recalls.first().copied(),
         switches,
@@ -295,6 +296,7 @@ pub fn deeper_search(
     let Some(runs) = finished_runs(scenario, request, watch)? else {
         return Ok(None);
     };
+    // Three switches multiply the sequences, so fewer starts are searched.
     let count = request.starts.min(DEEPER_STARTS);
     let Some(starts) = test_starts(scenario, request.seeds.starts, count, watch) else {
         return Ok(None);

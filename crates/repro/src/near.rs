@@ -92,6 +92,7 @@ pub fn near_starts(
     let mut bench = scenario.bench();
     // The paper's start has no index, so it gets the noise seed 0.
     let (value, fails) = look(&mut bench, around, 0);
+    // Starts follow from their keys, so those of a training need no file.
     let training_starts: Vec<Start> = (0..trained.episodes)
         .map(|index| {
             bench.draw(StartKey {
@@ -120,6 +121,7 @@ pub fn near_starts(
     // A stopped evaluation has gaps and would bias the shares.
     let looked: Vec<(&Start, f64, bool)> = evaluated.into_iter().collect::<Option<_>>()?;
     let row = |delta: f64| {
+        // Near in the ado's own estimate, as in the paper.
         let near: Vec<_> = looked
             .iter()
             .filter(|(_, v, _)| (v - value).abs() < delta)

@@ -61,6 +61,7 @@ impl SolvedBy {
         row.compare_with_search(searched);
         SolvedBy {
             recall: row.recall,
+            // An interrupted row has no such number, and is not recorded.
             beyond: row.beyond_search.unwrap_or(0),
             successes: row.successes,
         }
@@ -184,6 +185,7 @@ pub struct StructureStudy<'a> {
 /// # Errors
 /// Returns an error if the world has no driving scene.
 pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
+    // Invariant: a shipped world is always read.
     let Some(Ok(structures)) = Scenario::shipped(STRUCTURES) else {
         return Ok(Vec::new());
     };

@@ -202,6 +202,7 @@ fn the_figures_of_the_paper_are_drawn_from_our_worlds() {
 fn wrong_input_is_refused_with_its_fix() {
     for (args, says) in [
         (&["case-studies", "--world", "nowhere"][..], "merge_fair"),
+        (&["near-starts", "--world", "nowhere"], "merge_fair"),
         (&["table1", "--seed", "3"], "--seeds"),
         (&["table2"], "table1"),
         (&["page", "--root", "."], "--root"),

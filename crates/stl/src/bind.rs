@@ -172,6 +172,8 @@ impl<'a> Binder<'a> {
             NodeKind::Name(name) => self.name(name, node),
             NodeKind::Compare(first, rest) => self.comparison(first, rest, node),
             NodeKind::In(x, range) => {
+                // A range is two comparisons, so its robustness is the distance to the
+                // nearer end.
                 let low = (Comparison::GreaterEqual, range.0.clone());
                 let high = (Comparison::LessEqual, range.1.clone());
                 let low = self.pair(x, &low, node, Whole::No)?;
@@ -283,6 +285,8 @@ impl<'a> Binder<'a> {
         rest: &[(Comparison, Term)],
         node: &Arc<Node>,
     ) -> Result<Id, StlError> {
+        // A lone comparison is explained by its own text, a chain by the pair that
+        // decides.
         let alone = if rest.len() == 1 {
             Whole::Yes
         } else {

@@ -110,6 +110,7 @@ impl DenseTrace {
         if !(time_s.is_finite() && is_later) {
             return Err(DenseRowError::Time { time_s, sample });
         }
+        // Before either vector grows, so that an error leaves the run as it was.
         self.schema.check_row(row, sample)?;
         self.times_s.push(time_s);
         self.rows.push(row.to_vec());
@@ -131,6 +132,7 @@ impl DenseTrace {
         let points: Vec<f64> = self.rows.iter().map(|row| value(row)).collect();
         let pieces = points.windows(2).map(|pair| LinearPiece {
             start: pair[0],
+            // The limit from the left: a held value jumps at the next sample only.
             end: if linear { pair[1] } else { pair[0] },
         });
         Piecewise {
@@ -171,12 +173,15 @@ impl Monitor {
         };
         let mut values: Vec<Piecewise> = Vec::new();
         for id in 0..self.program.instructions.len() {
+            // On an empty run too, so that a refusal depends on the formula alone.
             evaluation.check(id)?;
             if !trace.is_empty() {
                 values.push(evaluation.operator(id, &values));
             }
         }
+        // Operands precede their operators, so the whole formula comes last.
         let root = values.last().and_then(|root| root.points.first());
+        // Adding 0 turns −0 into 0, as a sampled leaf does.
         Ok(self.clamp(root.copied().unwrap_or(f64::NEG_INFINITY) + 0.0))
     }
 }
@@ -191,6 +196,8 @@ impl DenseEvaluation<'_> {
         let instruction = self.monitor.program.get(id);
         let formula = || instruction.source.to_string();
         if let Op::Leaf(leaf) = &instruction.op {
+            // Held signals are constant between samples, and so is any function of
+            // them.
             return if self.trace.interpolation == Interpolation::Linear
                 && !is_linear(leaf.difference())
             {
@@ -199,6 +206,8 @@ impl DenseEvaluation<'_> {
                 Ok(())
             };
         }
+        // The text decides, since a compiled `next` looks like `always[1, 1]` in
+        // samples.
         let step = matches!(
             instruction.source.kind,
             NodeKind::Unary(
@@ -245,6 +254,7 @@ impl DenseEvaluation<'_> {
             Op::Gate(gate, a, b) => apply(gate, of(a), of(b)),
             Op::Ahead(side, window, a) => self.ahead(side, window, of(a)),
             Op::Behind(side, window, a) => {
+                // The past is the future in negated time.
                 let reversed = of(a).clone().reversed();
                 self.ahead(side, window, &reversed).reversed()
             }
@@ -290,10 +300,12 @@ impl DenseEvaluation<'_> {
         let (from, to) = self.seconds(window);
         let mut value = guard.until(goal, closed);
         if window.to.is_some() {
+            // A window of n samples is n − 1 periods long.
             let width = SampleWindow {
                 from: 0,
                 to: window.width().map(|width| width - 1),
             };
+            // In the closed reading both sides must hold at the same instant.
             let within = if closed {
                 self.ahead(MinMax::Max, width, &guard.combine::<Min>(goal))
             } else {
@@ -302,6 +314,7 @@ impl DenseEvaluation<'_> {
             value = value.combine::<Min>(&within);
         }
         if window.from != 0 {
+            // A window of a single instant only shifts the function.
             let shifted = value.ahead::<Max>(from, Some(from), false);
             // The guard must also hold until the window begins.
             let before = guard.ahead::<Min>(0.0, Some(from), true);
@@ -324,11 +337,14 @@ fn is_linear(value: &BoundExpression) -> bool {
         BoundExpression::Calculated(op, sides) => {
             let fits = match op {
                 Arithmetic::Add | Arithmetic::Subtract => true,
+                // A product of two signals would curve between samples.
                 Arithmetic::Multiply => number(&sides.0) || number(&sides.1),
                 Arithmetic::Divide => number(&sides.1),
             };
             fits && is_linear(&sides.0) && is_linear(&sides.1)
         }
+        // Minima of lines are piecewise linear as well, but their kinks would need
+        // breakpoints of their own.
         BoundExpression::Call(..) => false,
     }
 }

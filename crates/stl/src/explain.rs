@@ -216,6 +216,7 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
         }
         leaf.signals(&mut |signal| {
             let name = &program.schema.signals()[signal].name;
+            // A signal may occur on both sides of a comparison.
             if explanation.signals.iter().all(|(known, _)| known != name) {
                 explanation
                     .signals
@@ -266,6 +267,7 @@ impl<C: Columns> ExplanationSearch<'_, C> {
             sample,
             ..place
         };
+        // A negation exchanges the bounds, so the other end decides below it.
         let against = |id, sample| DecidingNode {
             id,
             sample,
@@ -317,6 +319,8 @@ impl<C: Columns> ExplanationSearch<'_, C> {
                 }
             }
             Op::Until(side, _, window, a, b) => {
+                // From the present on, as the left side must hold before the window
+                // too.
                 let (_, to) = self.ahead(SampleWindow { from: 0, ..window }, now);
                 let mut guards = self.values(at(a, now), now, to);
                 let mut goals = self.values(at(b, now), now, to);
@@ -332,8 +336,10 @@ impl<C: Columns> ExplanationSearch<'_, C> {
                     guards.extend(guards.last().copied());
                     goals.extend(goals.last().copied());
                 }
+                // A release is the until of both sides negated.
                 let sign = if side == MinMax::Max { 1.0 } else { -1.0 };
                 match self.until(sign, value, &guards, &goals, from) {
+                    // An index in the held part is that of the last sample.
                     Some(DecidingOperand::Guard(i)) => SearchMove::Down(at(a, (now + i).min(to))),
                     Some(DecidingOperand::Goal(i)) => SearchMove::Down(at(b, (now + i).min(to))),
                     None => self.nothing(window, now),
@@ -396,13 +402,8 @@ impl<C: Columns> ExplanationSearch<'_, C> {
 
     /// Finds the first sample of `from ..= to` with the value.
     fn within(&mut self, value: f64, place: DecidingNode, from: usize, to: usize) -> SearchMove {
-        let program = self.evaluation.program;
-        let nothing = match &program.get(place.id).op {
-            _ if to < from => SearchMove::Stop(Reason::EmptyWindow),
-            _ => SearchMove::Stop(Reason::BeyondTheEnd),
-        };
         if to < from {
-            return nothing;
+            return SearchMove::Stop(Reason::EmptyWindow);
         }
         let values = self.values(place, from, to);
         match values.iter().position(|v| *v == value) {
@@ -410,7 +411,8 @@ impl<C: Columns> ExplanationSearch<'_, C> {
                 sample: from + i,
                 ..place
             }),
-            None => nothing,
+            // No known sample has the value, so one beyond the end decides.
+            None => SearchMove::Stop(Reason::BeyondTheEnd),
         }
     }
 

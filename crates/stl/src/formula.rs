@@ -66,6 +66,8 @@ impl Expr {
         fn visit<'a>(term: &'a Term, names: &mut Vec<&'a str>) {
             match &term.kind {
                 TermKind::Number(_) => {}
+                // A list instead of a set keeps the order of the text, and names are
+                // few.
                 TermKind::Name(name) if names.contains(&&**name) => {}
                 TermKind::Name(name) => names.push(name),
                 TermKind::Negative(a) => visit(a, names),

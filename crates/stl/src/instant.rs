@@ -13,6 +13,7 @@ pub fn parse_iso(text: &str) -> Option<(i64, f64)> {
     if !text.contains(':') {
         return None;
     }
+    // Without an offset, an instant counts as one of UTC.
     let in_utc = || {
         let civil: DateTime = text.parse().ok()?;
         Some(civil.to_zoned(TimeZone::UTC).ok()?.timestamp())

@@ -58,6 +58,8 @@ impl BoundExpression {
                 .reduce(greatest)
                 .unwrap_or(0.0),
             BoundExpression::Call(function, all) => {
+                // The parser checks the number of arguments, so no default is ever
+                // read.
                 let argument = |i: usize| all.get(i).map_or(0.0, |a| a.at(row));
                 match function {
                     Function::Pow => power(argument(0), argument(1)),
@@ -161,6 +163,8 @@ impl BoundExpression {
                 Arithmetic::Add | Arithmetic::Subtract | Arithmetic::Multiply,
                 sides,
             ) => !(sides.0.is_finite() && sides.1.is_finite()),
+            // Errs on the safe side: an extra pass is cheap, a missed NaN is a wrong
+            // verdict.
             _ => true,
         }
     }
@@ -205,6 +209,8 @@ fn apply(function: Function, a: f64) -> f64 {
         Function::Sqrt => a.sqrt(),
         // From libm, so that every machine gives the same bits.
         Function::Exp => libm::exp(a),
+        // Functions of several arguments never get here, because the callers handle
+        // them.
         _ => a.abs(),
     }
 }
@@ -267,6 +273,7 @@ impl Undefined {
     }
 
     fn answer(self, question: Semantics) -> f64 {
+        // Infinite, since no finite change leads back to a defined value.
         let magnitude = match question {
             Semantics::Margin => f64::INFINITY,
             Semantics::Truth => 1.0,
@@ -305,6 +312,7 @@ impl Leaf {
             difference,
             shape,
             can_be_nan,
+            // Provisional: binding corrects it once the negations above are known.
             undefined: Undefined::Fails,
         }
     }
@@ -353,6 +361,7 @@ impl Leaf {
             ComparisonKind::AtLeast | ComparisonKind::MoreThan => difference,
             ComparisonKind::Equal => difference.absolute().negated(),
             ComparisonKind::NotEqual => difference.absolute(),
+            // Any number but 0 is true, so a range without 0 always holds.
             ComparisonKind::Boolean if !difference.contains(0.0) => {
                 Interval::exactly(f64::INFINITY)
             }
@@ -369,6 +378,7 @@ impl Leaf {
             BoundExpression::Calculated(_, sides),
         ) = (self.shape, &self.difference)
         {
+            // Finite operands give no NaN here, so the undefined case needs no check.
             match **sides {
                 (BoundExpression::Signal(a), BoundExpression::Number(b)) => return row[a] - b,
                 (BoundExpression::Number(a), BoundExpression::Signal(b)) => return a - row[b],
@@ -444,6 +454,7 @@ impl Leaf {
 /// right, a difference with a constant is never −0, at no cost.
 fn unsigned(side: BoundExpression, zero: f64) -> BoundExpression {
     match side {
+        // The pattern matches −0 too, as floats compare.
         BoundExpression::Number(0.0) => BoundExpression::Number(zero),
         side => side,
     }
@@ -467,6 +478,7 @@ impl ComparisonKind {
     }
 
     fn truth(self, difference: f64) -> f64 {
+        // The comparisons below would take NaN for false.
         if difference.is_nan() {
             return difference;
         }

@@ -25,10 +25,12 @@ impl Scratch {
     fn take(&mut self, len: usize) -> Vec<f64> {
         let fits = |buffer: &Vec<f64>| match buffer.capacity() {
             capacity if len <= capacity => (0, capacity),
+            // The largest of the small ones has to grow least.
             capacity => (1, usize::MAX - capacity),
         };
         let best = (0..self.free.len()).min_by_key(|i| fits(&self.free[*i]));
         let mut buffer = best.map(|i| self.free.swap_remove(i)).unwrap_or_default();
+        // Old contents may stay, as every user overwrites all of it.
         buffer.resize(len, 0.0);
         buffer
     }
@@ -218,9 +220,12 @@ impl<C: Columns> TraceEvaluation<'_, C> {
         match op {
             // Clamped, since a held tail still needs the last sample.
             Op::Ahead(_, window, _) => (from.saturating_add(window.from).min(last), ahead(*window)),
+            // The left side counts from the present on, even before the window.
             Op::Until(_, _, window, ..) => (from, ahead(*window)),
             Op::Behind(_, window, _) => {
                 let start = behind(*window);
+                // A window before the first sample is empty, yet the range must not be
+                // reversed.
                 (start, to.saturating_sub(window.from).max(start))
             }
             Op::Since(window, ..) => (behind(*window), to),
@@ -251,6 +256,8 @@ impl<C: Columns> TraceEvaluation<'_, C> {
                 out.iter_mut().for_each(|value| *value = opposite(*value));
             }
             Op::Gate(gate, a, b) => {
+                // A whole chunk each time, so that the same two buffers serve every
+                // call.
                 let mut left = self.scratch.take(CHUNK);
                 let mut right = self.scratch.take(CHUNK);
                 let len = out.len();
@@ -277,6 +284,7 @@ impl<C: Columns> TraceEvaluation<'_, C> {
     fn scan(&mut self, side: MinMax, window: SampleWindow, child: Id, at: usize) -> BoundsSeries {
         let mut lower = self.scratch.take(1);
         let reading = self.reading;
+        // A cut window beyond the end is empty, a held one repeats the last sample.
         let start = match reading.tail {
             WindowTail::Cut => at.saturating_add(window.from),
             WindowTail::Held => at.saturating_add(window.from).min(reading.known - 1),

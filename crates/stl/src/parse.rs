@@ -53,6 +53,7 @@ impl<'a> Parser<'a> {
             let operator = self.advance();
             left = self.combine(left, infix, operator)?;
         }
+        // Not restored on an error, which ends the parsing.
         self.nesting -= 1;
         Ok(left)
     }
@@ -135,6 +136,7 @@ impl<'a> Parser<'a> {
         let mut op = Some(op);
         // A loop, since the chain `a < b < c` is a single node without nesting.
         while let Some(comparison) = op {
+            // Tighter than a comparison, so that the next one stays in the chain.
             let right = self
                 .expression(strength::COMPARE + 1)?
                 .into_term(&what)
@@ -164,6 +166,7 @@ impl<'a> Parser<'a> {
             return Err(self.unexpected("`[` and a range such as `[0, 1]`"));
         }
         let low = self.expression(strength::COMPARE + 1)?.into_term(&what)?;
+        // A colon is accepted too, as in the bounds `[0:2]` of other STL tools.
         if !self.take_symbol(",") && !self.take_symbol(":") {
             return Err(self.unexpected("`,` and the upper end of the range"));
         }
@@ -192,6 +195,7 @@ impl<'a> Parser<'a> {
                 Parsed::term(TermKind::Number(value), span)
             }
             Token::Quoted(name) => {
+                // Quotes make a name of any word, even of an operator.
                 self.advance();
                 Ok(Parsed::Name(name.into(), span))
             }
@@ -202,6 +206,7 @@ impl<'a> Parser<'a> {
                 Parsed::formula(NodeKind::Constant(value), span)
             }
             Token::Word(word) if is_word_operator(word) => {
+                // An operator here lacks its left side, and it cannot be a name.
                 Err(self.unexpected("a formula or a number"))
             }
             // A name before `(` can only be a function, so a misspelt name is reported.

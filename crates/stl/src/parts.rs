@@ -103,6 +103,7 @@ impl PartListing<'_> {
 
     /// Returns the position of a part, which is added unless it is there.
     fn position(&mut self, formula: String, within: Option<usize>, is_leaf: bool) -> usize {
+        // Equal texts decide alike, so one part stands for all of them.
         let known = self.parts.iter().position(|part| part.formula == formula);
         known.unwrap_or_else(|| {
             self.parts.push(FormulaPart {

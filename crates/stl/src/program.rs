@@ -187,6 +187,7 @@ impl BoundProgram {
         let (mut horizon, mut memory, mut pointwise) = (Some(0usize), 0usize, true);
         for operand in op.operands() {
             let operand = self.get(operand);
+            // An operand that sees the whole rest makes its user do so too.
             horizon = horizon.zip(operand.horizon).map(|(a, b)| a.max(b));
             memory = memory.max(operand.memory);
             pointwise &= operand.pointwise;

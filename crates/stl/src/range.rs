@@ -6,6 +6,7 @@ use crate::kernel::{Extremum, Max, Min};
 use crate::leaf::{BoundExpression, Leaf};
 use crate::monitor::Monitor;
 use crate::program::{MinMax, Op, Strength};
+use crate::settings::TraceEnd;
 use crate::syntax::{Arithmetic, Function};
 
 impl Monitor {
@@ -22,8 +23,17 @@ impl Monitor {
             "a range per signal"
         );
         let mut known: Vec<Interval> = Vec::with_capacity(self.program.instructions.len());
+        let is_strict = self.settings.end == TraceEnd::Strict;
         for instruction in &self.program.instructions {
-            known.push(range_of(&instruction.op, &known, ranges));
+            let op = &instruction.op;
+            // Samples behind the end are unknown, so a window may have any value there.
+            let is_open = matches!(op, Op::Ahead(..) | Op::Until(..))
+                && op.window().and_then(|it| it.to).is_some_and(|to| to > 0);
+            known.push(if is_strict && is_open {
+                Interval::ANY
+            } else {
+                range_of(op, &known, ranges)
+            });
         }
         let whole = known.last().copied().unwrap_or(Interval::ANY);
         whole.map(|value| self.clamp(value))

@@ -31,7 +31,9 @@ impl Formula {
     ///
     /// They are those of signals, constants and formulas, since names are bound later.
     pub fn names(&self) -> Vec<String> {
+        // A renaming is a shared function, so the list that it fills needs a cell.
         let names = std::cell::RefCell::new(Vec::new());
+        // Nothing is renamed: the walk only visits each name in the order of the text.
         self.renamed(&|name| {
             let mut names = names.borrow_mut();
             if !names.iter().any(|known| known == name) {
@@ -81,6 +83,7 @@ fn node(old: &Node, new: Renaming<'_>) -> Arc<Node> {
             NodeKind::Binary(*op, bounds(within, new), sub(a), sub(b))
         }
     };
+    // Places stay, so that an error still points into the text as written.
     Arc::new(Node {
         kind,
         span: old.span.clone(),

@@ -105,6 +105,7 @@ fn edge_at(edge: Edge, value: f64, before: f64) -> (f64, f64) {
         Edge::Rise => value,
         Edge::Fall => opposite(value),
     };
+    // −inf before the first sample makes its opposite hold, as a weak `prev` does.
     (Min::pick(opposite(before), current), current)
 }
 
@@ -189,6 +190,7 @@ impl RunningMonitor {
     /// The row or the numbers are too short.
     pub fn push(&self, numbers: &mut [f64], sample: usize, row: &[f64]) -> Interval {
         let until = self.monitor.settings.until;
+        // Operands come first, so every read is of the present sample.
         for (i, instant) in self.instants.iter().enumerate() {
             numbers[i] = match *instant {
                 RunningInstant::Constant(value) => value,
@@ -289,8 +291,10 @@ impl RunningMonitor {
     #[inline(always)]
     fn ended_of(&self, number: &impl Fn(usize) -> f64, known: usize) -> f64 {
         if known == 0 {
+            // No sample is no evidence, as for an empty trace.
             return self.monitor.clamp(f64::NEG_INFINITY);
         }
+        // Nothing is to come after an end, so both bounds are equal.
         let value = self.bounds(self.root, number, known, known).lo;
         self.monitor.clamp(value)
     }

@@ -84,6 +84,7 @@ impl<'a> Samples<'a> {
             // Without an early exit, this check is a few vector instructions per chunk.
             let finite = |part: &[f64]| part.iter().fold(true, |all, x| all & x.is_finite());
             if !column.chunks(4096).all(finite) {
+                // Only a refused column is searched for the place of the error.
                 let refused = column.iter().position(|value| !value.is_finite());
                 let sample = refused.unwrap_or(0);
                 return Err(ColumnsError::Value(RowError::NotFinite {

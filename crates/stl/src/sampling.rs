@@ -93,6 +93,7 @@ pub fn rate_of(dt_s: f64) -> String {
 /// Returns the mean of the steps that are single ones, `None` without a usual step.
 fn usual_step(times_s: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // Stamps that stand still or go back have no usual step.
     if steps.iter().any(|step_s| step_s.is_nan() || *step_s <= 0.0) {
         return None;
     }

@@ -111,6 +111,7 @@ impl<T: Join> SlidingJoin<T> {
 
     fn drop_oldest<E: Extremum>(&mut self) {
         if self.older.is_empty() {
+            // Last first, so that each older sample knows the join of all behind it.
             let mut joined: Option<T> = None;
             for part in self.newer.drain(..).rev() {
                 let part = joined.map_or(part, |later| part.then::<E>(later));

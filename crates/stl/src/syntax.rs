@@ -210,6 +210,7 @@ impl Arithmetic {
 
     fn strength(self) -> u8 {
         match self {
+            // As in the parser, so that printed brackets keep the meaning.
             Arithmetic::Add | Arithmetic::Subtract => 1,
             Arithmetic::Multiply | Arithmetic::Divide => 2,
         }
@@ -293,6 +294,7 @@ impl Node {
             | NodeKind::Xor(a, b)
             | NodeKind::Binary(_, _, a, b) => a.depth.max(b.depth),
         };
+        // Stored, since a recursive count of a deep tree could overflow the stack.
         Node {
             kind,
             span: Span(span),

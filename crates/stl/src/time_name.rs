@@ -67,7 +67,9 @@ const UNITS: [(&[&str], f64); 4] = [
     (
         &[
             "us",
+            // The micro sign and the Greek letter look alike.
             "µs",
+            "μs",
             "usec",
             "usecs",
             "micros",
@@ -100,6 +102,7 @@ pub struct UnknownTimeUnit(pub String);
 /// # Errors
 /// The column is a time in a unit that is not known, such as `time [h]`.
 pub fn time_name(header: &str) -> Result<Option<TimeName>, UnknownTimeUnit> {
+    // Both kinds of brackets are common, as in `time [s]` and `Time (ms)`.
     let (name, unit) = match header.split_once(['[', '(']) {
         Some((name, unit)) => (name.trim_end(), unit.trim_end_matches([']', ')']).trim()),
         None => (header, ""),
@@ -116,6 +119,8 @@ pub fn time_name(header: &str) -> Result<Option<TimeName>, UnknownTimeUnit> {
         return match (unit, seconds(unit)) {
             ("", _) => of(1.0),
             (_, Some(unit_s)) => of(unit_s),
+            // A wrong unit scales every rate, so an unknown unit is refused and never
+            // guessed.
             (_, None) => Err(UnknownTimeUnit(unit.to_owned())),
         };
     }
@@ -125,6 +130,7 @@ pub fn time_name(header: &str) -> Result<Option<TimeName>, UnknownTimeUnit> {
     };
     let unit_s = seconds(last);
     let total = before.concat();
+    // `simSeconds` is a time, while `sim` alone may be anything.
     let is_time = NAMES.contains(&&*total) || ["total", "elapsed", "sim"].contains(&&*total);
     match unit_s {
         Some(unit_s) if is_time && unit.is_empty() => of(unit_s),
@@ -195,6 +201,8 @@ mod tests {
             ("timestampNs", 1e-9),
             ("total_nanos", 1e-9),
             ("t(us)", 1e-6),
+            ("time [\u{b5}s]", 1e-6),
+            ("time [\u{3bc}s]", 1e-6),
             ("header.stamp", 1.0),
         ] {
             let found = time_name(header).expect("a known unit");

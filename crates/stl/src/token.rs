@@ -36,6 +36,7 @@ const SYMBOLS: [&str; 39] = [
 const MORE: [&str; 3] = ["]", ",", ":"];
 
 pub(crate) fn tokenize(text: &str) -> Result<Vec<Spanned<'_>>, StlError> {
+    // First, because the memory of every later step grows with the text.
     if text.len() > MAX_TEXT {
         return Err(StlError::new(
             format!(
@@ -180,6 +181,7 @@ fn unknown_character(c: char, at: usize) -> StlError {
         span,
         "unexpected character",
     );
+    // Slips from other languages get an answer of their own.
     match c {
         '=' => error.with_help("equality is `==`, implication is `->` or `implies`"),
         '^' => error.with_help("a power is `pow(x, 2)`"),

@@ -39,12 +39,14 @@ pub(crate) fn settle(program: BoundProgram) -> BoundProgram {
     };
     for (id, (doubtful, uses)) in doubtful.into_iter().zip(uses).enumerate() {
         let places = match (doubtful, uses.fails, uses.holds) {
+            // Used both ways, it needs a copy for either worst case.
             (true, true, true) => Places {
                 fails: settled.operator(id, Undefined::Fails),
                 holds: settled.operator(id, Undefined::Holds),
             },
             // An operator used in a single sense needs a single copy.
             (true, false, true) => Places::both(settled.operator(id, Undefined::Holds)),
+            // Also an unused operator, whose value nothing reads.
             (true, ..) => Places::both(settled.operator(id, Undefined::Fails)),
             (false, ..) => Places::both(settled.copy(id)),
         };
@@ -109,6 +111,7 @@ fn uses(program: &BoundProgram) -> Vec<Uses> {
                 uses[b].also(BOTH);
             }
             Op::Edge(_, a) => uses[a].also(BOTH),
+            // The other operators are monotone, so they pass their sense on.
             ref op => op.operands().for_each(|operand| uses[operand].also(own)),
         }
     }
@@ -198,6 +201,7 @@ impl DefinedProgram<'_> {
     }
 
     fn add(&mut self, op: Op, source: &Arc<Node>) -> Id {
+        // Limits were checked before, and each operator becomes a handful at most.
         let instruction = self.new.instruction(op, source.clone());
         self.new.add(instruction)
     }

@@ -177,6 +177,16 @@ fn a_lasting_relative_speed_follows_the_other() -> Checked {
 }
 
 #[test]
+fn a_lasting_relative_speed_may_be_reached_already() -> Checked {
+    let does = "Speed(target: Delta(entity: \"third\", value_mps: -5.0, continuous: true),
+        dynamics: (shape: Sinusoidal, dimension: Time(2.0)))";
+    let scene = World::of(&event("e", 1.0, does)).play(4.0)?;
+    near(state(&scene, 1).speed_mps, 10.0, 1e-6);
+    near(state(&scene, 1).pose.x_m, 100.0, 0.1);
+    Ok(())
+}
+
+#[test]
 fn a_profile_has_its_legs_and_its_end() -> Checked {
     let does =
         "SpeedProfile(points: [(time_s: 2.0, speed_mps: 14.0), (time_s: 1.0, speed_mps: 14.0),

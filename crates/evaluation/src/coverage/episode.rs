@@ -92,6 +92,7 @@ impl<'a> EpisodeObserver<'a> {
         origin: EpisodeOrigin,
         with_rules: bool,
     ) -> Option<CoveredEpisode> {
+        // An episode that did not run shows nothing about rules or failures.
         if episode.verdict == Verdict::Invalid {
             return None;
         }
@@ -103,6 +104,8 @@ impl<'a> EpisodeObserver<'a> {
             origin,
             start: episode.start.clone(),
             failure,
+            // Other actions are simulated for the rules, which costs far more than the
+            // verdict.
             rules: if with_rules {
                 self.bounds(episode)
             } else {
@@ -113,6 +116,7 @@ impl<'a> EpisodeObserver<'a> {
 
     fn bounds(&mut self, episode: &Episode) -> Vec<Option<RuleBound>> {
         let forbidden = self.forbidden(episode);
+        // Samples after the verdict are no evidence on a rule.
         let judged = episode.judged_trace();
         let decision = self.bench.clock().samples_per_decision();
         let rules = self.scenario.rulebook().rules.iter().enumerate();
@@ -126,6 +130,7 @@ impl<'a> EpisodeObserver<'a> {
                 forbids_other: forbidden
                     .as_ref()
                     .map(|found| found[position])
+                    // A rule that was seen broken is certain, however far it looks ahead.
                     .filter(|found| *found || rule.monitor.inner_window_samples() <= decision),
             }
         });
@@ -136,9 +141,13 @@ impl<'a> EpisodeObserver<'a> {
     fn forbidden(&mut self, episode: &Episode) -> Option<Vec<bool>> {
         let mut found = vec![false; self.scenario.rulebook().rules.len()];
         if !self.branches {
+            // The program cannot branch here, which is unknown and not the same as
+            // unbroken.
             return None;
         }
         let bench = &mut self.bench;
+        // Only decisions before the verdict can be changed, so the motion after it is not
+        // needed.
         bench.begin(&episode.start, episode.noise, Aftermath::Skip);
         for &action in &episode.actions {
             // With every rule found, further branches would add nothing.
@@ -146,7 +155,10 @@ impl<'a> EpisodeObserver<'a> {
                 break;
             }
             let allowed = bench.allowed();
+            // A masked action was no alternative of the ado.
             let may = |other: &usize| allowed.as_ref().is_none_or(|allowed| allowed[*other]);
+            // One ado deviates at a time, since joint deviations grow exponentially with
+            // the ados.
             let others = self.digits.iter().flat_map(|digit| digit.others(action));
             for other in others.filter(may) {
                 let mut branch = bench.branch()?;
@@ -180,5 +192,7 @@ fn failure(scenario: &Scenario, episode: &Episode) -> CoveredFailure {
 
 /// Returns whether an item is among `most` of `count` items that are evenly spread.
 pub fn evenly_spread(index: usize, count: usize, most: usize) -> bool {
+    // Rounding down cuts the list into `most` runs of nearly equal length, each with one
+    // pick.
     count <= most || (index + 1) * most / count > index * most / count
 }

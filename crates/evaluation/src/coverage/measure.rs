@@ -148,9 +148,11 @@ impl Coverage {
             tries,
             starts,
             failing_tries,
+            // Each episode is of one origin, so the rest is stored.
             stored: episodes.len() - tries,
             rules: rules(scenario, episodes),
             parts: parts(scenario, episodes),
+            // Stored failures were chosen and not drawn, so no estimate rests on them.
             all_kinds: (failing_tries > 0).then(|| Incidence::new(starts as u64, counts).kinds()),
             cells: cells(&scenario.axes(), &kinds, episodes, starts),
             kinds,
@@ -183,7 +185,9 @@ fn rules(scenario: &Scenario, episodes: &[CoveredEpisode]) -> Vec<RuleCoverage> 
         let bounds: Vec<RuleBound> = episodes.iter().filter_map(bound).collect();
         let margins = || bounds.iter().filter_map(|bound| bound.margin);
         let least = margins().reduce(f64::min);
+        // A rule without any margin has no spread, and nothing is near its bound.
         let greatest = margins().reduce(f64::max).unwrap_or(0.0);
+        // Relative to the spread, because formulas have different units.
         let near = NEAR * (greatest - least.unwrap_or(greatest));
         let is_near = |bound: &&RuleBound| {
             bound.is_broken
@@ -230,6 +234,7 @@ fn parts(scenario: &Scenario, episodes: &[CoveredEpisode]) -> Vec<PartCoverage> 
 
 /// Counts the drawn starts of some episodes, a start of several episodes once.
 fn distinct_starts<'a>(episodes: impl Iterator<Item = &'a CoveredEpisode>) -> usize {
+    // Equal draws are equal to the last bit, and floats alone have no order for a set.
     let bits =
         |it: &CoveredEpisode| -> Vec<u64> { it.start.0.iter().map(|x| x.to_bits()).collect() };
     let starts: BTreeSet<Vec<u64>> = episodes.map(bits).collect();
@@ -238,6 +243,7 @@ fn distinct_starts<'a>(episodes: impl Iterator<Item = &'a CoveredEpisode>) -> us
 
 /// Counts the kinds of failure, the most frequent first and equals in their order.
 fn kinds(episodes: &[CoveredEpisode]) -> Vec<KindCoverage> {
+    // Sorted, so that equally frequent ones keep an order that no hash decides.
     let mut of_kind: BTreeMap<&FailureKind, Vec<&CoveredEpisode>> = BTreeMap::new();
     for episode in episodes {
         if let Some(failure) = &episode.failure {
@@ -299,6 +305,8 @@ fn cells(
                     stored: failing().count() - failures,
                     tries: drawn().count(),
                     starts: distinct_starts(drawn()),
+                    // The level of the test depends on the number of tried cells, which
+                    // is known at the end.
                     chance: None,
                     state: CoverageState::Untried,
                 });
@@ -318,6 +326,7 @@ fn judge_cells(cells: &mut [CellCoverage], kinds: &[KindCoverage], starts: usize
         let chance = chance_of_none(starts, cell.starts, kinds[cell.kind].starts);
         cell.chance = (cell.starts > 0).then_some(chance);
         cell.state = match cell {
+            // A stored failure fills its cell, although it is no try.
             CellCoverage { failures: 1.., .. } | CellCoverage { stored: 1.., .. } => {
                 CoverageState::Covered
             }

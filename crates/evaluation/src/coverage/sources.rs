@@ -36,6 +36,7 @@ pub fn observed<I: Sync>(
     let seen = all.each(items, worker, |(bench, observer), item, index| {
         let played = episode(bench, item, index)?;
         watch.faults.note(index as u64, played.fault.as_ref());
+        // The rules are the slow part, and a prefix would not represent the whole list.
         let with_rules = evenly_spread(index, items.len(), ruled);
         observer.observe(&played, origin, with_rules)
     });
@@ -85,6 +86,7 @@ pub fn coverage_of_population(
 ) -> Result<Option<Coverage>, EvaluationError> {
     let mut episodes = Vec::new();
     if let Some(first) = members.first() {
+        // Members share their world, so one draw serves all of them.
         let Some(starts) = test_starts(first, scenario, drawn, watch)? else {
             return Ok(None);
         };
@@ -110,6 +112,8 @@ pub fn coverage_of_population(
         RULED_EPISODES,
         watch,
         |bench, (index, actions), _| {
+            // An archive stores the index of a start of training, which has the same draw
+            // again.
             let key = StartKey {
                 purpose: Purpose::Train,
                 seed,
@@ -130,6 +134,7 @@ pub fn coverage_of_population(
 ///
 /// Only files whose ego still fails count, as stored failures.
 pub fn coverage_of_kept(replayed: &[Replayed]) -> Vec<Coverage> {
+    // Worlds of equal names may differ in their rules, but not if their texts are equal.
     let mut worlds: BTreeMap<&str, Vec<&Replayed>> = BTreeMap::new();
     for one in replayed {
         worlds.entry(&one.scenario.text).or_default().push(one);
@@ -215,6 +220,7 @@ fn stored(
     };
     let noise = run.noise_of(&stored)?;
     let all: Vec<_> = stored.all().iter().zip(noise).collect();
+    // Failures are in the order of the training, so the first ones are of a weak ado.
     let spread = (0..all.len()).filter(|index| evenly_spread(*index, all.len(), STORED));
     let some: Vec<_> = spread.map(|index| all[index]).collect();
     watch.phase("playing stored failures and trying other actions");
@@ -239,5 +245,6 @@ fn repeated_failure(
 ) -> Option<Episode> {
     let mut replay = Replay::holding(actions);
     let episode = play(bench, start, noise, &mut replay, Aftermath::Play);
+    // On another plant a stored failure may not happen again.
     episode.verdict.is_success().then_some(episode)
 }

@@ -62,6 +62,7 @@ impl Coverage {
         let kind = &self.kinds[kind].kind;
         let first = self.kinds.first().map(|first| &first.kind.leaf);
         let words = kind.in_words();
+        // What all of them share tells none apart.
         let is_one_leaf = self.kinds.iter().all(|one| Some(&one.kind.leaf) == first);
         // Without a contact the words have the leaf already.
         if is_one_leaf || kind.agents.is_none() {
@@ -80,6 +81,7 @@ impl Coverage {
             .iter()
             .filter(|rule| never(rule.state))
             .map(|it| format!("rule “{}” never bounds `{}`", it.rule, it.ado));
+        // A part of a part that never decides goes without saying.
         let is_named = |part: &&PartCoverage| {
             let larger = part.within.map(|at| self.parts[at].state);
             never(part.state) && !larger.is_some_and(never)
@@ -216,6 +218,7 @@ impl Coverage {
     pub fn table(&self, most: usize) -> TextTable {
         let mut lines = self.lines();
         let is_plain = |(state, cells): &(CoverageState, [String; 5])| {
+            // Gaps keep a line each, and other cells would bury them.
             cells[0] == "cell" && *state != CoverageState::Never
         };
         for state in [
@@ -233,6 +236,7 @@ impl Coverage {
             let together = ["cell", share.as_str(), "–", "–", state.words()];
             lines.push((state, together.map(str::to_owned)));
         }
+        // The lines of cells were appended behind covered rules.
         lines.sort_by_key(|(state, _)| *state);
         let hidden = lines.len().saturating_sub(most);
         if hidden > 0 {

@@ -94,6 +94,7 @@ fn effect(all: &Row, some: &Row, group: FewerAdos<'_>, comparisons: usize) -> Ad
     let (difference, ci95) = paired_difference(&[&all.solved], &[&some.solved]);
     // Bonferroni's correction: of several ados, some would hinder by chance.
     let p_value = (comparisons as f64 * mcnemar(by_all - both, by_some - both)).min(1.0);
+    // Interval and test may disagree on few starts, and a claim needs both.
     let finding = if p_value <= ALPHA && ci95[0] > 0.0 {
         AdoFinding::Helps
     } else if p_value <= ALPHA && ci95[1] < 0.0 {

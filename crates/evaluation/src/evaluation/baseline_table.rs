@@ -48,6 +48,7 @@ pub fn untrained(
             fails_alone: alone,
             ..row
         };
+        // Placed ados drive by themselves, so there is nothing to search.
         if is_composed(ego.scenario()) {
             let mut rows = composed(ego, &starts, watch);
             check_repeatability(ego, &starts, &mut rows, watch);

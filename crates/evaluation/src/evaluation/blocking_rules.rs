@@ -64,6 +64,7 @@ pub(super) fn in_the_way(
         let cell = search.play(&ego.in_world(world), &few, &watch.quiet());
         cell.map_or(0, |cell| cell.row.successes)
     };
+    // Sampling also reaches sequences with more changes than the first search allows.
     let sampling = Search {
         method: Cem::default().into(),
         budget: SIMULATIONS,
@@ -145,6 +146,7 @@ impl fmt::Display for RuleAblation {
             .iter()
             .filter(|(_, solved)| *solved > 0)
             .collect();
+        // Stable, so equal rules keep the order of the rulebook.
         blocking.sort_by_key(|(_, solved)| std::cmp::Reverse(*solved));
         if blocking.is_empty() {
             // Two rules may each forbid the same success.

@@ -123,6 +123,7 @@ pub fn break_even(
 ///
 /// `passes` must be monotone: a greater number passes if a smaller number does.
 fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
+    // The caller knows that `most` passes, and no simulation at all solves nothing.
     let (mut fails, mut passing) = (0, most);
     while passing - fails > 1 {
         let middle = fails + (passing - fails) / 2;
@@ -161,9 +162,21 @@ fn curve_budgets(most: u64, also: u64) -> Vec<u64> {
     while budget < most {
         budgets.push(budget);
         // 1.25 to the tenth is about 9.3, so these are ten budgets per decade.
-        budget = (budget * 5).div_ceil(4);
+        // A user may ask for the largest number, which a product would exceed.
+        budget = budget.saturating_add(budget.div_ceil(4));
     }
     budgets.sort_unstable();
     budgets.dedup();
     budgets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn budgets_of_a_curve_grow_by_a_quarter_up_to_the_largest_number() {
+        assert_eq!(curve_budgets(10, 10), [1, 2, 3, 4, 5, 7, 9, 10]);
+        assert_eq!(curve_budgets(u64::MAX, 1).last(), Some(&u64::MAX));
+    }
 }

@@ -38,6 +38,7 @@ pub(super) fn with_values(
 
 /// Sets a declared parameter of the program in a change, or of the world's own.
 fn set_declared(change: &mut Change, own: Actuated<ControllerSpec>, parameter: &str, value: f64) {
+    // The values that the change has already must survive a further one.
     let controller = change.controller.get_or_insert(own);
     if let StockController::Process(program) = &mut controller.controller.0 {
         program.parameters.insert(parameter.to_owned(), value);

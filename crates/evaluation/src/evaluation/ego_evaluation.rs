@@ -132,6 +132,7 @@ impl<'a> EgoEvaluation<'a> {
 
     /// Searches every start by the trained ado's proposals, if several tries are requested.
     fn guided(&mut self) {
+        // A single try is the run of the trained ado, which has its row already.
         if self.evaluation.tries <= 1 {
             return;
         }
@@ -183,6 +184,8 @@ impl<'a> EgoEvaluation<'a> {
             self.add(&Ado::Without(self.policy, seed, left_out));
             return;
         }
+        // A placed ado has no part in the joint action, so its idling is a change of the
+        // world.
         let others = self
             .ego
             .in_world(world.with_idle_ados(|ado| ado == left_out));
@@ -206,6 +209,7 @@ impl<'a> EgoEvaluation<'a> {
         let evaluation = self.evaluation;
         let policy = self.policy;
         let kept = evaluation.run.policy_bundle()?;
+        // A surrogate is of a driver, and a grid has none.
         let Some(driving) = self.ego.scenario().drive() else {
             return Ok(());
         };
@@ -237,6 +241,7 @@ impl<'a> EgoEvaluation<'a> {
 
     /// Plays an ado trained for this ego. The nominal ego has the trained ado already.
     fn retrained(&mut self) -> Result<(), EvaluationError> {
+        // The ado of the run was trained for the own ego already.
         let Some(changed) = self.ego.as_changed() else {
             return Ok(());
         };
@@ -251,6 +256,8 @@ impl<'a> EgoEvaluation<'a> {
         self.rows.extend(self.row(&ado).map(|row| Row {
             ado: AdversaryId::Retrained,
             method,
+            // Its training is another than that of the run, and may have learned less.
+            warning: own.warning(),
             ..row
         }));
         Ok(())

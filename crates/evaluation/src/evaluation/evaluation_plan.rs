@@ -70,6 +70,8 @@ impl Evaluation<'_> {
 
     /// Checks that the optimal ado, if requested, can be made in the world of each ego.
     pub(super) fn can_solve(&self) -> Result<(), EvaluationError> {
+        // Asked before the first episode, because a refusal at a later ego would waste
+        // the rows.
         if self.ados.contains(&GridPolicy::Optimal.id()) {
             for ego in self.egos {
                 GridPolicy::admits_optimal(ego.scenario())?;

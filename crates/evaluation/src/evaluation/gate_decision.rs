@@ -170,6 +170,8 @@ impl Gate {
                 before: old.outcomes[start],
                 now: new.outcomes[start],
                 closing_mps: failing.contacts.get(&start).map(|it| it.closing_mps),
+                // Labels take replays by other drivers, which follow once the flips are
+                // known.
                 avoidability: Avoidability::Unknown,
             };
             starts.iter().map(one).collect()
@@ -294,6 +296,7 @@ impl DecidedGate {
         if self.newly_failing_by != gate.newly_failing_by() {
             return Some("`newly_failing_by` does not count `newly_failing`".to_owned());
         }
+        // A file may have been edited, so its decision is made anew from its starts.
         let again = self.undecided().decided(&self.on);
         if again.closed_by != self.closed_by {
             let words = |all: &[GateOn]| {
@@ -355,6 +358,7 @@ impl MoreSevere {
             contact.and_then(|it| it.ego_delta_v_mps).unwrap_or(0.0)
         };
         let (before_mps, now_mps) = (delta_v_mps(old), delta_v_mps(new));
+        // A product and no quotient, because the baseline's Δv may be 0.
         (now_mps > MORE_SEVERE * before_mps).then_some(MoreSevere {
             start,
             before_mps,

@@ -161,6 +161,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     };
     let starts = untried_starts(scenario, seed, most);
     let neutral = Ado::Neutral.play(request.ego, &starts, watch)?;
+    // An interruption before the first point leaves no table.
     if neutral.results.iter().all(Option::is_none) {
         return None;
     }
@@ -282,6 +283,7 @@ impl EvaluatedEgo {
         let mut varied = VariedPoint::of(outcome);
         if varied.fails {
             let episode = cell.replay(bench, index);
+            // A variation may also violate a specification that needs no contact.
             let contact = episode.contact.as_ref();
             varied.closing_mps = contact.map(|contact| contact.closing_speed_mps);
             varied.preventable = self
@@ -338,6 +340,7 @@ fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
 impl PointsTable {
     /// Returns whether the ego fails at any point or variation.
     pub fn fails(&self) -> bool {
+        // Without variations only the points themselves can fail.
         self.failed + self.strayed.unwrap_or(0) > 0
     }
 
@@ -445,6 +448,8 @@ impl PointsTable {
             || scenario.bench(),
             |bench, (point, is_varied), _| {
                 let episode = cells[usize::from(*is_varied)]?.replay(bench, *point);
+                // A program is not started again for a film, and its recorded commands
+                // drive.
                 let mut bench = scenario.repeating(&episode).bench();
                 let Film { frames, after } = film_beyond(&mut bench, &episode);
                 Some(Example {

@@ -18,6 +18,7 @@ impl EvaluationTable<'_> {
     /// # Errors
     /// Returns an error if two egos have different starts, which cannot be paired.
     pub fn gates(&self, baseline: &str, watch: &Watch<'_>) -> Result<Vec<Gate>, EvaluationError> {
+        // An interruption may come before the baseline was played.
         let Some(old) = cell_of(&self.found, baseline) else {
             return Ok(Vec::new());
         };
@@ -46,6 +47,7 @@ fn labelled(
     old: &ExperimentCell,
     watch: &Watch<'_>,
 ) -> Result<Gate, EvaluationError> {
+    // Flips are paired by position, which means nothing on other starts.
     if new.starts.starts != old.starts.starts {
         return Err(EvaluationError::StartsDiffer {
             ego: new.ego.name().to_owned(),
@@ -80,6 +82,7 @@ fn compared(new: &ExperimentCell, old: &ExperimentCell) -> Gate {
 fn contacts(of: &ExperimentCell) -> BTreeMap<usize, GateContact> {
     let results = of.results.iter().enumerate();
     let contact = |result: &StartResult| {
+        // A contact after a verdict without failure is not the crash of the start.
         let failed = result.outcome == StartOutcome::Solved;
         Some(GateContact {
             closing_mps: result.closing_speed_mps.filter(|_| failed)?,
@@ -98,6 +101,7 @@ fn label(gate: &mut Gate, found: &ExperimentCell, watch: &Watch<'_>) {
         &gate.newly_failing,
         || scenario.bench(),
         |bench, flipped, _| {
+            // Rows have no motion, and the reference drivers need all of it.
             let episode = found.replay(bench, flipped.start);
             Some(scenario.preventability(&episode).avoidability())
         },

@@ -81,6 +81,7 @@ impl GivenRows {
         };
         // The size is tested before the file is read into memory.
         let size = std::fs::metadata(file).map(|meta| meta.len());
+        // A missing file has no size, and is reported by the reading below.
         if size.is_ok_and(|size| size > MAX_ROWS_BYTES) {
             return Err(wrong("it is too large".to_owned()));
         }
@@ -167,6 +168,7 @@ impl<'a> ReportRequest<'a> {
     ) -> Result<Option<()>, EvaluationError> {
         let nominal_ego = EgoUnderTest::nominal(self.scenario);
         let own = self.ego.unwrap_or(&nominal_ego);
+        // What was measured already is not played again, but for the subject of the page.
         let egos = match self.ego {
             _ if !self.given.rows.is_empty() => vec![own.clone()],
             Some(ego) => vec![nominal_ego.clone(), ego.clone()],

@@ -106,6 +106,7 @@ impl SearchCampaign<'_> {
     /// # Errors
     /// The run's policy is damaged.
     pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
+        // Before any draw, because a trivial start is found by starting the programs.
         consent(self.world, self.egos)?;
         let trained = self.trained()?;
         let (own, dir) = (
@@ -160,6 +161,7 @@ impl SearchCampaign<'_> {
     }
 
     fn trained(&self) -> Result<Option<Trained<'_>>, EvaluationError> {
+        // A run that still trains has no ado to compare with.
         let finished = self.run.filter(|run| run.manifest().is_finished());
         let Some(run) = finished else {
             return Ok(None);
@@ -194,6 +196,7 @@ impl Trained<'_> {
     ) -> Option<BreakEven> {
         let manifest = self.run.manifest();
         let method = request.method.info();
+        // Without a budget there is no smaller one that reaches the success of the ado.
         if watch.interrupted() || !method.takes(MethodOption::Budget) {
             return None;
         }
@@ -214,6 +217,7 @@ impl Trained<'_> {
 /// It stored none, or they do not fit the egos' worlds.
 pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, EvaluationError> {
     let (stored, source) = (run.counterexamples()?, run.scenario()?);
+    // Actions are stored by number, which means another one in another set.
     let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
     let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
     match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {

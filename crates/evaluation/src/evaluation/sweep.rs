@@ -46,6 +46,12 @@ pub enum SweepError {
         /// Values asked for.
         steps: usize,
     },
+    /// Values that are no different numbers.
+    #[error("`{text}` has equal or infinite values at nine decimals")]
+    Indistinct {
+        /// The text.
+        text: String,
+    },
 }
 
 impl SweepError {
@@ -69,7 +75,8 @@ impl Sweep {
     /// ```
     ///
     /// # Errors
-    /// Another form, an empty range, or not 2 to 1000 values.
+    /// Another form, an empty range, not 2 to 1000 values, or values that rounding makes
+    /// equal or infinite.
     pub fn parse(text: &str) -> Result<Sweep, SweepError> {
         let parts = || {
             let (name, range) = text.split_once('=')?;
@@ -100,10 +107,19 @@ impl Sweep {
         let last = (steps - 1) as f64;
         // Both ends are values of the sweep.
         let value = |i: usize| lo + (hi - lo) * i as f64 / last;
+        // Without the dust of binary fractions, since rows are named so.
+        let rounded = |i: usize| (value(i) * 1e9).round() / 1e9;
+        let values: Vec<f64> = (0..steps).map(rounded).collect();
+        // Equal values would give two rows of one name.
+        let ascending = values.is_sorted_by(|a, b| a < b);
+        if !(ascending && values.iter().all(|value| value.is_finite())) {
+            return Err(SweepError::Indistinct {
+                text: text.to_owned(),
+            });
+        }
         Ok(Sweep {
             parameter: name.to_owned(),
-            // Without the dust of binary fractions, since rows are named so.
-            values: (0..steps).map(|i| (value(i) * 1e9).round() / 1e9).collect(),
+            values,
         })
     }
 
@@ -155,6 +171,8 @@ mod tests {
             ("ego.time_gap_s=0..inf", "is empty"),
             ("ego.time_gap_s=0..1:1", "2 to 1000 values"),
             ("ego.time_gap_s=0..1:0.5", "no sweep"),
+            ("ego.time_gap_s=0..1e-10", "equal or infinite"),
+            ("ego.time_gap_s=0..1e300", "equal or infinite"),
         ] {
             let error = Sweep::parse(text).expect_err(text).to_string();
             assert!(error.contains(says), "{text}: {error}");

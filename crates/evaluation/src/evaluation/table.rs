@@ -32,6 +32,7 @@ pub enum TheoremsChecked {
 impl TheoremsChecked {
     /// Returns whether a theorem is refuted, which is a bug of this program.
     pub fn is_refuted(&self) -> bool {
+        // The table has a verdict of its own per theorem, and any of them counts.
         match self {
             TheoremsChecked::Grid(checked) => checked.is_refuted(),
             TheoremsChecked::CarryOver(carried) => carried.rows.iter().any(|row| {

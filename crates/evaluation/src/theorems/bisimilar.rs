@@ -94,6 +94,7 @@ pub fn bisimulations(
     // Both grids are multiples of this common fine cell.
     let refine = first.arena.refine * second.arena.refine;
     let epsilons = (0..).map(|cells| f64::from(cells) / f64::from(refine));
+    // Below τ alone: Theorem 3 promises nothing for a greater distance.
     let below = epsilons.take_while(|epsilon| *epsilon < tau);
     let greatest = below.map(|epsilon| Bisimulation::greatest(first, second, epsilon));
     // The relations are lazy, so nothing is computed for incomparable grids.
@@ -213,6 +214,7 @@ fn found(nominal: GridScenario<'_>, policy: &dyn Policy) -> HashMap<Position, Fo
     };
     let unwatched = Watch::unwatched();
     let all = EpisodeLoop::uncounted(&unwatched);
+    // Order is lost in the map, which is read by key or as a minimum.
     let found = all.run(&starts, || nominal.bench(), one);
     found.into_iter().flatten().collect()
 }

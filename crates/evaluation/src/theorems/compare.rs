@@ -58,6 +58,7 @@ impl Witness {
             return None;
         }
         let mut scratch = Scratch::new();
+        // Built sample by sample, because every prefix has a value of its own.
         let mut prefix = Trace::new(episode.trace.schema().clone());
         let mut row = vec![0.0; episode.trace.schema().len()];
         let mut best: Option<(usize, f64)> = None;
@@ -159,6 +160,7 @@ impl Witness {
     /// extension must not change any robustness value.
     fn comparable(&self, rulebook: &Rulebook, other: &Episode, horizon: usize) -> Option<Trace> {
         let mut trace = other.trace.clone();
+        // A longer run is cut, since both must have equally many samples.
         if self.samples <= trace.len() {
             trace.truncate(self.samples);
             return Some(trace);
@@ -171,6 +173,7 @@ impl Witness {
             trace.push(&row).ok()?;
         }
         let mut scratch = Scratch::new();
+        // The extension must leave every margin as it is, or it would invent evidence.
         let mut values = |trace: &Trace, horizon: usize| -> Vec<f64> {
             let rules: Vec<f64> = rulebook
                 .rules

@@ -116,6 +116,7 @@ fn conformal(mut values: Vec<f64>, alpha: f64) -> f64 {
 /// This is the coverage of a conformal bound over both draws (Vovk 2012). `b` = 0 covers
 /// everything.
 fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
+    // An infinite bound covers every test, so that a single miss is impossible.
     if b == 0 {
         return if k < m { 0.0 } else { 1.0 };
     }

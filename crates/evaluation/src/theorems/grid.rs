@@ -77,6 +77,7 @@ pub fn grid_theorems(
         let relations = changed.and_then(|changed| bisimulations(scenario, changed, TAU));
         let (Some(changed), Some(relations)) = (changed, relations) else {
             not_comparable.push(name.clone());
+            // Refusal of one change must not hide the results of the others.
             continue;
         };
         if relations.is_empty() {
@@ -130,6 +131,7 @@ fn is_covered(scenario: GridScenario<'_>) -> bool {
 /// The world has no list of starts, or its formulas are not functions of the game's
 /// states.
 pub fn admits_theorems(scenario: &Scenario) -> Result<(), TheoremsError> {
+    // Only on a grid do the theorems need an exact solution.
     let Some(grid) = scenario.grid() else {
         return Ok(());
     };

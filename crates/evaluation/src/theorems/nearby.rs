@@ -177,14 +177,17 @@ fn theorem_1_row(
         }
         counts[0] = 1;
         counts[1] = u64::from(held < values[here] - delta);
+        // Strict here and not in Theorem 2, as both are printed.
         let near = |there: &usize| (values[here] - values[*there]).abs() < delta;
         for there in (0..values.len()).filter(near) {
+            // Sums in another order may miss an exact bound by their last bits.
             let least = values[here] - delta - ROUNDING;
             counts[2] += 1;
             counts[3] += u64::from(is_late(&played[0][there], &run, least));
             for (other, counts) in played.iter().zip(counts[4..].chunks_mut(3)) {
                 let other = other[there];
                 let holds = least <= other.paid();
+                // False where T differs between the two, and so counted beside ours.
                 let printed = run.reward - delta / run.weight - ROUNDING <= other.reward;
                 counts[0] += u64::from(other.keeps_rules && holds);
                 counts[1] += u64::from(other.keeps_rules && printed);
@@ -265,6 +268,7 @@ impl Theorem1 {
 
     /// Returns the outcome for the trained ado, if the premises hold for the optimal ado.
     fn learned(&self, row: &Theorem1Row) -> TheoremOutcome {
+        // Starts that are near by the learned values need not be near by V* then.
         if row.delta <= self.gap {
             return TheoremOutcome::PremiseNotMet {
                 why: format!(
@@ -354,6 +358,7 @@ pub fn theorem_2(
     let grid = GridUnderTest::of(scenario)?;
     let (best, values) = (grid.values(truth)?, grid.values(approximation.values)?);
     let greedy = grid.greedy(approximation.values)?;
+    // A table without a policy of its own plays greedily, so both runs are the same.
     let agent = match approximation.policy {
         Some(policy) => grid.trained(policy)?,
         None => greedy.clone(),
@@ -415,6 +420,7 @@ fn theorem_2_row(
         if !run.success {
             return counts;
         }
+        // The printed bound leaves out the loss of greedy play, so both are counted.
         let bound = run.paid() - spent - loss;
         let printed = run.reward - spent / run.weight;
         let near = |there: &usize| (values[here] - values[*there]).abs() <= beta;

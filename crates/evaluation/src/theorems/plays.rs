@@ -72,6 +72,7 @@ impl<'a> GridUnderTest<'a> {
         self.played(|bench, start| {
             let actions = table.actions(position_of(start, &self.game.arena));
             let mut ado = Replay::holding(&actions);
+            // Nothing on a grid draws noise, so its seed is any number.
             play(bench, start, 0, &mut ado, Aftermath::Skip)
         })
     }
@@ -106,6 +107,7 @@ impl<'a> GridUnderTest<'a> {
         };
         // A held episode and a counterexample both keep all rules.
         let keeps_rules = !matches!(episode.verdict, Verdict::Foul { .. });
+        // T counts from 0, and an episode without any decision ended where it began.
         let last = episode.actions.len().saturating_sub(1);
         Ok(TheoremEpisode {
             decisions: episode.actions.len(),

@@ -126,9 +126,11 @@ pub fn carry_over(
     watch: &Watch<'_>,
 ) -> Result<Option<CarryOver>, TheoremsError> {
     let world = request.nominal.name.clone();
+    // Two runs of one noisy ego are apart already, and Definition 5 compares two egos.
     if is_stochastic(request.nominal) {
         return Err(TheoremsError::Stochastic { world });
     }
+    // Theorem 3 is about violations, of which a restricted world leaves some out.
     if !request.nominal.rulebook().counts.is_violation() {
         return Err(TheoremsError::NotEveryViolation { world });
     }
@@ -234,6 +236,8 @@ impl TransferReplay<'_> {
                 Purpose::Test => test.clone(),
                 _ => self.calibration_start(&mut benches.nominal, turn.index)?,
             };
+            // Both sets take the same path, because the bound holds for exchangeable
+            // starts alone.
             self.compared(benches, NoisyStart::from(&from), turn.index)
         };
         let compared = self.all.run(&starts.starts, || self.benches(), compare_one);
@@ -276,6 +280,7 @@ impl TransferReplay<'_> {
         // The run continues after the verdict, because later samples may have a larger τ.
         let first = watch.play(nominal, from, index, &mut ado, Aftermath::Play);
         let witness = Witness::of(nominal.rulebook(), &first, horizon)?;
+        // One way after the other on one bench, since a bench has a single state.
         let runs = changed.iter_mut().flat_map(|bench| {
             let mut run = |ado: &mut dyn Actor| -> TransferRun {
                 let other = watch.play(bench, from, index, ado, Aftermath::Play);

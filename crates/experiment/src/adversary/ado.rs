@@ -64,6 +64,7 @@ impl Ado<'_> {
 
     pub(super) fn method(&self, scenario: &Scenario) -> String {
         match self {
+            // Two ados of one learner differ by the egos that their training knew.
             Ado::Trained(..) | Ado::Without(..) | Ado::Alone(..) => match scenario.against {
                 TrainingEgos::Nominal => scenario.learner.name().to_lowercase(),
                 family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
@@ -99,12 +100,14 @@ impl Ado<'_> {
             Ado::Alone(policy, _, ado) => {
                 Box::new(SomeAdos::new(policy, run, spaces, |name| name != ado))
             }
+            // Placed ados drive by their own rules, so nothing is left to decide.
             Ado::Composed | Ado::Neutral => Box::new(Constant(spaces.neutral)),
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),
             Ado::Script(actions) => Box::new(Replay::holding(actions)),
             Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),
+            // Further replays are episodes of their own, which the evaluation plays.
             Ado::Replays(stored, _) => Box::new(NearestReplay::new(stored, 0)),
         }
     }

@@ -29,6 +29,7 @@ impl Baselines {
         nominal: &Scenario,
         watch: &Watch<'_>,
     ) -> Result<Baselines, AdversaryError> {
+        // The tuning takes thousands of episodes, so only a request pays for it.
         let heuristic = if ados.contains(&AdversaryId::Heuristic) {
             tuned(run, nominal, watch)?
         } else {
@@ -56,6 +57,7 @@ fn tuned(
             heuristic.cost.cpu_s,
             100.0 * heuristic.successes
         )),
+        // A stop leaves no rule either, which says nothing about the observation.
         None if watch.stopped() => {}
         None => {
             return Err(AdversaryError::NothingObserved {

@@ -61,11 +61,13 @@ impl GridPolicy {
         self,
         ego: &EgoUnderTest,
     ) -> Result<(EgoUnderTest, PositionPolicy), AdversaryError> {
+        // Both rules need positions that a world may hide from its ado.
         let whole = ego.scenario().require_grid()?.fully_observed();
         let grid = whole.require_grid()?.world();
         let policy = match self {
             GridPolicy::Chaser => {
                 let moves = &grid.spec().moves;
+                // The chaser predicts no reward, and nothing reads its values.
                 PositionPolicy::new(grid, |both| (chase(both, moves), 0.0))?
             }
             GridPolicy::Optimal => {

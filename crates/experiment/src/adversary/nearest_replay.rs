@@ -37,6 +37,8 @@ impl Actor for NearestReplay<'_> {
     }
 
     fn act(&mut self, _obs: &[f32]) -> usize {
+        // The recording ends at its success, and an episode of another ego may last
+        // longer.
         let action = self.actions.get(self.next).or(self.actions.last());
         self.next += 1;
         action.copied().unwrap_or(0)

@@ -37,6 +37,7 @@ pub fn best_then_brake(
     let mut best = ACCELERATES
         .map(|share| {
             let mut actions = vec![accelerate; (share * decisions).round() as usize];
+            // A script holds its last entry, so one is enough to brake to the end.
             actions.push(brake);
             let mut one = eval(&ego.against(Ado::Script(&actions), starts), watch);
             one.row.method = in_words(scenario, &actions);

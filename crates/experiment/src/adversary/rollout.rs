@@ -106,6 +106,7 @@ impl RecordedSuccess {
         if self.commands.is_empty() {
             return play(bench, start, noise, &mut ado, Aftermath::Play);
         }
+        // The ego may act otherwise this time, so its recorded commands drive instead.
         let world = scenario.with_commands(&self.commands);
         play(&mut world.bench(), start, noise, &mut ado, Aftermath::Play)
     }
@@ -180,6 +181,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
         watch.faults.note(turn.index as u64, attempt.fault.as_ref());
         if attempt.episode.verdict.is_success() {
             let caption = || success_caption(request.ego, &request.ado.id(), turn.index);
+            // The copy is made only if the viewer has room for it.
             let episode = || attempt.episode.clone();
             watch.show_success(request.scenario, &caption, episode);
         }
@@ -250,6 +252,7 @@ impl EvalRequest<'_> {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut simulations, mut physics_steps) = (0, 0);
         let mut episodes = Vec::with_capacity(runs as usize);
+        // A caller may set any number, and some run has to represent the start.
         for run in 0..runs.max(1) {
             let (episode, more_simulations, more_steps) =
                 self.attempt(bench, index, u64::from(run));
@@ -270,9 +273,11 @@ impl EvalRequest<'_> {
     /// Plays one run and returns it with its simulations and physics steps.
     fn attempt(&self, bench: &mut Testbench, index: usize, run: u64) -> (Episode, u64, u64) {
         let from = NoisyStart::from(&self.starts.starts[index]);
+        // A start may take several replays, which no single actor plays.
         if let Ado::Replays(stored, nearest) = self.ado {
             return replay_nearest(bench, from, stored, nearest);
         }
+        // A bench lends itself to the episode, so the shapes are copied.
         let spaces = bench.spaces().clone();
         let mut actor = self.ado.actor(&spaces, run);
         let episode = play(bench, from.start, from.noise, &mut *actor, Aftermath::Play);
@@ -304,6 +309,7 @@ impl EvalRequest<'_> {
         let uncounted = valid
             .clone()
             .filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
+        // A world that counts every violation has no such number, rather than 0.
         let some_do_not = !self.scenario.rulebook().counts.is_violation();
         row.uncounted = some_do_not.then(|| uncounted.count());
         let late_violations = valid.clone().filter(|o| o.violation_before_contact).count();
@@ -311,6 +317,8 @@ impl EvalRequest<'_> {
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
         let marks = played.iter().zip(&self.starts.trivial);
         row.solved = marks
+            // A trivial start has no result, and must not look like one that was not
+            // reached.
             .map(|(played, trivial)| match (played.as_ref(), trivial) {
                 (_, true) => StartOutcome::Trivial,
                 (Some(played), _) => StartOutcome::from(&played.outcome.verdict),
@@ -361,6 +369,7 @@ impl EvalRequest<'_> {
 pub fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
     let recorded: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
     let mut all = recorded.filter(|all| !all.is_empty())?;
+    // Clusters are led by their first member, which must be the worst.
     all.sort_by(|a, b| descending(&a.badness, &b.badness));
     let shapes: Vec<CrashFeatures> = all.iter().map(|one| one.shape.clone()).collect();
     Some(clusters(&shapes).len())
@@ -396,6 +405,7 @@ pub fn blank_row(scenario: &Scenario, ego: &str, ado: AdversaryId, starts: &Test
         fails_alone: None,
         successes: 0,
         success_rate: 0.0,
+        // Without any start, every rate is possible.
         ci95: Some([0.0, 1.0]),
         partial: None,
         specification: scenario.ego_spec().to_string(),

@@ -95,6 +95,7 @@ impl Actor for Zones {
 pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Option<Heuristic> {
     let clock = ThreadTime::now();
     watch.phase("tuning the heuristic (generations)");
+    // Thresholds are drawn as ranks among these, so no signal needs a range of its own.
     let (values, mut cost) = usual_values(scenario, seed, watch);
     if values.iter().any(Vec::is_empty) || values.is_empty() {
         return None;
@@ -110,8 +111,10 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         let try_one = |bench: &mut Testbench, rule: &QuantileRule, turn: &WorkItem| {
             Some(try_out(bench, rule.zones(&values), seed, watch, turn))
         };
+        // The bar counts generations, and not the episodes of one.
         let all = EpisodeLoop::uncounted(watch);
         let tried = all.run(&rules, || scenario.bench(), try_one);
+        // A generation that was cut short ranks only some of its rules.
         if watch.stopped() {
             return None;
         }
@@ -129,6 +132,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         let elites: Vec<&QuantileRule> = ranked.iter().map(|(_, rule)| rule).collect();
         chances.learn(&elites);
         let first = ranked.swap_remove(0);
+        // A later generation may be worse than an earlier one.
         if best
             .as_ref()
             .is_none_or(|best| best.0.better(&first.0).is_lt())
@@ -154,6 +158,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
     let mut seen = ObservationSampler {
+        // Jitter at every decision averages out, and would not reach the rarer ones.
         held: HeldRandom::new(spaces.actions, HOLD_DECISIONS),
         values: vec![Vec::new(); spaces.observation],
     };
@@ -167,6 +172,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
         cost.physics_steps += episode.physics_steps;
     }
     for values in &mut seen.values {
+        // Observations are finite, so all of them compare.
         values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
     }
     (seen.values, cost)
@@ -210,6 +216,7 @@ struct QuantileRule {
 impl QuantileRule {
     fn zones(&self, values: &[Vec<f32>]) -> Zones {
         let values = &values[self.signal];
+        // Signals have different distributions, and ranks put all of them on one scale.
         let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
         Zones {
             position: self.signal,
@@ -261,10 +268,12 @@ fn try_out(
     turn: &WorkItem,
 ) -> RuleScore {
     let (mut score, mut physics_steps) = (Score::default(), 0);
+    // All rules play the same starts, which makes their scores comparable.
     for index in 0..STARTS {
         let key = key(seed, index);
         let start = (bench.draw(key), bench.noise_of(key));
         let (from, at) = (NoisyStart::from(&start), index as usize);
+        // What follows a verdict changes no score, so it is not simulated.
         let episode = watch.play(bench, from, at, &mut zones, Aftermath::Skip);
         // An invalid episode is worth nothing to either side.
         let reward = bench.rulebook().reward_of(&episode.verdict);
@@ -293,6 +302,7 @@ impl Chances {
         Chances {
             signal: even(signals),
             actions: [even(actions), even(actions), even(actions)],
+            // The first generation cuts the usual values into thirds.
             quantiles: [(1.0 / 3.0, 0.3), (2.0 / 3.0, 0.3)],
         }
     }
@@ -302,6 +312,7 @@ impl Chances {
         let mut quantiles = self
             .quantiles
             .map(|(mean, spread)| (mean + spread * seed::normal(rng)).clamp(0.0, 1.0));
+        // Crossed thresholds would leave no middle zone.
         quantiles.sort_by(f64::total_cmp);
         let [a, b, c] = &self.actions;
         QuantileRule {
@@ -316,6 +327,8 @@ impl Chances {
         let towards = |shares: &mut [f64], of: &dyn Fn(&QuantileRule) -> usize| {
             for (value, share) in shares.iter_mut().enumerate() {
                 let chosen = elites.iter().filter(|rule| of(rule) == value).count();
+                // Less than a full step, so an action that no elite used can still come
+                // back.
                 *share += SMOOTHING * (chosen as f64 / n - *share);
             }
         };
@@ -329,6 +342,7 @@ impl Chances {
             let variance = values.map(|v| (v - centre).powi(2)).sum::<f64>() / n;
             *mean += SMOOTHING * (centre - *mean);
             *spread += SMOOTHING * (variance.sqrt() - *spread);
+            // Elites that agree would otherwise end the search in its first generations.
             *spread = spread.max(LEAST_SPREAD);
         }
     }

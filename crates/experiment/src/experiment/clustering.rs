@@ -33,7 +33,7 @@ pub const NEAR: f64 = 0.15;
 pub struct CrashFeatures {
     /// Kind of the failure, which similar counterexamples share exactly.
     pub kind: FailureKind,
-    /// Scaled signals at the contact.
+    /// Observed signals at equally spaced times, in half ranges.
     pub signals: Vec<f64>,
 }
 
@@ -55,6 +55,7 @@ impl CrashFeatures {
     pub fn distance(&self, other: &CrashFeatures) -> f64 {
         let pairs = self.signals.iter().zip(&other.signals);
         let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
+        // A world whose ado observes nothing has no signal to differ in.
         (squares / self.signals.len().max(1) as f64).sqrt()
     }
 }
@@ -63,6 +64,7 @@ impl CrashFeatures {
 fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
     let last = trace.len().saturating_sub(1) as f64;
     let times: Vec<usize> = (0..POINTS)
+        // Episodes of different lengths are compared over the same number of points.
         .map(|n| (last * n as f64 / (POINTS - 1) as f64).round() as usize)
         .collect();
     let observed = scenario.world().observed().iter();
@@ -79,6 +81,8 @@ fn observed(scenario: &Scenario, trace: &Trace) -> Vec<f64> {
 pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
     let mut clusters: Vec<Vec<usize>> = Vec::new();
     for (at, shape) in shapes.iter().enumerate() {
+        // Against the leader only, so that clusters do not grow along a chain of
+        // neighbours.
         let like = |cluster: &&mut Vec<usize>| shapes[cluster[0]].is_like(shape);
         match clusters.iter_mut().find(like) {
             Some(cluster) => cluster.push(at),

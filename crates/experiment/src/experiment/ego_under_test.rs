@@ -39,6 +39,7 @@ impl EgoUnderTest {
             EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
         };
         let nominal = EgoUnderTest::nominal(world);
+        // Reserved words come first, so that a command means the same in every world.
         if requested == "nominal" {
             return Ok(vec![nominal]);
         }
@@ -51,6 +52,7 @@ impl EgoUnderTest {
             return Ok(vec![reused(requested, change)?]);
         }
         let path = Path::new(requested);
+        // The ending tells a file from a mistyped name, which needs another help.
         if path.extension().is_some_and(|extension| extension == "ron") {
             let (change, scenario) = world.changed_by(path)?;
             let name = requested.to_owned();
@@ -78,6 +80,7 @@ impl EgoUnderTest {
         name: &str,
         factory: ControllerFactory,
     ) -> Result<EgoUnderTest, EgoError> {
+        // A grid moves its ego by a rule of its own, without any controller.
         if let ScenarioKind::Grid(_) = world.kind() {
             return Err(EgoError::NotDriven {
                 world: world.name.clone(),
@@ -98,6 +101,7 @@ impl EgoUnderTest {
     pub fn program(world: &Scenario, command: &[String]) -> Result<EgoUnderTest, EgoError> {
         let change = EgoUnderTest::change_to(command);
         let help = "a program drives the ego of a driving world";
+        // The command is its name until the program says hello.
         let ego = EgoUnderTest::changed(world, &command.join(" "), &change, help)?;
         Ok(EgoUnderTest {
             scenario: ego.scenario.allow_programs(true),
@@ -111,6 +115,7 @@ impl EgoUnderTest {
     #[must_use]
     pub fn named_by_hello(self) -> EgoUnderTest {
         let world = &self.scenario;
+        // Rows are compared by name, so two egos must not share one.
         let is_free = |name: &String| name != "nominal" && !world.reuse.contains_key(name);
         match world
             .program()
@@ -134,6 +139,8 @@ impl EgoUnderTest {
     ) -> Result<Vec<EgoUnderTest>, EgoError> {
         match (program.is_empty(), requested) {
             (true, _) => EgoUnderTest::find(world, requested),
+            // Only the default may give way to a program, since two named egos
+            // contradict.
             (false, "nominal") => Ok(vec![
                 EgoUnderTest::program(world, program)?.named_by_hello(),
             ]),
@@ -184,6 +191,7 @@ impl EgoUnderTest {
 
     /// Returns whether the ego is the world's own.
     pub fn is_nominal(&self) -> bool {
+        // An own controller leaves the change empty, although it replaces the ego.
         !self.is_own() && self.change == Change::default()
     }
 
@@ -248,6 +256,7 @@ pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError
 /// # Errors
 /// A program is not allowed. No program was started.
 pub fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
+    // Structures of a family without a training are never started.
     let family = world.family().filter(|_| !world.against.is_nominal());
     let mut programs = family.into_iter().flat_map(|family| family.programs());
     match programs.next().filter(|_| !world.may_start_programs()) {

@@ -106,6 +106,7 @@ impl EpisodeFrames {
         };
         shown.push_all(frames, Some(&episode.trace));
         if let Some(after) = after {
+            // Wrecks slide after the record, and no signal publishes their speed.
             let unknown = vec![None; shown.stage.agents.len()];
             for (i, frame) in after.frames.iter().enumerate() {
                 shown.push(after.time_s(i), frame, unknown.clone());

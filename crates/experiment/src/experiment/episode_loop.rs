@@ -74,6 +74,8 @@ impl<'a> EpisodeLoop<'a> {
     ) -> Vec<Option<R>> {
         let items = items.par_iter().enumerate();
         let results = items.map_init(worker, |kept, (index, item)| {
+            // Parallel iterators cannot be cut short, so the remaining items return at
+            // once.
             if self.watch.stopped() {
                 return None;
             }

@@ -47,6 +47,8 @@ impl FailureKind {
     pub fn in_cell(self, ego: &str, closing_mps: Option<f64>) -> CellFailure {
         match (self.agents, self.geometry, closing_mps) {
             (Some((one, other)), Some(geometry), Some(closing_mps)) => {
+                // The ego is part of each such contact, so only its partner distinguishes
+                // cells.
                 let partner = if one == ego { other } else { one };
                 CellFailure::contact(&partner, geometry, closing_mps)
             }

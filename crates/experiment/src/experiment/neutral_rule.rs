@@ -43,6 +43,7 @@ impl NeutralRule {
                 index,
             };
             let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            // A program starts with its first percept, so this beginning runs none.
             if index == 0 {
                 bench.begin(&start, noise, Aftermath::Skip);
                 bench.fork()?;

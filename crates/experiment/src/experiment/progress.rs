@@ -125,6 +125,7 @@ impl<'a> Watch<'a> {
         Watch {
             progress: &|_, _| {},
             audience: None,
+            // Lines still pass, because some of them are warnings about results.
             ..self.at(StepPlace::Inside)
         }
     }
@@ -152,6 +153,7 @@ impl<'a> Watch<'a> {
 
     fn at(&self, place: StepPlace) -> Watch<'a> {
         Watch {
+            // A clone shares the log, so that all steps give up together.
             faults: self.faults.clone(),
             place,
             ..*self
@@ -165,6 +167,7 @@ impl<'a> Watch<'a> {
 
     /// Returns whether a stop was requested.
     pub fn interrupted(&self) -> bool {
+        // The flag guards no other memory, so it needs no ordering.
         self.stop.load(Ordering::Relaxed)
     }
 

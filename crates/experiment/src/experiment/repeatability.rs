@@ -23,6 +23,7 @@ pub fn check_repeatability<'a>(
     let found = unrepeatable(ego.scenario(), ego.name(), position, watch);
     if let Some(found) = found {
         for row in rows {
+            // Ahead of other faults, because it makes the whole row no result.
             row.faults.insert(0, found.clone());
         }
     }
@@ -50,6 +51,7 @@ pub fn unrepeatable(
         ));
     }
     let found = check.found?;
+    // A world with repeats expects an ego that acts at random.
     if found.cause == Cause::Random && scenario.repeats.runs > 1 {
         return None;
     }
@@ -59,6 +61,7 @@ pub fn unrepeatable(
         kind: fault.kind,
         message: fault.message,
         stderr: String::new(),
+        // An episode of another stream than the test starts has no position among them.
         first_start: start.unwrap_or(0),
         count: found.differing,
     };

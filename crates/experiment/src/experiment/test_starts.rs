@@ -59,6 +59,7 @@ pub fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStart
 }
 
 fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, u64)> {
+    // A longer list is sampled, because the count bounds the cost.
     let listed = scenario.starts().filter(|all| all.len() <= count);
     match listed {
         Some(all) => with_noise(scenario, seed, all),
@@ -168,6 +169,7 @@ impl TestStarts {
     /// The nominal ego of `world` then does not represent the others, by the kind of the
     /// world or because it fails on every start.
     pub fn judges_each_ego(&self, world: &Scenario) -> bool {
+        // A nominal ego that fails everywhere would leave no start for any ego.
         world.judges_each_ego() || self.trivial.iter().all(|trivial| *trivial)
     }
 
@@ -187,6 +189,7 @@ impl TestStarts {
         watch: &Watch<'_>,
     ) -> Option<(TestStarts, Option<FailsAlone>)> {
         let left_out = self.judges_each_ego(world);
+        // Its trivial starts are those that are left out anyway.
         if ego.is_nominal() && !left_out {
             return Some((self.clone(), None));
         }
@@ -196,6 +199,7 @@ impl TestStarts {
             ..watch.later(0)
         };
         let Some(own) = TrivialStarts::stored(dir, ego, self.seed, &self.starts, &apart) else {
+            // Without its marks, the work that follows meets the faults on every start.
             let mut all = self.clone();
             if left_out {
                 all.trivial.fill(false);

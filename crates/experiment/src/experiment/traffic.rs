@@ -66,6 +66,7 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
             world: world.name().to_owned(),
         });
     }
+    // A world that declares its traffic knows it better than a default.
     if name.is_none() && world.traffic().is_declared {
         return Ok(world.clone());
     }
@@ -77,6 +78,7 @@ pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario
 /// # Errors
 /// The file cannot be read or is no model.
 pub fn traffic_model(name: Option<&str>) -> Result<Arc<TrafficModel>, TrafficError> {
+    // A file of the same name must not change what a command means.
     let Some(file) = name.filter(|name| *name != SHIPPED) else {
         return Ok(motorway());
     };

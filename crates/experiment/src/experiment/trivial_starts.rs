@@ -86,6 +86,7 @@ impl TrivialStarts {
     ) -> Option<TrivialStarts> {
         let file = dir.and_then(|dir| file_of(dir, ego, seed, starts));
         let stored = match file.as_ref().map(CachedResult::read::<Outcomes>) {
+            // Marks are by position, so those of another number of starts are worthless.
             Some(Ok(outcomes)) => outcomes.filter(|it| it.len() == starts.len()),
             Some(Err(error)) => {
                 watch.note(&format!("{error}; its starts are played again"));
@@ -146,6 +147,7 @@ fn file_of(
         "starts": fingerprint(&json!(starts)),
     });
     let name = fingerprint(&json!([sha256(scenario.text().as_bytes()), request]));
+    // A part of the digest keeps the path short, and the file states the whole request.
     Some(CachedResult::new(
         &dir.join(DIR),
         &name[..16],

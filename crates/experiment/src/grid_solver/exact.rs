@@ -90,6 +90,7 @@ impl Game {
             .collect();
         let mut chance: Vec<f64> = caught.iter().map(|c| f64::from(u8::from(*c))).collect();
         for _ in 0..self.steps {
+            // Each pass reads the chances with one step fewer left.
             let before = chance.clone();
             for pair in (0..self.pairs()).filter(|pair| !caught[*pair]) {
                 let next = &successors[pair * actions..(pair + 1) * actions];
@@ -109,6 +110,7 @@ impl Game {
             }
             both = self.arena.next(both, self.moves[act(both)]);
         }
+        // The last move may capture as well.
         self.arena.touching(both)
     }
 

@@ -59,6 +59,7 @@ pub(super) enum GameStep {
 }
 
 impl Next {
+    // A tag in the highest bit, because an enum would double the memory of the graph.
     const END: u32 = 1 << 31;
 
     fn state(number: usize) -> Next {
@@ -126,6 +127,7 @@ impl GameGraph {
     /// Returns the errors of [`GameGraph::explore`]. A game that is only found to be too
     /// large on the way is not among them.
     pub fn admits(world: &GridWorld, rulebook: &Rulebook) -> Result<(), NotSolvable> {
+        // The monitors are checked first, since that takes no exploration.
         judge_of(world, rulebook, Depth::Sign)?;
         let listed = match &world.spec().starts {
             Starts::Pairs(pairs) => pairs.len(),
@@ -308,6 +310,7 @@ struct Explorer<'a> {
 impl Explorer<'_> {
     /// Judges the first sample of a start.
     fn first(&mut self, both: Position, frontier: &mut Frontier) -> Next {
+        // Nothing has moved before the first sample, so the ado's speed is 0.
         self.scene.sample_at([both, both], 0, &mut self.row);
         self.state = self.judge.begin();
         self.judged(both, 0, None, frontier)
@@ -321,12 +324,15 @@ impl Explorer<'_> {
             layer.pairs.push(*pair);
             for action in 0..self.game.moves.len() {
                 let next = self.game.arena.next(both, self.game.moves[action]);
+                // A capture by the last move ends in contact, as on the test bench.
                 let stop = if self.game.arena.touching(next) {
                     Some(Stop::Contact)
                 } else {
                     (step + 1 == self.game.steps).then_some(Stop::Horizon)
                 };
                 self.scene.sample_at([both, next], step + 1, &mut self.row);
+                // Each action continues from the memory of this state, not of the action
+                // before.
                 self.state.clone_from(&self.memories.all[*memory as usize]);
                 let next = self.judged(next, step + 1, stop, frontier);
                 layer.next.push(next);
@@ -352,6 +358,7 @@ impl Explorer<'_> {
             let memory = self.memories.number(&self.state);
             return Next::state(frontier.number(self.game.pair(now), memory));
         };
+        // Margins are multiples of a cell, so countless ends share few verdicts.
         let known = self.verdicts.iter().position(|known| *known == verdict);
         Next::end(known.unwrap_or_else(|| {
             self.verdicts.push(verdict);

@@ -83,12 +83,14 @@ impl PositionPolicy {
         rulebook: &Rulebook,
     ) -> Result<PositionPolicy, NoOptimalPolicy> {
         let table = ValueTable::soonest(GameGraph::explore(world, rulebook, Depth::Sign)?);
+        // The best action may depend on the time as well, so every number is read.
         let mut policy = PositionPolicy::reading(vec![true; world.spaces().observation], world);
         let mut seen: HashMap<Vec<u32>, Position> = HashMap::new();
         let mut scene = world.scene();
         let mut obs = vec![0.0; world.spaces().observation];
         let mut row = vec![0.0; world.schema().len()];
         for start in table.graph().starts() {
+            // An ado's speed follows from its move, which takes both positions.
             let mut before = start;
             let mut conflict = None;
             table.walk(start, |step, now, best| {
@@ -100,6 +102,8 @@ impl PositionPolicy {
                     // Two states with one observation may share an action that is best in both.
                     Entry::Occupied(row) if best.is_best(row.get().0) => row.get().0,
                     Entry::Occupied(row) => {
+                        // The walk cannot end early, so the first conflict is kept until
+                        // it has.
                         conflict.get_or_insert(Indistinct(seen[row.key()], now));
                         row.get().0
                     }

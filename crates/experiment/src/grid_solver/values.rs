@@ -85,6 +85,7 @@ impl ValueTable {
     pub fn learned(&self, world: &GridWorld, policy: &dyn Policy) -> ValueTable {
         let mut scene = world.scene();
         let mut obs = vec![0.0; world.spaces().observation];
+        // The scene counts decisions from the start, the table those that are left.
         let steps = self.game().steps;
         self.replaced(|left, both, _| {
             scene.observe_at(both, steps.saturating_sub(left), &mut obs);
@@ -161,6 +162,7 @@ impl ValueTable {
         mut act: impl FnMut(u32, Position, BestAction<'_>) -> usize,
     ) {
         let mut here = self.graph.start(start);
+        // One decision per layer, so a walk ends with the horizon at the latest.
         for layer in 0..self.layers.len() {
             let Some(GameStep::State(state)) = here.map(Next::step) else {
                 return;

@@ -393,6 +393,7 @@ impl LastChance {
     /// Returns whether the driver avoids the failure from any sample on.
     pub fn answer(&self) -> Answer {
         match (self.at_s, &self.no_answer) {
+            // A takeover that works is an answer, whatever other samples lack.
             (Some(_), _) => Answer::Avoided,
             (None, None) => Answer::NotAvoided,
             (None, Some(reason)) => Answer::NoAnswer(reason.clone()),
@@ -410,6 +411,8 @@ impl Display for LastChance {
                 let left_s = (self.violated_s - at_s).max(0.0);
                 // Later samples without an answer may avoid it, too.
                 let at_least = match self.no_answer {
+                    // A file of an earlier version has no gaps on record, which is no
+                    // sign of one.
                     None | Some(NoAnswer::EarlierVersion) => "",
                     Some(_) => "at least ",
                 };
@@ -521,6 +524,8 @@ impl Display for Persistence {
         // Every variation without an answer is listed with its reason.
         let mut unanswered: IndexMap<String, Vec<&str>> = IndexMap::new();
         for one in self.variations.iter().filter(|one| one.fails.is_none()) {
+            // Earlier versions gave no reason, and only a fault left them without an
+            // answer.
             let reason = one.no_answer.as_ref().unwrap_or(&NoAnswer::Fault);
             let names = unanswered.entry(reason.to_string()).or_default();
             names.push(&one.name);
@@ -535,6 +540,7 @@ impl Display for Persistence {
 impl Display for About {
     /// Writes one line per known fact.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        // Each report opens with the contact, so a reader sees that there was none.
         let mut lines: Vec<String> = vec![match &self.severity {
             Some(severity) => severity.to_string(),
             None => "no contact of the ego".to_owned(),

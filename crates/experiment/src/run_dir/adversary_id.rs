@@ -131,6 +131,7 @@ impl AdversaryId {
             AdversaryId::BestSwitch => "switch",
             AdversaryId::Script { .. } => "script",
             AdversaryId::Heuristic => "heuristic",
+            // Stored rows have both captions, which are older than the number.
             AdversaryId::Replays { nearest: 1 } => "replay",
             AdversaryId::Replays { .. } => "replays",
             AdversaryId::Search { .. } => "search",
@@ -175,6 +176,7 @@ impl AdversaryId {
 
 impl Display for AdversaryId {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        // Padding, because tables ask for a width.
         f.pad(self.caption())
     }
 }

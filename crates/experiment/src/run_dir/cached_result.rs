@@ -37,6 +37,7 @@ impl CachedResult {
             "asked": settings,
         });
         if let Some(program) = scenario.program() {
+            // The world file names the program, and its content may change beside it.
             request["program_sha256"] = json!(ProgramContent::of(program).sha256);
         }
         CachedResult {
@@ -63,6 +64,7 @@ impl CachedResult {
         let json = |error: serde_json::Error| damaged(error.to_string());
         let text = String::from_utf8(bytes).map_err(|error| damaged(error.to_string()))?;
         let mut kept: Value = serde_json::from_str(&text).map_err(json)?;
+        // The file is read as a tree, which would let an unknown field pass.
         let known = ["asked", "made", "seal", "sha256"];
         let mut fields = kept.as_object().into_iter().flatten();
         if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
@@ -80,6 +82,7 @@ impl CachedResult {
                 "it was changed since it was written: SHA-256 is {found}, it says {stated}"
             )));
         }
+        // A missing seal is checked as an empty one, and fails.
         let seal = kept["seal"].as_str().unwrap_or_default();
         content_hash::check(&text, seal).map_err(damaged)?;
         let made = serde_json::from_value(kept["made"].take());

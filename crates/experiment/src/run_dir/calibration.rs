@@ -201,6 +201,7 @@ impl Calibration {
         let (starts, budget) = FULL;
         let costly = |simulations: u64| {
             let cpu_s = seconds.map(|seconds| seconds * simulations as f64);
+            // Without a measured speed, the number alone must decide.
             cpu_s.map_or(simulations > COSTLY.0, |cpu_s| cpu_s > COSTLY.1)
         };
         // A second switch is worth its cost only where it solved something.
@@ -209,6 +210,7 @@ impl Calibration {
         } else {
             1
         };
+        // The larger search first, because it shows more wherever it is affordable.
         let all_walks = (1..=wanted).rev().map(|switches: usize| {
             let each = self.sequences[switches - 1];
             (switches, starts.saturating_mul(each))
@@ -237,6 +239,7 @@ impl Calibration {
 
 /// Returns a processor time in the unit of its size, rounded up.
 fn duration(cpu_s: f64) -> String {
+    // From two of a unit on, since a single one that is rounded up may be twice the time.
     match cpu_s {
         few if few < 120.0 => format!("{:.0} CPU seconds", few.ceil()),
         some if some < 7200.0 => format!("{:.0} CPU minutes", (some / 60.0).ceil()),

@@ -64,6 +64,8 @@ impl ContactSeverity {
         for impact in impacts {
             *kinds.entry(impact.kind).or_default() += 1.0;
             if let Some(risk) = impact.injury_risk() {
+                // Curves are of different injuries, so the risks of two of them do not
+                // compare.
                 let most = max_injury_risk.entry(risk.curve).or_insert(0.0);
                 *most = risk.probability.max(*most);
             }
@@ -101,6 +103,7 @@ impl Display for ContactSeverity {
             let percent = 100.0 * risk;
             write!(f, "; at most {percent:.1} % risk of {}", curve.about())?;
         }
+        // Silence would look like no risk.
         if self.max_injury_risk.is_empty() {
             write!(f, "; injury risk not computed")?;
         }

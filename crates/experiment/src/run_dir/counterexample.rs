@@ -250,6 +250,7 @@ impl Counterexample {
         if kept.format != FORMAT {
             return Err(format(format!("format {} is not {FORMAT}", kept.format)));
         }
+        // A file without its hash fails the check, since a kept one always has it.
         let hash = kept.sha256.as_deref().unwrap_or_default();
         content_hash::check(text, hash).map_err(damaged)?;
         let changed = kept.change.ego.0.values().copied();
@@ -491,6 +492,7 @@ pub fn motion_after_contact(scenario: &Scenario, episode: &Episode) -> Option<St
 /// Each digest has eight hexadecimal digits.
 pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
     let columns: Vec<&[f64]> = columns.iter().map(|&at| trace.column(at)).collect();
+    // Eight digits stand for a sample.
     let mut text = String::with_capacity(8 * trace.len());
     for sample in 0..trace.len() {
         // FNV-1a (Fowler, Noll, Vo) over the bits of the row.

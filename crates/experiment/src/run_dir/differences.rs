@@ -209,6 +209,8 @@ fn leaves(path: &str, begun: &Value, now: &Value, note: &mut impl FnMut(String, 
                 .chain(new.keys().filter(|name| !old.contains_key(*name)));
             for name in names {
                 let side = |map: &serde_json::Map<String, Value>| {
+                    // A setting of another version is missing on one side, and reads as
+                    // null there.
                     map.get(name).cloned().unwrap_or_default()
                 };
                 leaves(&format!("{path}.{name}"), &side(old), &side(new), note);

@@ -89,6 +89,7 @@ impl NecessaryAction {
         let Some(driving) = world.drive() else {
             return world.action_label(self.action);
         };
+        // The cell may stem from another edition of the world, with more actions.
         let mut sets = driving.spec().action_sets();
         let own = sets
             .find(|(name, ..)| *name == self.ado)

@@ -189,6 +189,7 @@ impl Manifest {
         };
         let invalid = |error: serde_json::Error| damaged(error.to_string());
         let mut manifest: Manifest = serde_json::from_str(&text).map_err(invalid)?;
+        // The text names its own hash, so it is parsed before it is checked.
         content_hash::check(&text, &manifest.sha256).map_err(damaged)?;
         // It is written before every checkpoint and before the policy.
         let is_due = manifest.checkpoint.is_some() || manifest.is_finished();

@@ -154,6 +154,7 @@ impl RunDir {
             path: path.into(),
             manifest: Manifest {
                 format: FORMAT,
+                // Filled in with the seal, which covers all other fields.
                 sha256: String::new(),
                 brakecheck: version(),
                 target: target(),
@@ -346,6 +347,7 @@ impl RunDir {
         if let Some(count) = &mut self.manifest.counterexamples {
             count.note(self.counterexamples.now());
         }
+        // Before the manifest, whose reader requires the time of the same checkpoint.
         self.write(TIMING, &self.manifest.timing())
     }
 

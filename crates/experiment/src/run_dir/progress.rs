@@ -68,6 +68,7 @@ impl RunDir {
         let manifest = self.manifest();
         let path = self.path().join(PROGRESS);
         let bytes = verified(&path, &manifest.progress, manifest.is_finished())?;
+        // The hash was verified, so these are the very bytes that were written.
         let text = String::from_utf8_lossy(&bytes);
         let lines = text.lines().map(serde_json::from_str);
         lines
@@ -105,6 +106,7 @@ impl RunDir {
     /// is invalid.
     pub fn report(&self) -> Result<Vec<Row>, RunError> {
         let text = self.read_if_there(REPORT)?;
+        // A report is written as a whole, so an empty text means that there is none.
         if text.is_empty() {
             return Ok(Vec::new());
         }

@@ -90,7 +90,8 @@ pub struct Row {
     /// `None` if every violation counts in this world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncounted: Option<usize>,
-    /// Share of solved starts on which a rule broke between verdict and contact.
+    /// Share of all starts that were solved and on which a rule broke between verdict and
+    /// contact.
     ///
     /// `None` if it was not recorded.
     #[serde(default)]
@@ -299,6 +300,8 @@ impl Row {
     /// reference driver avoids.
     pub fn contact_cells(&self) -> [String; 4] {
         let none = || "–".to_owned();
+        // Earlier versions did not count them, and without a success there is nothing to
+        // count.
         let Some(of) = self.success_contacts.as_ref() else {
             return [none(), none(), none(), none()];
         };
@@ -338,6 +341,7 @@ impl Row {
             // Only starts that the search evaluated count as beyond it.
             beyond += usize::from((theirs, mine) == (&Unsolved, &Solved));
         }
+        // A search that solves nothing leaves nothing to recall.
         self.recall = (search > 0).then(|| both as f64 / search as f64);
         self.beyond_search = Some(beyond);
     }

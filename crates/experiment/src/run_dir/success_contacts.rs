@@ -38,6 +38,8 @@ impl SuccessContacts {
             counted.contacts += 1;
             let Some(impact) = impact else { continue };
             *counted.sides.entry(impact.ego_side).or_default() += 1;
+            // Each contact counts once, and an ego that stands is not blamed for its
+            // rear.
             if impact.is_ego_at_rest() {
                 counted.ego_at_rest += 1;
             } else if !impact.concerns_ego() {
@@ -66,6 +68,7 @@ impl SuccessContacts {
     ///
     /// `successes` are those of the row.
     pub fn warning(&self, successes: usize) -> Option<String> {
+        // Up to a half, the row is still about faults of the ego.
         if 2 * self.without_fault() <= self.contacts {
             return None;
         }
@@ -73,6 +76,7 @@ impl SuccessContacts {
             "of {successes} successes, {} are contacts with the ego at rest or hit from behind",
             self.without_fault()
         );
+        // A file may hold counts that contradict each other.
         let without = successes.saturating_sub(self.contacts);
         if without > 0 {
             text.push_str(&format!(" and {without} have no contact"));

@@ -30,6 +30,7 @@ impl SweepPoint {
             let fails = is_any(StartOutcome::Solved);
             valid += usize::from(outcomes(start).any(|outcome| outcome.score().is_some()));
             failing += usize::from(fails);
+            // One success decides a start, whatever the other rows have left open.
             open += usize::from(!fails && is_any(StartOutcome::NotReached));
             of += usize::from(!is_any(StartOutcome::Trivial));
         }

@@ -21,6 +21,7 @@ impl RunDir {
     /// Returns an error if this version cannot use the world file.
     pub fn scenario(&self) -> Result<Scenario, RunError> {
         let world = self.world()?;
+        // The world file names its own plant, and a training may have chosen another.
         Ok(match self.manifest.plant.plant() {
             Some(plant) => world.on(plant),
             None => world,
@@ -57,6 +58,7 @@ impl RunDir {
             return Ok(world.clone());
         }
         let world = self.parse_world()?;
+        // Another thread may have parsed it meanwhile, and both then share one.
         Ok(self.world.get_or_init(|| world).clone())
     }
 
@@ -92,6 +94,7 @@ impl RunDir {
 
     /// Returns the world with the goals, the learner and the family of the manifest.
     fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        // The world and its goals fitted when the training began, so a misfit is damage.
         let goals = world.training_towards(&self.manifest.goals);
         let world = goals.map_err(|error| RunError::Damaged {
             path: self.path.join("manifest.json"),

@@ -83,6 +83,8 @@ impl ExperimentCell {
             found.map(|found| StartResult {
                 outcome: match (&found.actions, &found.fault) {
                     (Some(_), _) => StartOutcome::Solved,
+                    // A fault may have hidden a failure, so such a start is not called
+                    // held.
                     (None, Some(_)) => StartOutcome::Invalid,
                     // Runs that all broke a rule show nothing about the ego.
                     (None, None) if found.violations == found.simulations => {
@@ -121,12 +123,14 @@ impl ExperimentCell {
     /// The row then counts the contacts that they avoid. Programs are not started again, so
     /// their searched successes are not in the sample.
     pub fn with_judged_contacts(mut self, watch: &Watch<'_>) -> ExperimentCell {
+        // Reference drivers steer a vehicle, and an ego on a grid has none.
         if self.row.success_contacts.is_none() || self.ego.scenario().drive().is_none() {
             return self;
         }
         let is_foreign = self.ego.scenario().ego().is_some_and(EgoDrive::is_foreign);
         let runs_again = |index: &usize| {
             let commands = self.success(*index).map(|success| &success.commands);
+            // Recorded commands drive again without the program that gave them.
             !is_foreign || commands.is_some_and(|commands| !commands.is_empty())
         };
         let solved: Vec<usize> = self.solved().into_iter().filter(runs_again).collect();
@@ -214,6 +218,7 @@ impl ExperimentCell {
         let index = *self.solved().first()?;
         let scenario = self.ego.scenario();
         let episode = self.replay(&mut scenario.bench(), index);
+        // Samples after the verdict may be worse, but did not decide it.
         let mut judged = episode.trace;
         judged.truncate(episode.judged);
         Some((index, scenario.rulebook().spec.explain(&judged)))

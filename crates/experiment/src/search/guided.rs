@@ -79,6 +79,7 @@ fn solve(trials: &mut Trials<'_>, policy: &dyn Policy) {
         return;
     };
     let greedy = std::mem::take(&mut actor.run);
+    // Some learners have no values of actions by which to depart from a run.
     if greedy.iter().any(|decision| decision.values.is_empty()) {
         return without_values(trials, actor, reward, &greedy);
     }

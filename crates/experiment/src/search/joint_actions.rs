@@ -78,6 +78,7 @@ impl JointActions {
             Some(temperature) => JointActions::Drawn(Box::new(DrawnPolicy {
                 policy,
                 temperature,
+                // Each episode replaces the generator by that of its own seed.
                 rng: draws(0, 0),
             })),
         }
@@ -98,12 +99,15 @@ impl JointActions {
         let starts = TestStarts {
             seed: 0,
             starts: vec![(start.clone(), noise)],
+            // Here the search has to answer even for a start on which the ego fails by
+            // itself.
             trivial: vec![false],
         };
         let request = SearchRequest {
             scenario: ego.scenario(),
             ego: ego.name(),
             method: Method::from(Switches(SWITCHES_OF_EPISODE)),
+            // A search of switches ends with its tree and needs no budget.
             budget: 0,
             starts: &starts,
         };

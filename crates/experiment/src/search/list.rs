@@ -108,6 +108,7 @@ impl Method<'_> {
     pub(super) fn adversary(&self) -> AdversaryId {
         match self {
             Method::Guided(_) => AdversaryId::Guided,
+            // The other methods are told apart by the words of their rows.
             _ => AdversaryId::SEARCH,
         }
     }

@@ -70,6 +70,8 @@ impl<'a> PlayerParts<'a> {
             AdversaryId::Search {
                 settings: Some(settings),
             } => {
+                // A method reads the settings that it takes, and no list of them is kept
+                // here.
                 let takes = MethodSettings {
                     switches: Some(settings.switches),
                     stored: self.stored,

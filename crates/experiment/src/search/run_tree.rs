@@ -98,6 +98,7 @@ impl RunTree {
                 if value == f32::NEG_INFINITY || known.next.contains_key(&action) {
                     continue;
                 }
+                // Decisions that many runs have passed give way to others.
                 let promise = chance(value) / f64::from(1 + known.runs);
                 // Strict, so that equal promises give the earliest decision.
                 if best.is_none_or(|(most, _)| promise > most) {

@@ -85,6 +85,7 @@ impl<'a> Trials<'a> {
 
     fn simulate(&mut self, actor: &mut dyn Actor) -> Episode {
         let one = &mut self.one;
+        // A success is played on to its contact, which the row describes.
         let episode = play(one.bench, one.start, one.noise, actor, Aftermath::Play);
         one.watch
             .faults

@@ -31,6 +31,7 @@ impl BenchRuns {
         let bench = &mut self.benches[at];
         let start = (bench.draw(key), bench.noise_of(key));
         self.begin_at(at, NoisyStart::from(&start), observation);
+        // Only after the call above, which begins a start without a key.
         self.runs[at].key = Some(key);
     }
 
@@ -45,6 +46,7 @@ impl BenchRuns {
     pub(super) fn step(&mut self, actions: &[usize], mut into: StepInto<'_>) {
         let count = self.runs.len();
         for (at, (bench, run)) in self.benches.iter_mut().zip(&mut self.runs).enumerate() {
+            // The numbers of the last step must not be read as those of this one.
             (into.rewards[at], into.ends[at]) = (0.0, None);
             if run.is_over {
                 continue;
@@ -55,6 +57,7 @@ impl BenchRuns {
             bench.observe(into.row(at, count));
             let rulebook = bench.rulebook();
             (into.rewards[at], into.ends[at]) = run.report(rulebook);
+            // After a fault only a part is recorded, of which the formula says nothing.
             if run.is_over && bench.fault().is_none() {
                 let trace = bench.trace();
                 run.robustness = rulebook.spec.robustness(trace, &mut self.scratch);

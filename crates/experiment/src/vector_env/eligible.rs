@@ -52,6 +52,7 @@ impl LaneWorld {
         // A limit depends on the course of the episode, which test benches follow.
         let is_limited = world.traffic().limit().is_some();
         let fits = !is_limited && has_constant_surroundings(&layout) && has_only_vehicles(&layout);
+        // A single run shows whether running numbers decide all formulas.
         if !fits || RunsJudge::new(&rulebook, samples, 1).is_none() {
             return None;
         }
@@ -75,6 +76,7 @@ impl LaneWorld {
 /// Returns whether nothing but the vehicles changes, and no start changes the world.
 fn has_constant_surroundings(layout: &DriveLayout) -> bool {
     let spec = &layout.spec;
+    // Rigid bodies are rapier's, which steps one world at a time.
     spec.plant == PlantKind::Kinematic
         && spec.lights.is_empty()
         && spec.weather.is_none()

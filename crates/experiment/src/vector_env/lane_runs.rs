@@ -90,7 +90,9 @@ impl LaneRuns {
         let sensors = spec.sensors;
         let disturb = sensors.is_noisy() || sensors.delay_s != 0.0;
         let sensing = Sensing::new(sensors, spec.clock.sample_s);
+        // Samples are judged after each decision, so columns need no more room.
         let block = world.samples_per_decision;
+        // Signals and percepts read a scene, which shows one run at a time.
         let mut scene = SceneState::new(Arc::clone(spec), Arc::clone(&layout.network));
         scene.bodies.extend((0..spec.agents.len()).map(BodyId));
         scene.states.resize(spec.agents.len(), BodyState::default());
@@ -128,6 +130,7 @@ impl LaneRuns {
         let noise = key.generator("", "noise").next_u64();
         let start = (self.world.layout.draw(key), noise);
         self.begin_at(run, NoisyStart::from(&start), observation);
+        // Afterwards, because every beginning forgets the key.
         self.runs[run].key = Some(key);
     }
 
@@ -147,6 +150,7 @@ impl LaneRuns {
             let vehicle = &mut self.vehicles[i];
             (vehicle.actuators[run], vehicle.keepers[run]) =
                 layout.drivetrain_of(agent, at.lateral_m);
+            // The first sample comes before the first decision.
             vehicle.chosen[run] = Maneuver::NONE;
         }
         self.plant.store(run);
@@ -157,6 +161,7 @@ impl LaneRuns {
         self.runs[run].begin(None);
         self.judge.begin(run);
         self.samples[run] = 0;
+        // The scene still shows the run before.
         self.scene.sample = 0;
         self.scene.touch = None;
         self.look();
@@ -229,6 +234,7 @@ impl LaneRuns {
             self.look();
             self.publish(driven.count);
             driven.count += 1;
+            // At the last sample both hold, and a test bench reports the contact.
             driven.stop = match touch {
                 Some(_) => Some(Stop::Contact),
                 None if self.scene.sample + 1 == self.world.samples => Some(Stop::Horizon),
@@ -263,6 +269,7 @@ impl LaneRuns {
             sensing.look(&mut self.percept, 1.0);
         }
         let command = self.controllers[run].control(&self.percept).ok()?;
+        // Such a command is a fault of the ego on a test bench as well.
         if !command.is_plausible() {
             return None;
         }

@@ -99,6 +99,7 @@ impl VectorEnv {
     }
 
     fn build(world: &Scenario, count: usize, signals: Option<&[usize]>) -> VectorEnv {
+        // Only the world decides the layout, so it is found once for all groups.
         let lanes = LaneWorld::of(world, signals.unwrap_or(&[]));
         let group = |first: usize| {
             let runs = LANES.min(count - first);
@@ -134,6 +135,7 @@ impl VectorEnv {
 
     /// Returns how the environments are kept in memory.
     pub fn layout(&self) -> EnvLayout {
+        // The world decides the layout, so all groups have the same.
         match self.groups.first() {
             Some(Group::Benches(_)) => EnvLayout::Benches,
             Some(Group::Lanes(_)) | None => EnvLayout::Lanes,
@@ -188,6 +190,7 @@ impl VectorEnv {
         rewards: &mut [f64],
         ends: &mut [Option<End>],
     ) {
+        // A short slice would step some environments and leave out others.
         let lengths = [actions.len(), rewards.len(), ends.len()];
         let width = self.spaces.observation;
         let fit = lengths == [self.count; 3] && observations.len() == self.count * width;
@@ -256,6 +259,7 @@ impl VectorEnv {
             return false;
         };
         let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        // Environments have no aftermath either.
         bench.begin(&start, noise, Aftermath::Skip);
         for action in actions {
             bench.decide(*action as usize);

@@ -30,6 +30,7 @@ impl EnvRun {
             key: None,
             actions: Vec::with_capacity(decisions),
             verdict: None,
+            // Before the first episode, an environment stands still as after its last.
             is_over: true,
             robustness: f64::NAN,
         }

@@ -39,6 +39,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let made = study.once(&piece, &scenario, &depends, settings(), |watch| {
             Ok(case_study(&scenario, &request, watch)?)
         })?;
+        // The piece above asks no reference driver, and outlives a change of them.
         depends.insert(DigestProbe::Drivers);
         let piece = format!("{name}, contacts");
         let contacts = study.once(&piece, &scenario, &depends, settings(), |watch| {

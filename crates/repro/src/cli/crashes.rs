@@ -20,6 +20,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     for name in &study.worlds_or(WORLDS) {
         let scenario = study.world(name)?;
         let mut depends = DigestProbe::of_training(name);
+        // Reference drivers judge every crash, so another driver outdates the rows.
         depends.insert(DigestProbe::Drivers);
         let settings = study.settings(json!({ "starts": request.starts }));
         let piece = format!("{name}, crashes");

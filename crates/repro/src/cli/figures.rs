@@ -78,6 +78,7 @@ fn drawn(
         light,
         2,
     );
+    // Found by search and not by a trained ado, so that every machine draws the same.
     let two = behaviours(acc, &two_behaviours(acc, watch)?, "headway");
     let three = behaviours(merge, &three_merges(merge, watch)?, "d_2");
     let at_light: Vec<Distances> = two_at_the_light(light, watch)?

@@ -26,6 +26,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let mut depends =
             BTreeSet::from([DigestProbe::World(name.to_owned()), DigestProbe::Intervals]);
         depends.insert(learner(None));
+        // Each learner that the world names has rows of its own.
         depends.extend(scenario.learners().keys().map(|key| learner(Some(key))));
         let piece = format!("{name}, Table I");
         let settings = study.settings(json!({}));

@@ -225,6 +225,7 @@ impl StudyRun<'_> {
         mut settings: Value,
         make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
     ) -> Result<Option<StudyPiece<T>>, Failure> {
+        // A piece of an earlier state of the program is no answer for this one.
         settings["digests"] = json!(digests(depends));
         let parts = self.args.output.join("parts");
         let kept = CachedResult::new(&parts, piece, scenario, settings);
@@ -266,6 +267,7 @@ impl StudyRun<'_> {
             "{}{only} --seeds {} --first-seed {}",
             self.study.name, seeds.count, seeds.first
         );
+        // Table I plays all starts of its grid, and the figures choose theirs.
         if self.starts() > 0 {
             command.push_str(&format!(
                 " --starts {} --start-seed {}",
@@ -325,6 +327,7 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     if args.what == What::Page {
         return pages::write(args);
     }
+    know_worlds(args)?;
     let records = args.record || args.what == What::All;
     if records {
         // Before hours of work, of which nothing could be recorded.
@@ -384,6 +387,7 @@ impl Made {
 
 /// A shipped world, or one of that name in the directory that was named.
 fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
+    // Copies of worlds may differ, and their results are never recorded.
     if let Some(dir) = &args.worlds {
         return Ok(Scenario::load(&dir.join(format!("{name}.ron")))?);
     }
@@ -399,6 +403,14 @@ fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
             ))
         }
     }
+}
+
+/// Requires that each named world exists.
+fn know_worlds(args: &ReproduceArgs) -> Result<(), Failure> {
+    // Most studies skip names that they lack, and would be empty after a mistyped one.
+    args.world
+        .iter()
+        .try_for_each(|name| world(args, name).map(|_| ()))
 }
 
 fn save(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {

@@ -19,6 +19,7 @@ pub(super) fn require_root(args: &ReproduceArgs) -> Result<(), Failure> {
 
 /// Records rows of a study.
 pub(super) fn record(args: &ReproduceArgs, study: &str, rows: Vec<NewRow>) -> Result<(), Failure> {
+    // The figures record nothing, and their study has no file.
     if rows.is_empty() {
         return Ok(());
     }
@@ -47,6 +48,7 @@ pub(super) fn write(args: &ReproduceArgs) -> Result<Exit, Failure> {
 /// Refuses pages that differ from their rows, and rows of an earlier version.
 fn check(args: &ReproduceArgs, pages: &ResultPages) -> Result<Exit, Failure> {
     for (file, text) in pages.files() {
+        // A page that cannot be read differs as well.
         let found = std::fs::read_to_string(args.root.join(file)).unwrap_or_default();
         if found != text {
             return Err(Failure::input(

@@ -55,6 +55,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
             results.push(made.made);
         }
         let report = begun.conclude(results);
+        // All egos share the trainings, so no piece has their cost.
         let trained_s: f64 = report.train_cpu_s.iter().map(|(_, cpu_s)| cpu_s).sum();
         cpu_s += trained_s * report.seeds as f64;
         let only = format!(" --world {name}");

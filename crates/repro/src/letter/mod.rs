@@ -82,6 +82,7 @@ pub enum LetterError {
 impl LetterPath {
     /// Returns the name of its learner in files and tables.
     pub fn learner_name(&self) -> &'static str {
+        // The own learner of each letter world is the DQN of the paper.
         self.learner.unwrap_or("dqn")
     }
 
@@ -254,6 +255,7 @@ pub fn letter_row(
     for (judge, baselines) in JUDGES.iter().zip(baselines) {
         // The policy is trained once, and only the judge of the evaluation changes.
         let scenario = step.judged_by(judge)?;
+        // Trivial starts depend on the judge, so each judge has its own.
         let Some(starts) = test_starts(&scenario, request.seeds.starts, request.starts, watch)
         else {
             return Ok(None);
@@ -452,5 +454,6 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
 /// Returns the smallest and the largest rate.
 fn ends(rates: &[f64]) -> [f64; 2] {
     let least = rates.iter().copied().fold(f64::INFINITY, f64::min);
+    // Rates are shares, of which none is below 0.
     [least, rates.iter().copied().fold(0.0, f64::max)]
 }

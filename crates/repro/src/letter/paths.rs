@@ -31,6 +31,7 @@ const REWARD: LetterChange = LetterChange {
     )],
 };
 
+// An empty replacement leaves a setting to its default.
 const LOSS: (&str, &str) = ("\n        loss: Squared,", "");
 const EXPLORATION: (&str, &str) = (
     "\n        exploration: 0.1, final_exploration: 0.1, hold: 1,",
@@ -79,6 +80,8 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
             },
             LetterChange {
                 what: DEFAULT,
+                // `longest: 1.0` keeps the default learner from training on, for equal
+                // decisions.
                 edits: &[(
                     "Dqn(\n        decisions: 50_000,\n",
                     "Dqfd(\n        longest: 1.0, decisions: 50_000,\n",

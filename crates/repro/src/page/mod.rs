@@ -107,6 +107,7 @@ impl RecordedRows<'_> {
     /// Lines below the tables of a study: commands, days and rows that are not of this version.
     fn notes(&self, study: &str) -> String {
         let rows = self.of(study);
+        // Rows that were measured by hand come from other commands.
         let fresh: Vec<&ResultRow> = rows.iter().filter(|row| !row.depends.is_empty()).collect();
         let mut commands: Vec<(String, Vec<&ResultRow>)> = Vec::new();
         for row in fresh {
@@ -157,6 +158,7 @@ impl RecordedRows<'_> {
 
 /// Returns a command without the option that selects a world.
 fn without_world(command: &str) -> String {
+    // Rows of a study differ in the world, and the page shows one command for all.
     let Some((before, after)) = command.split_once(" --world ") else {
         return command.to_owned();
     };

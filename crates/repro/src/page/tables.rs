@@ -137,6 +137,7 @@ fn origins(rows: &RecordedRows<'_>) -> String {
     let measured = rows
         .results
         .rows()
+        // Rows that were measured by hand have their day in their own table.
         .filter(|(_, row)| !row.depends.is_empty());
     let mut origins: Vec<(String, Vec<&str>)> = Vec::new();
     for (study, row) in measured {
@@ -204,6 +205,7 @@ fn contact(result: &WorldResult) -> [String; 3] {
     let closing = contacts
         .closing_mps
         .map(|closing| format!("{:.1}", closing.median));
+    // No driver applies to any contact, which is not the same as none avoided.
     let avoided = match contacts.judged {
         0 => "–".to_owned(),
         _ => share(contacts.avoided, contacts.successes),
@@ -279,6 +281,7 @@ fn ordered(rows: &RecordedRows<'_>) -> Vec<(WorldResult, bool)> {
         .collect();
     let place = |name: &str| WORLDS.iter().position(|world| *world == name);
     all.sort_by_key(|(result, _): &(WorldResult, bool)| {
+        // Worlds that the page does not know come last.
         place(&result.world).unwrap_or(WORLDS.len())
     });
     all
@@ -322,6 +325,7 @@ pub(super) fn readme(rows: &RecordedRows<'_>) -> String {
         all.filter(|row| IN_README.contains(&row.name.as_str()))
     };
     let mut seeds: Vec<&str> = of_page().map(|row| row.seeds.as_str()).collect();
+    seeds.sort_unstable();
     seeds.dedup();
     text.push_str(&format!("\nThe rows have {}.\n", seeds.join(" or ")));
     for row in of_page().filter(|row| !rows.is_fresh(row)) {
@@ -344,6 +348,7 @@ fn paper(rows: &RecordedRows<'_>) -> TextTable {
     let lines = PAPER.iter().map(|paper| {
         let (study, name) = paper.here;
         let row = rows.of(study).iter().find(|row| row.name == name);
+        // A row that was never measured is not of an earlier version either.
         let fresh = row.is_none_or(|row| rows.is_fresh(row));
         let world: Option<WorldResult> = row.and_then(ResultRow::read);
         let measured: Option<Measured> = row.and_then(ResultRow::read);
@@ -387,6 +392,7 @@ fn episodes(rows: &RecordedRows<'_>) -> TextTable {
         // The paper's own counts are all below a thousand.
         let (last, earlier) = measured.reached.split_last().unzip();
         let counts = earlier.into_iter().flatten();
+        // The last count is a measurement of its own, however large.
         let few = counts.filter(|reached: &&Reached| reached.episodes < 1_000.0);
         let shown: Vec<Reached> = few.chain(last).cloned().collect();
         shown.into_iter().map(move |reached| {

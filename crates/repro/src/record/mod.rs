@@ -132,6 +132,7 @@ impl ResultRow {
 
     /// Returns the numbers. `None`: they are of another format.
     pub(crate) fn read<T: DeserializeOwned>(&self) -> Option<T> {
+        // A row of another version may lack a field, and the page then shows none of it.
         T::deserialize(&self.data).ok()
     }
 }
@@ -149,11 +150,13 @@ impl Results {
             error,
         };
         let mut all = BTreeMap::new();
+        // Before the first measurement there is no folder.
         if !folder.is_dir() {
             return Ok(Results(all));
         }
         for entry in folder.read_dir().map_err(unreadable)? {
             let path = entry.map_err(unreadable)?.path();
+            // The folder may hold notes beside the rows.
             if path.extension().is_none_or(|ending| ending != "json") {
                 continue;
             }
@@ -184,6 +187,7 @@ impl Results {
         let origin = RowOrigin::here(root);
         let mut probes: BTreeSet<DigestProbe> = BTreeSet::new();
         probes.extend(rows.iter().flat_map(|row| row.depends.iter().cloned()));
+        // Rows are recorded by the program that measured them, so its digests are theirs.
         let digests = probe::digests(&probes);
         let kept = self.0.entry(study.to_owned()).or_default();
         for new in rows {
@@ -198,14 +202,18 @@ impl Results {
                 command: new.command,
                 seeds: new.seeds,
                 origin: origin.clone(),
+                // Fractions of a second are noise, and would change the file at each
+                // measurement.
                 cpu_s: new.cpu_s.map(|cpu_s| cpu_s.round()),
                 data: rounded(new.data),
                 seal: String::new(),
             }
             .sealed();
+            // Rows of other names stay, since a command may measure a part of a study.
             kept.retain(|old| old.name != row.name);
             kept.push(row);
         }
+        // The order of measurements must not show as a change of the file.
         kept.sort_by(|a, b| a.name.cmp(&b.name));
         write(&root.join(FOLDER).join(format!("{study}.json")), kept)
     }
@@ -254,10 +262,12 @@ fn write(path: &Path, rows: &[ResultRow]) -> Result<(), RecordError> {
         .iter()
         .map(|row| {
             let mut value = json!(row);
+            // Otherwise a feature of the JSON crate decides the order of the keys.
             value.sort_all_objects();
             value.to_string()
         })
         .collect();
+    // A row per line, so that a change of one row is a change of one line.
     let text = format!("[\n{}\n]\n", lines.join(",\n"));
     Ok(write_file(path, text.as_bytes())?)
 }
@@ -265,6 +275,7 @@ fn write(path: &Path, rows: &[ResultRow]) -> Result<(), RecordError> {
 /// Rounds all numbers to five decimals, which no table shows.
 fn rounded(value: Value) -> Value {
     match value {
+        // Whole numbers are counts and seeds, of which each digit matters.
         Value::Number(number) if number.is_f64() => {
             let number = number.as_f64().unwrap_or_default();
             json!((number * 1e5).round() / 1e5)

@@ -84,6 +84,8 @@ fn machine() -> String {
     let line = |file: &str, name: &str| {
         let text = std::fs::read_to_string(file).ok()?;
         let line = text.lines().find(|line| line.starts_with(name))?;
+        // The first file separates names from values by colons, the second by equal
+        // signs.
         let value = line.split([':', '=']).nth(1)?;
         Some(value.trim().trim_matches('"').to_owned())
     };

@@ -127,6 +127,8 @@ impl DigestProbe {
                 let steps = path.steps(letter.text()).map_err(|it| it.to_string())?;
                 let step = steps.get(*step).ok_or("no such step")?;
                 let world = step.scenario().map_err(|it| it.to_string())?;
+                // A step changes the world or the learner, and the digest cannot tell
+                // which.
                 bits.episodes(&world, EPISODES);
                 bits.training(&world)?;
             }
@@ -146,6 +148,7 @@ pub(crate) fn digests(probes: &BTreeSet<DigestProbe>) -> BTreeMap<String, String
     static KNOWN: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
     // A poisoned map still holds whole entries.
     let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    // The lock is not held while probes run, which takes long.
     let missing: Vec<&DigestProbe> = {
         let computed = known();
         let is_missing = |probe: &&DigestProbe| !computed.contains_key(&probe.to_string());
@@ -153,6 +156,7 @@ pub(crate) fn digests(probes: &BTreeSet<DigestProbe>) -> BTreeMap<String, String
     };
     let found: Vec<(String, String)> = missing
         .into_par_iter()
+        // Probes take very different times, so each is a task of its own.
         .with_max_len(1)
         .map(|probe| (probe.to_string(), probe.digest()))
         .collect();
@@ -241,6 +245,7 @@ struct Bits(Vec<u8>);
 impl Bits {
     fn text(&mut self, text: &str) {
         self.0.extend(text.as_bytes());
+        // Without a separator, the end of a text could pass as the beginning of the next.
         self.0.push(0);
     }
 
@@ -325,6 +330,7 @@ impl Bits {
         let watch = Watch::unwatched();
         let starts = test_starts(scenario, SEED, STARTS, &watch).ok_or("stopped")?;
         let ego = EgoUnderTest::nominal(scenario);
+        // One switch shows a changed search as well as two, at a fraction of the cost.
         let search: &dyn Adversary = &Search::switches(1);
         for adversary in BASELINES.into_iter().chain([search]) {
             let cell = adversary.play(&ego, &starts, &watch).ok_or("stopped")?;
@@ -377,6 +383,7 @@ impl Bits {
 
     fn intervals(&mut self) -> Result<(), String> {
         let outcomes = |marks: &str| marks.parse::<Outcomes>().map_err(|it| it.to_string());
+        // Fixed marks, so that nothing but the formulas can change the digest.
         let trainings = [
             outcomes(&"1101110111".repeat(9))?,
             outcomes(&"1111110110".repeat(9))?,

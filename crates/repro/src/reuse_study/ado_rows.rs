@@ -34,7 +34,7 @@ impl EgoOnStarts<'_> {
             self.trained(WIDE, &*policy, seed),
         ];
         // The wide ado has the same learner as the nominal ado and would look the same.
-        rows[1].method = "dqn, wide".to_owned();
+        rows[1].method = format!("{}, {WIDE}", rows[0].method);
         let tried = self.rows(vec![&tried]).into_iter();
         rows.extend(tried.map(|row| Row {
             train_seed: Some(seed),

@@ -39,6 +39,7 @@ pub(super) fn maps(largest: u32) -> Vec<Map> {
         paper_random: Some(0.0983),
         ..size(4, 0.6792, 0.0)
     };
+    // Captures in Table I of the paper, of its trained and of its random ados.
     let mut all = vec![
         trained_on,
         size(2, 0.6667, 0.3333),

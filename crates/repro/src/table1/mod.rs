@@ -526,6 +526,7 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
             tables: (ones as f64 / n as f64, seeds_interval(&solved)),
         }
     };
+    // The two lines of random ados that the paper has for RQ1.
     vec![one(10, 0.0983), one(20, 0.1023)]
 }
 

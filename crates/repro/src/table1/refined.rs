@@ -181,6 +181,7 @@ impl<'a> Reuse<'a> {
             let mut own = PolicyActor(&*ado.policy);
             let mut captures = |bench: usize, start: &Start, actor: &mut dyn Actor| {
                 let bench: &mut Testbench = &mut benches[bench];
+                // Nothing on a grid draws noise, so its seed is any number.
                 let episode = play(bench, start, 0, actor, Aftermath::Skip);
                 episode.verdict.is_success()
             };

@@ -110,6 +110,7 @@ fn recorded(scenario: &Scenario, starts: &[Start], learned: &Learned) -> Vec<Opt
     let mut bench = scenario.bench();
     let mut actor = PolicyActor(&*learned.policy);
     let played = starts.iter().map(|start| {
+        // Nothing on a grid draws noise, so its seed is any number.
         let episode = play(&mut bench, start, 0, &mut actor, Aftermath::Skip);
         episode.verdict.is_success().then_some(episode.actions)
     });

@@ -109,6 +109,7 @@ struct Studied {
 
 impl LargeMap {
     pub(super) fn new(scenario: &Scenario, request: &Table1) -> Result<LargeMap, Table1Error> {
+        // The paper's map of RQ5, on which RQ4 is measured as well.
         let change = GridChange {
             size: Some(request.scale.large),
             ego_step: Some(1),
@@ -118,6 +119,7 @@ impl LargeMap {
         let world = map.require_grid()?.world();
         Ok(LargeMap {
             graph: GameGraph::explore(world, map.rulebook(), Depth::Exact)?,
+            // All ordered pairs, where the paper has the unordered ones.
             starts: map.starts().unwrap_or_default(),
             game: Game::of(world),
             map,

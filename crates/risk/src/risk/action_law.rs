@@ -75,6 +75,7 @@ impl LawMemory {
     pub(super) fn features(&self, law: &ActionLaw, into: &mut Vec<f32>) {
         let each = law.ados.iter().zip(&self.last).zip(&self.manoeuvres);
         for ((ado, last), manoeuvre) in each {
+            // The last action is the second of both, and the only one for a reach of 1.
             let reach = 2 - ado.reach();
             for action in &last[reach..] {
                 into.extend((0..ado.actions).map(|it| if it == *action { 1.0 } else { 0.0 }));
@@ -144,6 +145,7 @@ impl ActionLaw {
     /// Returns the memory before the first decision.
     pub(super) fn begin(&self) -> LawMemory {
         LawMemory {
+            // Before a run, every ado counts as having driven on evenly.
             last: self.ados.iter().map(|ado| [ado.neutral; 2]).collect(),
             manoeuvres: vec![Manoeuvre::default(); self.ados.len()],
             decisions: 0,
@@ -176,6 +178,7 @@ impl ActionLaw {
         let mut joint = vec![1.0];
         for (ado, last) in self.ados.iter().zip(&memory.last) {
             let own = ado.probabilities(row, *last, memory.decisions);
+            // Each further ado is a higher digit, so its shares are the outer factors.
             let times = |share: &f64| joint.iter().map(|it| it * share).collect::<Vec<f64>>();
             joint = own.iter().flat_map(times).collect();
         }
@@ -206,6 +209,7 @@ impl FittedLaw {
         let along = if decisions.is_multiple_of(self.hold) {
             self.along([before, last].map(|it| it % count))
         } else {
+            // Between decisions of the model an action goes on.
             let mut same = vec![0.0; count];
             same[last % count] = 1.0;
             same
@@ -221,6 +225,7 @@ impl FittedLaw {
 
     /// Returns the law of the acceleration after two others, by their numbers.
     pub(super) fn along(&self, [before, last]: [usize; 2]) -> Vec<f64> {
+        // The model takes the earlier acceleration first.
         let [b, a] = [before, last].map(|it| self.accelerations_mps2[it]);
         let (centre, scale) = self.model.centre_and_scale([b, a]);
         let below = |x: f64| student_cdf((x - centre) / scale, self.model.freedom);

@@ -182,6 +182,7 @@ impl Player<'_> {
         items: &[usize],
         order: impl Fn(usize) -> Order<'b> + Sync,
     ) -> Option<Vec<RiskRun>> {
+        // Groups instead of runs, because lanes advance together.
         let groups: Vec<&[usize]> = items.chunks(LANES).collect();
         let work = EpisodeLoop::uncounted(self.watch);
         let worker = || (self.world.lanes(), self.world.scenario.bench());
@@ -225,6 +226,7 @@ impl Player<'_> {
             source,
             judge_held: matches!(content, Content::Natural(_)) && index < JUDGED,
             prevent: match content {
+                // Natural failures are counted one by one, so each needs an answer.
                 Content::Natural(_) => true,
                 Content::Round(_) => index.is_multiple_of(assessed_step(content.len())),
                 Content::Exploring(_) | Content::Known(_) | Content::Scripts(_) => false,
@@ -263,7 +265,7 @@ impl Player<'_> {
 
 /// Returns whether a directory is that of an earlier request.
 pub(super) fn is_used(dir: &Path) -> bool {
-    dir.join("request.sha256").exists()
+    dir.join(REQUEST).exists()
 }
 
 /// Opens the directory of a request, whose fingerprint its files must have.

@@ -291,6 +291,7 @@ fn disagreeing(rounds: &[Round]) -> Option<Refusal> {
 /// Returns whether a kind of failure is measured to be a small part of the risk.
 fn is_immaterial(rounds: &[Round], estimate: Option<RiskEstimate>, mode: &str) -> bool {
     let own = pooled(rounds, |it| it.mode == mode);
+    // A kind of few failures has no interval to rely on.
     let pair = own.zip(estimate).filter(|(own, _)| own.hits >= LEAST_HITS);
     pair.is_some_and(|(own, all)| own.interval[1] < IMMATERIAL * all.probability)
 }

@@ -72,6 +72,7 @@ impl<'a> Decisions<'a> {
 
     /// Returns the runs of a sweep: all that fail, and some of the others.
     pub(super) fn sweep_runs(&self, dice: &mut LearnerRng) -> Vec<usize> {
+        // The others ascend, because runs are read in order.
         let is_other = |run: usize| self.others.binary_search(&run).is_ok();
         let mut all: Vec<usize> = (0..self.runs.len()).filter(|it| !is_other(*it)).collect();
         let other_rows = self.rows.len() - self.failing.iter().map(Vec::len).sum::<usize>();

@@ -31,6 +31,7 @@ impl KnownFailure {
     /// The run stored none, is damaged, or has other starts or actions than `world`.
     pub fn of_run(world: &Scenario, run: &RunDir) -> Result<Vec<KnownFailure>, RunError> {
         let stored = run.counterexamples()?;
+        // Starts are read by their axes, and joint actions by their number.
         let shape = |it: &Scenario| {
             let axes = it.axes().into_iter().map(|axis| axis.name);
             (axes.collect::<Vec<_>>(), it.spaces().actions)
@@ -42,6 +43,7 @@ impl KnownFailure {
             });
         }
         let noise = run.noise_of(&stored)?;
+        // Evenly over the training, whose failures change while it learns.
         let step = noise.len().div_ceil(MOST).max(1);
         let pairs = stored.all().iter().zip(noise).step_by(step);
         let known = pairs.map(|(success, noise)| KnownFailure {
@@ -140,6 +142,7 @@ impl RiskRequest<'_> {
                 let actions: Vec<usize> = run.actions.iter().map(|it| *it as usize).collect();
                 let mut ado = Replay::holding(&actions);
                 let bench = &mut scenario.bench();
+                // Played anew with the rules, which the estimate left out.
                 let episode = play(bench, &start, run.noise, &mut ado, Aftermath::Play);
                 let (name, change) = (ego.name(), ego.change());
                 let mut kept = Counterexample::record(scenario, name, change, "risk", &episode);

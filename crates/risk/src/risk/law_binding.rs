@@ -223,6 +223,7 @@ fn actions_of(file: &MarkovFile) -> Option<usize> {
         .flatten()
         .map(Vec::len);
     let number_of_rows = file.transitions.as_ref().map(Vec::len);
+    // Any list may be the wrong one, so a number is named only if all agree.
     let mut all = lists.chain(number_of_rows).chain(rows);
     let first = all.next()?;
     all.all(|other| other == first).then_some(first)
@@ -261,6 +262,7 @@ pub(super) fn transitions(file: &MarkovFile, actions: usize) -> Result<Vec<Vec<f
                 row[last] = stay[last];
                 row
             };
+            // Here, because a row itself cannot be refused.
             if leave.iter().any(|it| *it < 0.0) {
                 return Err("a weight of `leave` is below 0".to_owned());
             }
@@ -302,6 +304,7 @@ pub(super) fn cells(accelerations: &[f64]) -> Vec<[f64; 2]> {
         let at = sorted.partition_point(|it| it < own);
         let lo = at.checked_sub(1).map(|it| 0.5 * (sorted[it] + own));
         let hi = sorted.get(at + 1).map(|it| 0.5 * (it + own));
+        // The outer cells have no end, so that all shares add up to 1.
         [lo.unwrap_or(f64::NEG_INFINITY), hi.unwrap_or(f64::INFINITY)]
     };
     accelerations.iter().map(cell).collect()

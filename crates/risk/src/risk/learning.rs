@@ -110,6 +110,7 @@ impl Learning {
             return None;
         }
         let chosen = self.latest_of_each(&failing);
+        // At most half of the runs fail, so this is never below 0.
         let others = FITTED.0 - chosen.len();
         let held = &held[held.len().saturating_sub(others)..];
         let fitted: Vec<(&RiskRun, Vec<bool>)> = chosen
@@ -178,6 +179,7 @@ impl Learning {
         let new: Vec<String> = counts.into_keys().take(room).collect();
         if !new.is_empty() {
             self.modes.extend(new);
+            // A network has a fixed number of heads.
             self.value = None;
         }
     }
@@ -196,6 +198,7 @@ impl Learning {
         let label = self.label(ego, run);
         let modes = self.modes.iter();
         let of_mode = modes.map(|mode| label.as_ref() == Some(mode));
+        // Head 0 is of any failure, the others of one kind each.
         std::iter::once(label.is_some()).chain(of_mode).collect()
     }
 

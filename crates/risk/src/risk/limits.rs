@@ -68,6 +68,7 @@ impl RiskLimits {
             fails_preventable: pair(answered(DriverAnswer::Avoids), natural.preventable),
             fails_unjudged: pair(answered(DriverAnswer::NoAnswer), natural.unjudged),
             fails_given_lawful: [
+                // A rate of 0 must not divide, and leaves the bound at 1.
                 fails_lawful[0] / often.max(f64::MIN_POSITIVE),
                 fails_lawful[1] / rarely.max(f64::MIN_POSITIVE),
             ]

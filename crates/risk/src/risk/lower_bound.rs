@@ -59,6 +59,7 @@ pub(super) fn lower_bound(rounds: &[BetRound], error: f64) -> f64 {
         return 0.0;
     }
     for _ in 0..HALVINGS {
+        // On a logarithmic scale, since the bound may be decades below the mean.
         let middle = libm::sqrt(excluded * open);
         if is_excluded(middle) {
             excluded = middle;
@@ -85,6 +86,7 @@ fn log_capital(rounds: &[BetRound], mean: f64) -> f64 {
     }
     // The rest belongs to gamblers that have not begun.
     logs.push(-libm::log((rounds.len() + 1) as f64));
+    // By differences, because the capital itself may overflow.
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = logs.iter().map(|it| libm::exp(it - most)).sum();
     most + libm::log(sum)

@@ -36,11 +36,13 @@ impl Manoeuvre {
     /// Notes an action by its place beside the neutral one.
     pub(super) fn note(&mut self, place: Ordering) {
         if self.phases[2] == Some(place) {
+            // Saturating, since all longer phases count as one length.
             self.lasted[0] = self.lasted[0].saturating_add(1);
         } else {
             self.phases = [self.phases[1], self.phases[2], Some(place)];
             self.lasted = [1, self.lasted[0]];
         }
+        // A move that goes on after a neutral stretch is still the same move.
         if place.is_ne() && self.moves[2] != Some(place) {
             self.moves = [self.moves[1], self.moves[2], Some(place)];
         }
@@ -48,6 +50,7 @@ impl Manoeuvre {
 
     /// Writes the phases and their lengths, as inputs of V.
     pub(super) fn features(&self, into: &mut Vec<f32>) {
+        // The last phase is the last action, which is an input already.
         for phase in &self.phases[..2] {
             let places = [Ordering::Less, Ordering::Equal, Ordering::Greater];
             into.extend(places.map(|it| if *phase == Some(it) { 1.0 } else { 0.0 }));

@@ -85,6 +85,8 @@ impl NaturalCounts {
                 self.judged[0] += usize::from(lawful);
                 self.judged[1] += 1;
             }
+            // The first failures instead of a choice, so that shares among them are
+            // unbiased.
             if self.stored.len() < STORED {
                 (self.stored_of, self.stored_faults) = (self.len(), self.faults.invalid);
                 if run.failure().is_some() {

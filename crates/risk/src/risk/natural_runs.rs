@@ -95,6 +95,7 @@ impl LaneRun {
         }
         let is_held = matches!(env.verdict(at), Some(Verdict::Held { .. }));
         is_held.then_some(RiskRun {
+            // Lanes know nothing of rules.
             end: RunEnd::Held { lawful: None },
             ..self.run
         })

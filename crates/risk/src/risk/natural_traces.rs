@@ -47,7 +47,9 @@ impl RiskTraffic {
                 seed,
                 stage: STAGE,
                 index: *index as u64,
+                // The only component of a natural mixture.
                 source: EpisodeSource::Component(0),
+                // Measures read motions only, so neither rules nor drivers are judged.
                 judge_held: false,
                 prevent: false,
             };

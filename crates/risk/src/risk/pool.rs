@@ -100,6 +100,7 @@ impl RiskEstimate {
                 ..*self
             };
         }
+        // A reciprocal exchanges the ends.
         let [lo, hi] = other.interval.map(|end| 1.0 / end);
         self.times(&RiskEstimate {
             probability: 1.0 / other.probability,

@@ -77,6 +77,7 @@ pub struct KnownFailure {
 impl RiskRun {
     /// Returns the inputs of V at a decision.
     pub(super) fn input(&self, decision: usize) -> &[f32] {
+        // A run without decisions has no row, and must not divide.
         let width = self.inputs.len() / self.actions.len().max(1);
         &self.inputs[decision * width..][..width]
     }

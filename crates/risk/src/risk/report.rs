@@ -174,6 +174,7 @@ impl RiskReadings {
             fails_lawful: Some(fails_lawful),
             fails_preventable: Some(rate(natural.preventable)),
             fails_unjudged: Some(rate(natural.unjudged)),
+            // Nothing can be conditioned on lawful runs if there are none.
             fails_given_lawful: (lawful.hits > 0).then(|| fails_lawful.over(&lawful).at_most_one()),
             lawful: (natural.judged() > 0).then(|| natural.lawful_rate(faults)),
         }
@@ -363,6 +364,7 @@ impl RiskReport {
     pub fn contradiction(&self) -> Option<String> {
         let is_wrong = |it: &RiskEstimate| {
             let [lo, hi] = it.interval;
+            // The negation refuses NaN as well.
             !(lo >= 0.0 && lo <= it.probability && it.probability <= hi && hi <= 1.0)
         };
         let wrong = self.egos.iter().find(|ego| {

@@ -170,6 +170,7 @@ impl RiskReport {
         let [first, second, ..] = &self.egos[..] else {
             return None;
         };
+        // Without faults both readings are one.
         let [least, most] = self.ratio_between.or(self.ratio.map(|it| [it; 2]))?;
         let probability = if self.ratio_between.is_some() {
             format!("{:.2} to {:.2}", least.probability, most.probability)
@@ -209,6 +210,7 @@ impl RiskReport {
                 self.readings_of(f, ego)?;
             } else {
                 writeln!(f, "{}: no result", ego.ego)?;
+                // Bounds hold even if the estimate was refused.
                 bounds_alone(f, ego)?;
             }
             RiskReport::faults(f, ego)?;
@@ -233,6 +235,7 @@ impl RiskReport {
                 Some(checks) => self.checked(f, checks)?,
                 None => writeln!(f, "counted among {} natural runs", self.cost.natural)?,
             }
+            // Counted runs are that number themselves.
             if let Some(crude) = ego.crude_runs.filter(|_| ego.is_weighted()) {
                 writeln!(
                     f,
@@ -379,6 +382,7 @@ fn bounds_alone(f: &mut String, ego: &EgoRisk) -> fmt::Result {
     writeln!(f, "{:24}at least at most  share of", "")?;
     for (row, _) in pairs(&ego.readings, &ego.readings) {
         let [least, most] = row.ends(limits);
+        // Rows of natural runs alone have no bounds.
         if !most.is_empty() {
             let of = row.share_of(ego);
             writeln!(f, "{:24}{least:<9}{most:<9}{of}", row.name)?;
@@ -473,6 +477,7 @@ fn claim(ego: &EgoRisk) -> String {
     };
     let [least, most] = limits.fails;
     let mut text = String::new();
+    // A lower bound of 0 excludes nothing, so the claim leaves it out.
     if least > 0.0 {
         text = format!(
             "at least {} of runs (whatever was missed can only add) and at most {} (trusts no \
@@ -509,6 +514,7 @@ fn counted_claim(ego: &EgoRisk, faults: &str) -> String {
 
 /// Returns the narrow claim of weighted runs, with the kinds of failure on which it rests.
 fn if_all_kinds(ego: &EgoRisk) -> Option<String> {
+    // Counted runs do not rest on the kinds that were found.
     ego.limits.as_ref()?;
     let [least, most] = ego.least_and_most()?;
     let name = &ego.ego;

@@ -132,6 +132,7 @@ impl<'a> RiskRequest<'a> {
             .iter()
             .map(|it| json!([it.start, it.noise, it.actions]));
         content_hash::fingerprint(&json!({
+            // Another version may play the same request differently.
             "version": env!("CARGO_PKG_VERSION"),
             "stored_runs": STORED_RUNS,
             "egos": egos.collect::<Vec<_>>(),

@@ -34,6 +34,8 @@ impl RiskReport {
         let limit = self.at_most.map(|limit| {
             let egos: Vec<&str> = self.egos.iter().map(|it| it.ego.as_str()).collect();
             let name = format!("ratio of {} at most {limit}", egos.join(" to "));
+            // Without an estimate there is an error and no failure, as nothing is
+            // known.
             let outcome = match self.egos.iter().find_map(reason) {
                 Some(reason) => refused(reason),
                 None if self.is_above(limit) => TestOutcome::Failed(TestMessage {
@@ -57,6 +59,7 @@ impl RiskReport {
 
     /// Returns the page of the risk.
     pub fn page(&self) -> ResultPage<'static> {
+        // The first line is the headline, the others are notes.
         let mut verdict = self.verdict().into_iter();
         let tables = self.egos.iter().flat_map(|ego| {
             let kinds = ego.modes.iter().map(|kind| {

@@ -188,6 +188,7 @@ impl RiskWorld {
             inputs: Vec::new(),
             laws: Vec::new(),
             component,
+            // A run that is never played keeps this end.
             end: if is_known {
                 RunEnd::Outside
             } else {
@@ -356,9 +357,12 @@ impl<'a> Chooser<'a> {
                 action.copied().unwrap_or(0)
             }
             EpisodeSource::Scripted(script) => {
+                // Drawn at every decision, so that later draws do not depend on the
+                // script.
                 let share = self.rng.random::<f64>();
                 let action = script.actions.get(at).copied().unwrap_or(BY_LAW);
                 match law.get(action) {
+                    // BY_LAW is no action of the law, which then decides.
                     None => draw(law, share),
                     Some(p) if *p > 0.0 => action,
                     // The traffic cannot produce the script as it is.

@@ -94,6 +94,7 @@ pub(super) fn bytes(piece: &PieceId, runs: &[RiskRun], path: &Path) -> Result<Ve
             run.inputs.len(),
             run.laws.len(),
             run.ratios.len(),
+            // No length, but a number per run that has no tensor of its own.
             run.component,
         ];
         lengths.map(|it| it as u64)

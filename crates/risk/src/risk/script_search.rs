@@ -87,6 +87,7 @@ impl ScriptSearch {
         };
         let known = self.kinds.entry((ego, failure.mode.clone())).or_default();
         let likelihood = log_likelihood(run);
+        // Behind equal failures, so that the first one found stays ahead.
         let at = known.partition_point(|it| likelihood <= it.likelihood);
         // Equal sequences would fill the archive with one failure.
         let is_new = known
@@ -123,6 +124,7 @@ impl ScriptSearch {
         actions.resize(self.decisions, actions.last().copied().unwrap_or(BY_LAW));
         self.change(&mut actions, dice);
         if !dice.random_bool(MOVED[0]) {
+            // On its own start and noise, a change shows what the actions do.
             return Some(KnownFailure {
                 start: starts.start(&parent.shares)?,
                 noise: parent.noise,
@@ -211,6 +213,7 @@ fn phases(decisions: usize, actions: usize, dice: &mut ChaCha8Rng) -> Vec<usize>
     ends.sort_unstable();
     let mut script = Vec::new();
     for end in ends.into_iter().chain([decisions]) {
+        // A phase may have no length, so scripts with fewer phases are drawn too.
         script.resize(end, dice.random_range(0..actions));
     }
     script

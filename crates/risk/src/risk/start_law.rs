@@ -121,13 +121,18 @@ impl Shape {
         let share = match self {
             Shape::Uniform(lo, hi) => (value - lo) / (hi - lo),
             Shape::Histogram(edges, cumulated) => {
-                let bin = edges.partition_point(|it| *it <= value).checked_sub(1)?;
+                let above = edges.partition_point(|it| *it <= value);
+                // As in a draw, the last edge belongs to the bin below.
+                let is_end = edges.last() == Some(&value);
+                let bin = above.checked_sub(1 + usize::from(is_end))?;
                 let (lo, hi) = (*edges.get(bin)?, *edges.get(bin + 1)?);
                 let width = cumulated[bin + 1] - cumulated[bin];
+                // A bin without weight has density 0, although its edges have a share.
                 if width <= 0.0 {
                     return None;
                 }
-                cumulated[bin] + width * (value - lo) / (hi - lo)
+                // The sum of the weights may be above 1 by rounding.
+                (cumulated[bin] + width * (value - lo) / (hi - lo)).min(1.0)
             }
             Shape::Normal(mean, sd, ends) => normal((value - mean) / sd, *ends),
             Shape::LogNormal(mean, sd, ends) => {
@@ -209,6 +214,7 @@ impl StartLaw {
             let (times, plus) = law.relation(&values);
             let value = plus + times * law.shape.quantile(shares[law.axis]);
             let axis = &self.axes[law.axis];
+            // A relation may lead beyond a range of the world.
             if !(axis.lo..=axis.hi).contains(&value) {
                 return None;
             }
@@ -370,6 +376,8 @@ mod tests {
                 let found = law.share(law.quantile(share)).expect("inside");
                 assert!((found - share).abs() < 1e-6, "{text}: {found} for {share}");
             }
+            let end = law.share(hi).expect("the end is inside");
+            assert!((end - 1.0).abs() < 1e-12, "{text}: {end}");
             for outside in [lo - 0.01, hi + 0.01] {
                 assert_eq!(law.share(outside), None, "{text}: {outside}");
             }

@@ -70,6 +70,7 @@ impl RiskTraffic {
                 source,
             })?,
         };
+        // The shipped model has an empty text here.
         let is_model = first_word(&text).is_none_or(|it| &text[it] == "TrafficModel");
         if is_model {
             let laws = Laws::fitted(name, traffic_model(Some(name))?);
@@ -101,6 +102,7 @@ impl RiskTraffic {
             return Ok(None);
         };
         let laws = Laws::declared(file.clone(), ValuePath::top().to("traffic"))?;
+        // The laws stand in the world file, so mistakes are marked there.
         laws.bound(world, world.name(), world.text()).map(Some)
     }
 }

@@ -305,6 +305,7 @@ fn format(error: safetensors::SafeTensorError) -> BundleError {
 
 fn encode(data: &Data) -> (Dtype, Vec<u8>) {
     match data {
+        // Little endian, which the format demands on every machine.
         Data::F32(v) => (Dtype::F32, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
         Data::F64(v) => (Dtype::F64, v.iter().flat_map(|x| x.to_le_bytes()).collect()),
         Data::U8(v) => (Dtype::U8, v.clone()),

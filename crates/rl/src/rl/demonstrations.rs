@@ -52,6 +52,8 @@ impl Default for Imitation {
 impl Imitation {
     /// Refuses the first number out of range.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
+        // At most 0.9, so that every batch still has transitions of the training
+        // itself.
         within("share", self.share, 0.0, 0.9)?;
         within("margin", self.margin, 0.0, 10.0)?;
         within("weight", self.weight, 0.0, 10.0)?;
@@ -118,6 +120,7 @@ impl Demonstrations {
     /// Returns the number of transitions per batch that are drawn from here.
     pub(super) fn drawn_of(&self, batch: usize) -> usize {
         if self.replay.is_empty() {
+            // Before the first success a whole batch is of the training.
             0
         } else {
             (self.imitation.share * batch as f64) as usize

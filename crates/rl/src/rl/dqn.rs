@@ -60,6 +60,7 @@ impl LearnerKind for DqnSettings {
     }
 
     fn space_updates(&mut self, times: u64) {
+        // Saturating, as a spacing beyond all decisions means no update at all.
         self.update_every = self.update_every.saturating_mul(times);
     }
 
@@ -156,6 +157,7 @@ impl Dqn {
     ) -> Result<Dqn, BundleError> {
         let net = Mlp::load("q", policy)?;
         fits(spaces, &net, "the policy's observation and actions")?;
+        // Only the weights are kept, while Adam and the replay begin anew.
         Ok(Dqn::around(config, spaces, net, LearnerRng::new(seed)))
     }
 
@@ -171,6 +173,7 @@ impl Dqn {
         let online = Mlp::load("online", bundle)?;
         fits(spaces, &online, "the checkpoint's observation and actions")?;
         let mut dqn = Dqn::around(config, spaces, online, LearnerRng::restore(bundle)?);
+        // Read in the shape of the online network, so that both surely fit each other.
         let target = dqn.online.load_as("target", bundle)?;
         dqn.target.parameters_mut().copy_from_slice(&target);
         dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
@@ -223,6 +226,7 @@ impl Dqn {
             kinds: [POLICY, CHECKPOINT],
             shown: None,
             law: None,
+            // Both begin equal, or the first targets would be those of chance.
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
@@ -282,6 +286,7 @@ impl Dqn {
         let from = buffer.observations.len() - 2 * width;
         let (observation, next) = buffer.observations[from..].split_at(width);
         let discount = match end {
+            // A fault is no transition, since the world after it is unknown.
             Some(End::Aborted) => return,
             Some(End::Terminated) => 0.0,
             Some(End::Truncated) | None => self.config.discount as f32,
@@ -316,6 +321,8 @@ impl Dqn {
             self.running.holding = 0;
         }
         if self.running.holding == 0 && self.dice.unit() < self.exploration() {
+            // The greedy action is among them, so a part of this exploration explores
+            // nothing.
             self.running.held = self.dice.below(self.online.outputs());
             self.running.holding = 1 + self.dice.below(self.config.hold);
         }

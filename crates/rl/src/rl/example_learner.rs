@@ -11,7 +11,7 @@ use super::learner::{
     Built, Choice, ConfigError, EpisodePlan, Learner, LearnerKind, Shaped, TrainingCounters, within,
 };
 use super::nn::argmax;
-use super::{Policy, Spaces, Step};
+use super::{End, Policy, Spaces, Step};
 
 const POLICY: &str = "brakecheck paid policy 1";
 const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
@@ -149,10 +149,15 @@ impl Learner for PaidLearner {
     fn learn(&mut self, step: Step, _: &[f32]) {
         self.tally.decisions += 1;
         self.total += step.reward;
-        if step.end.is_some() {
-            self.tally.episodes += 1;
-            let paid = &mut self.paid.each[self.action];
-            *paid += self.rate * (self.total - *paid);
+        match step.end {
+            None => {}
+            // A fault is no result of the action.
+            Some(End::Aborted) => self.tally.aborted += 1,
+            Some(End::Terminated | End::Truncated) => {
+                self.tally.episodes += 1;
+                let paid = &mut self.paid.each[self.action];
+                *paid += self.rate * (self.total - *paid);
+            }
         }
     }
 
@@ -187,7 +192,6 @@ impl Learner for PaidLearner {
 #[test]
 fn a_learner_is_one_file_and_one_line() {
     use super::list::{LearnerConfig, LearnerSettings, load_policy};
-    use super::{End, Spaces};
 
     // As in world files.
     let options = ron::Options::default()

@@ -247,6 +247,8 @@ pub(super) fn within(
 
 /// Refuses hidden layers that are too many or too wide.
 pub(super) fn within_widths(hidden: &[usize]) -> Result<(), ConfigError> {
+    // The greatest widths already take 64 MB between two layers, in each copy of the
+    // network.
     within("hidden", hidden.len() as f64, 1.0, 8.0)?;
     let mut widths = hidden.iter();
     widths.try_for_each(|width| within("hidden", *width as f64, 1.0, 4096.0))

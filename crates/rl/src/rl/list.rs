@@ -17,6 +17,7 @@ use super::{
     TrafficSettings,
 };
 
+// A macro, so that a learner is one line and no match below can forget it.
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
         /// Settings of a learner as written, to be checked by [`LearnerConfig::new`].
@@ -309,6 +310,7 @@ impl LearnerConfig {
     /// The policy is of another learner, or has other shapes.
     pub fn build_from(&self, spaces: &Spaces, seed: u64, policy: &TensorFile) -> Built {
         let kind = self.0.kind();
+        // Here once, so that no learner has to compare kinds.
         expect_kind(policy, kind.bundles()[0])?;
         kind.build_from(spaces, seed, policy)
     }
@@ -367,6 +369,7 @@ pub fn load_policy_for(
 }
 
 pub(super) fn load_shaped(bundle: &TensorFile) -> Shaped {
+    // Of the defaults only the kinds of their bundles are read.
     let all = LearnerSettings::all();
     let policy = |learner: &LearnerSettings| learner.kind().bundles()[0];
     // `Dqfd` and `Dqn` share a kind of policy and its loader, so the first match

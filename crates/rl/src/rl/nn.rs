@@ -116,6 +116,7 @@ impl Mlp {
             let gain = if i == last {
                 last_gain
             } else {
+                // A ReLU halves the variance of its inputs, for which √2 makes up.
                 std::f32::consts::SQRT_2
             };
             let matrix = orthogonal_matrix(layer.inputs, layer.outputs, dice);

@@ -143,6 +143,7 @@ impl LearnerKind for PerAdoSettings {
         learner.starts.restore(checkpoint)?;
         learner.guides.restore(checkpoint, spaces.actions)?;
         learner.tally.restore(checkpoint)?;
+        // An extension is not in the settings, so it is read from here.
         learner.tally.requested = checkpoint.one::<u64>("asked")?;
         Ok(Box::new(learner))
     }

@@ -79,6 +79,7 @@ impl ReplayBuffer {
             capacity,
             alpha,
             oldest: 0,
+            // As p₁ in Algorithm 1 of Schaul 2016.
             largest: 1.0,
             rows: Vec::new(),
             len: 0,
@@ -122,6 +123,7 @@ impl ReplayBuffer {
     pub fn mean_end(&self) -> Option<f32> {
         let rows = self.rows.chunks_exact(self.width());
         let ends = rows
+            // Nothing is bootstrapped after an end, so its discount is 0.
             .filter(|row| row[1] == 0.0)
             .map(|row| f64::from(row[0]));
         let (sum, count) = ends.fold((0.0, 0u64), |(sum, count), end| (sum + end, count + 1));
@@ -265,6 +267,7 @@ impl ReplayBuffer {
         let n = kept.len();
         let oldest = bundle.one::<u64>(&name("oldest"))? as usize;
         let leaves = bundle.get::<f64>(&name("priorities"), &[n])?;
+        // The bound is exclusive, and a full memory is valid.
         check("replay length", n, self.capacity.saturating_add(1))?;
         check("oldest slot of the replay", oldest, n.max(1))?;
         for action in kept {

@@ -57,7 +57,7 @@ impl StartPool {
             // Not `swap_remove`: the order of the pool is the age of its starts.
             let start = self.pool.remove(dice.below(self.pool.len()));
             return EpisodeStart {
-                tries: start.tries + 1,
+                tries: start.tries.saturating_add(1),
                 ..start
             };
         }

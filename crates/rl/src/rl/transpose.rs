@@ -20,6 +20,7 @@ pub fn transpose(matrix: &[f32], width: usize, out: &mut [f32], stride: usize) {
         out,
         stride,
     });
+    // The last rows fill no block and are moved one by one.
     for (row, values) in last.chunks_exact(width).enumerate() {
         for (column, value) in values.iter().enumerate() {
             out[column * stride + first + row] = *value;

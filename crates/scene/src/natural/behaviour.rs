@@ -60,6 +60,7 @@ impl<'a> AdoTrack<'a> {
         // the sample.
         let stretch = samples_in(DECISION_S, self.sample_s);
         let at: Vec<f64> = speeds.iter().step_by(stretch).copied().collect();
+        // The model has starts and cut-ins of traffic in the ego's direction only.
         let is_with_ego = self.world.spec().agents[self.agent].is_with_road();
         Some(DrivingBehaviour {
             speed_mps: *speeds.first()?,
@@ -129,6 +130,7 @@ impl<'a> AdoTrack<'a> {
     /// Returns the state of the ego if it begins behind the ado in its lane.
     fn start(&self) -> Option<StartState> {
         let first = self.at(0);
+        // Side by side, neither has begun behind the other.
         let gap_m = self.gap_m(&first).filter(|gap_m| *gap_m >= 0.0)?;
         self.is_in_lane_of(&first[0], &first[1])
             .then(|| StartState {

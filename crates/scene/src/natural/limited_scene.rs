@@ -89,6 +89,7 @@ impl LimitedScene {
         // A deviation is added to what the plan does, and drivers are rated by the sum.
         let plan_mps2 = match spec.agents[ado.agent].plan() {
             Some(_) => self.bodies[ado.agent].state.accel_mps2 - ado.added_mps2,
+            // Without a plan its action is the whole acceleration.
             None => 0.0,
         };
         let all = Command {
@@ -125,6 +126,7 @@ impl LimitedScene {
         let off_m = own.0.lateral_m - lane_m;
         let half_m = 0.5 * spec.road.lane_width_m();
         let after_m = off_m + left_mps * decision_s;
+        // It begins beside the lane and ends inside, from either side.
         let crosses = half_m <= off_m.abs() && after_m * off_m.signum() < half_m;
         let gap_m = own.0.s_m - spec.agents[agent].body.length_m - seen.0.s_m;
         let is_behind = own.0.s_m < seen.0.s_m - spec.agents[ego].body.length_m;
@@ -218,6 +220,7 @@ impl Scene for LimitedScene {
     fn decide(&mut self, action: usize) {
         let spec = self.world.spec();
         let mut rest = action;
+        // Digit by digit, in the order of `joint`.
         for ((_, actions, _), agent) in spec.action_sets().zip(agents_of(spec)) {
             let own = rest % actions.len();
             rest /= actions.len();
@@ -237,6 +240,7 @@ impl Scene for LimitedScene {
 
     fn advance_given(&mut self, given: &[Option<BodyState>]) -> Option<StepOutcome> {
         let outcome = self.scene.advance_given(given);
+        // Motion that comes from outside is rated as well.
         self.measure();
         outcome
     }

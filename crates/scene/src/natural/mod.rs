@@ -35,6 +35,7 @@ pub struct AdoLimit {
 
 /// Returns the shipped model of motorway traffic.
 pub fn motorway() -> Arc<TrafficModel> {
+    // Parsed once, since the model is large and every world has it by default.
     static MODEL: LazyLock<Arc<TrafficModel>> = LazyLock::new(|| TrafficModel::motorway().into());
     Arc::clone(&MODEL)
 }
@@ -72,6 +73,7 @@ impl NaturalTraining {
 
 impl Display for NaturalTraining {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        // By its hash, because the text is long and names may repeat.
         let model = content_hash::sha256(self.traffic.as_bytes());
         write!(
             f,
@@ -87,6 +89,8 @@ impl Default for DeclaredTraffic {
         DeclaredTraffic {
             model: motorway(),
             per_1000_km: None,
+            // The shipped traffic is a single motorway, so it counts only if the user
+            // asks.
             is_declared: false,
         }
     }

@@ -118,6 +118,7 @@ impl NaturalnessOfRow {
         limit_per_1000_km: Option<f64>,
         successes: &[&SuccessRarity],
     ) -> NaturalnessOfRow {
+        // Outside the data there is no rate to sort by.
         let mut inside: Vec<&&SuccessRarity> =
             successes.iter().filter(|it| !it.is_outside()).collect();
         inside.sort_by(|a, b| a.rate().total_cmp(&b.rate()));
@@ -164,7 +165,9 @@ impl Display for Naturalness {
 
 impl Display for NaturalnessOfRow {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (inside, outside) = (self.successes - self.outside_data, self.outside_data);
+        let outside = self.outside_data;
+        // Saturating, since both numbers may come from an edited file.
+        let inside = self.successes.saturating_sub(outside);
         match &self.median {
             Some(median) => write!(
                 f,
@@ -197,6 +200,7 @@ fn outside_words(outside: &Outside, model: &TrafficModel) -> String {
             let most = domain.cut_in_lateral_mps;
             format!("a cut-in with {mps:.1} m/s to the side, and it covers {most:.1} m/s")
         }
+        // The type belongs to another crate and may gain quantities.
         _ => "another quantity".to_owned(),
     }
 }

@@ -38,6 +38,7 @@ impl VehicleMeter {
     pub(super) fn push(&mut self, speed_mps: f64) {
         self.speed_mps = speed_mps;
         self.samples += 1;
+        // Only whole stretches are rated, as in the statistics of the model.
         if self.samples == self.stretch {
             self.meter.push((speed_mps - self.from_mps) / DECISION_S);
             (self.from_mps, self.samples) = (speed_mps, 0);

@@ -48,6 +48,8 @@ impl Preventability {
     /// that brake knows the future.
     pub fn avoidability(&self) -> Avoidability {
         match self.label {
+            // The human models come first, because the label does not tell drivers
+            // apart.
             _ if self.human_model_avoids() == Some(true) => Avoidability::Preventable,
             _ if self.self_inflicted => Avoidability::Avoidable,
             Label::AvoidedByAll | Label::AvoidedBySome | Label::OnlyByPerfect => {

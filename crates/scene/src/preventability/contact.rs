@@ -40,12 +40,14 @@ pub(super) fn reason_against_replays(world: &DriveWorld, motion: &Motion) -> Opt
     if motion.contact.is_none() {
         return Some(NotApplicable::NoContact);
     }
+    let spec = world.spec();
+    let story = spec.story.as_ref();
     // A motion holds no friction, so a replay could not repeat it.
-    if world.spec().weather.is_some() {
+    if spec.weather.is_some() || story.is_some_and(|story| story.changes_friction()) {
         return Some(NotApplicable::ChangingWeather);
     }
     // Replays have the listed road only.
-    if world.spec().road_ado.is_some() {
+    if spec.road_ado.is_some() {
         return Some(NotApplicable::ChangingRoad);
     }
     // The touch may join two other agents.

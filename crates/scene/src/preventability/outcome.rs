@@ -68,7 +68,7 @@ pub enum NotApplicable {
     FromBehind,
     /// Before the contact, no agent was ahead to react to.
     NobodyAhead,
-    /// The weather changes during the episode, and replays have that of the start.
+    /// Weather or friction may change on the way, and replays have those of the start.
     ChangingWeather,
     /// An ado laid the road during the episode.
     ChangingRoad,
@@ -126,7 +126,8 @@ pub struct DriverOutcome {
     pub reacted_s: Option<f64>,
     /// True if the ados' rules are kept in the replay, `None` if not evaluated.
     ///
-    /// The ados of a replay do not react.
+    /// The ados of a replay do not react. Rules about plans and actions are not evaluated,
+    /// since a recorded motion holds neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_kept: Option<bool>,
     /// ρ(ψ_ego) of the replay, since a specification may demand more than no contact.
@@ -301,6 +302,8 @@ impl Preventability {
     /// Returns whether a driver avoids it from the handover on.
     pub fn is_avoided_by(&self, driver: ReferenceDriver) -> bool {
         let outcome = match driver {
+            // It takes over at the first danger, so it is none of those at the
+            // handover.
             ReferenceDriver::Ideal => self.perfect.as_ref(),
             _ => self.handover.get(&driver),
         };

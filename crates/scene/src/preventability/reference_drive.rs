@@ -56,6 +56,7 @@ impl ReferenceDriverRun {
         if has_reacted && self.reacted.is_none() {
             self.reacted = Some(self.driven);
         }
+        // The reaction belongs to this sample, so the count grows after it.
         self.driven += 1;
     }
 

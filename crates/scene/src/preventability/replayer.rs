@@ -54,6 +54,8 @@ pub struct Replayer {
     world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
+    /// Whether replays have all signals of the rules, and of ψ_ego.
+    repeats: (bool, bool),
     /// Other vehicles, by position among the agents.
     vehicles: Vec<usize>,
     sample_s: f64,
@@ -112,9 +114,14 @@ impl Replayer {
         let vehicle = spec.agents[ego].body.vehicle()?;
         let agents = spec.agents.iter().enumerate();
         let vehicles = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
+        let mut rules = rulebook.rules.iter();
         Some(Replayer {
             scene: world.for_replay().scene(),
             world: world.clone(),
+            repeats: (
+                rules.all(|rule| world.repeats(&rule.monitor.signals())),
+                world.repeats(&rulebook.spec.signals()),
+            ),
             rulebook,
             vehicles: vehicles.map(|(i, _)| i).collect(),
             sample_s: spec.clock.sample_s,
@@ -235,6 +242,8 @@ impl Replayer {
         assessed.perfect = self.from_handover(&case, ReferenceDriver::Ideal, trace);
         assessed.foresight = Some(self.from_start(&case, Seat::FullBrakes, trace));
         assessed.label_outcomes();
+        // Only if braking at the first danger fails, because this replays from many
+        // samples.
         if assessed.label == Label::UnavoidableByBraking {
             // Braking may help between the start and the first danger, or after it.
             assessed.label = match (self.last_braking(&case), case.danger) {
@@ -270,6 +279,7 @@ impl Replayer {
 
     /// Returns the last sample from which full braking avoids the contact.
     fn last_braking(&mut self, case: &RecordedEpisode) -> Option<usize> {
+        // Backwards, so that the last such sample is found first.
         let mut samples = (0..case.recorded).rev();
         samples.find(|from| self.braking_avoids(case, *from))
     }
@@ -429,6 +439,7 @@ impl Replayer {
                 let gained_mps = then.state.speed_mps - ego.speed_mps;
                 self.scene.keep_lane(gained_mps / self.sample_s)
             }
+            // After the record there is no speed left to reproduce.
             _ => self.scene.keep_lane(then.state.accel_mps2),
         }
     }
@@ -492,6 +503,7 @@ impl Replayer {
         let recorded_mps = recorded.map_or(0.0, |touch| touch.closing_speed_mps);
         let now_mps = contact.as_ref().map(|it| it.closing_speed_mps);
         let judged = judged.map(|rows| rows.judge(&self.rulebook));
+        let (rules, spec) = self.repeats;
         DriverOutcome {
             avoided: contact.is_none(),
             // Below 0 for a contact, so that one number orders all outcomes.
@@ -499,8 +511,8 @@ impl Replayer {
             saved_mps: recorded_mps - now_mps.unwrap_or(0.0),
             contact,
             reacted_s,
-            rules_kept: judged.map(|(kept, _)| kept),
-            robustness: judged.map(|(_, robustness)| robustness),
+            rules_kept: judged.filter(|_| rules).map(|(kept, _)| kept),
+            robustness: judged.filter(|_| spec).map(|(_, robustness)| robustness),
         }
     }
 }

@@ -68,6 +68,7 @@ impl RunMonitor {
                 most,
                 interval,
             } => {
+                // A scene may be advanced past its horizon, where no number may be fed.
                 if *samples < *most {
                     *interval = monitor.push(numbers, *samples, row);
                     *samples += 1;
@@ -90,6 +91,7 @@ impl RunMonitor {
             } => monitor.ended(numbers, *samples),
             // A final value is that of the run that ends here, too.
             RunMonitor::General(general) if general.interval().is_final() => general.interval().lo,
+            // The end of the trace still changes the value, so all of it is read.
             RunMonitor::General(_) => formula.robustness(trace, scratch),
         }
     }

@@ -201,6 +201,8 @@ impl RunsJudge {
     /// Reads the new samples if none of them can decide the run, and else none.
     #[inline]
     fn is_uneventful(&mut self, new: &NewSamples<'_>) -> bool {
+        // A lost ψ_ego waits for the rules sample by sample, and a long batch has no
+        // work memory.
         if self.spec_lost[new.run] || self.work.len() < new.count {
             return false;
         }

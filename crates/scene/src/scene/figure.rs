@@ -43,6 +43,8 @@ impl AgentDescription {
         let [length_m, width_m, height_m] = self.size_m;
         if self.on_foot && length_m <= PERSON_M && width_m <= PERSON_M {
             BodyFigure::Person
+        // Two-wheelers are narrow, cars low and vans short, each unlike the kinds
+        // below.
         } else if width_m < 1.2 {
             BodyFigure::TwoWheeler
         } else if height_m < 1.9 {

@@ -106,6 +106,7 @@ fn within(a: GroundPoint, b: GroundPoint, reach: &[(f64, f64); 2]) -> Option<(f6
             return None;
         }
     }
+    // A segment that only touches the box has no section inside.
     (from < to).then_some((from, to))
 }
 

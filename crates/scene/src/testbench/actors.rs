@@ -63,6 +63,7 @@ impl<'a> SampledPolicy<'a> {
             policy,
             temperature,
             draw,
+            // A placeholder until the first episode begins.
             rng: draws(0, draw),
         }
     }

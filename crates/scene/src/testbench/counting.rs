@@ -50,6 +50,7 @@ impl Testbench {
         }
         match (&mut self.replayer, self.recording.motion()) {
             (Some(replayer), Some(motion)) => replayer.preventable_by(motion, by),
+            // Without a recorded motion there is nothing to replay.
             _ => false,
         }
     }

@@ -38,6 +38,7 @@ impl std::fmt::Display for FaultCount {
             "{kind} in {count} {episodes}, first on start {}: {}",
             self.first_start, self.message
         )?;
+        // Tracebacks name the error in their last line.
         match self.stderr.lines().next_back() {
             Some(last) => write!(f, " (stderr ends: {})", last.trim()),
             None => Ok(()),
@@ -49,6 +50,7 @@ impl std::fmt::Display for FaultCount {
 pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> Vec<FaultCount> {
     let mut counts: Vec<FaultCount> = Vec::new();
     for (start, fault) in faults {
+        // Messages may contain numbers of their episode, so kinds are counted.
         let Some(known) = counts.iter_mut().find(|known| known.kind == fault.kind) else {
             counts.push(FaultCount {
                 kind: fault.kind,

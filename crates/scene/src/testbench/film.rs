@@ -59,6 +59,7 @@ pub fn joined<'a>(frames: &'a [Frame], after: Option<&FilmAfterContact>) -> Cow<
 
 /// Plays a recorded episode again and returns the poses per sample.
 pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
+    // A recording may go on after its verdict, up to the contact.
     bench.begin(&episode.start, episode.noise, Aftermath::Play);
     let mut frames = vec![bench.frame()];
     for &action in &episode.actions {

@@ -158,6 +158,8 @@ impl Gym {
                 decisions: self.spent.decisions,
                 index: self.index,
                 start: self.start.clone(),
+                // A limit may have replaced actions, and a replay needs those that were
+                // played.
                 actions: self.bench.as_played(self.actions.clone()),
                 by,
             });

@@ -72,6 +72,7 @@ impl Testbench {
 /// Plays a recorded episode again and returns the motion of all agents.
 pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
     bench.record_motion();
+    // The recorded actions include those of the aftermath.
     bench.begin(&episode.start, episode.noise, Aftermath::Play);
     for &action in &episode.actions {
         bench.decide(action);

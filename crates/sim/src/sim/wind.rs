@@ -51,6 +51,8 @@ impl Wind {
     pub fn accel_mps2(&self, time_s: f64, body: &Body, state: &BodyState) -> (f64, f64) {
         let air = rotation_by(-state.pose.heading_rad) * self.velocity_mps(time_s);
         let per_kg = 0.5 * AIR_KG_PER_M3 / body.mass_kg;
+        // The plants drag vehicles only, so wind changes nothing for others along the
+        // way.
         let drag_area_m2 = body.vehicle().map_or(0.0, |vehicle| vehicle.drag_area_m2);
         // The speed of the body through the air.
         let against_mps = state.speed_mps - air.x;

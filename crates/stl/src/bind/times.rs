@@ -20,6 +20,7 @@ impl Binder<'_> {
         };
         let to_s = self.time(to)?;
         let to_samples = self.samples(to_s, to)?;
+        // Compared in samples, since each end may have been rounded on its own.
         if to_samples < from {
             let what = format!("the window ends at {to_s} s, before it begins at {from_s} s");
             let error = StlError::new(what, bounds.span.0.clone(), "empty");
@@ -47,6 +48,8 @@ impl Binder<'_> {
                 // A constant arrives as an f64, so 0.1 must become 1/10 again.
                 Ratio::from_f64(value).and_then(|value| in_seconds(value, *unit))
             }
+            // The sign is checked at the end: a negative summand of a positive bound is
+            // fine.
             TimeKind::Negative(a) => self.time(a)?.neg(),
             TimeKind::Calculated(op, sides) => {
                 let (a, b) = (self.time(&sides.0)?, self.time(&sides.1)?);
@@ -155,6 +158,7 @@ fn nearest(samples: Ratio) -> Option<i128> {
     };
     // Never by a noticeable part of a sample, however long the bound is.
     let is_near = off(whole) <= (ROUNDED * value).min(1e-3);
+    // Zero is never a rounding, or a short bound would become the present sample.
     (samples.is_whole() || (is_near && whole > 0)).then_some(whole)
 }
 

@@ -29,6 +29,7 @@ impl LinearPiece {
         if self.start == self.end || t <= ends.0 {
             return self.start;
         }
+        // Clamped, since a shifted time may round past an end.
         if ends.1 <= t {
             return self.end;
         }
@@ -51,6 +52,7 @@ impl Piecewise {
     pub(super) fn constant(times: &[f64], value: f64) -> Piecewise {
         let ends = [times.first(), times.last()].into_iter().flatten().copied();
         let mut times: Vec<f64> = ends.collect();
+        // A run of a single sample has one breakpoint and no piece.
         times.dedup();
         Piecewise {
             points: vec![value; times.len()],
@@ -72,6 +74,7 @@ impl Piecewise {
     fn push(&mut self, piece: LinearPiece, time: f64, point: f64) {
         let flat = |before: Option<&LinearPiece>, at: Option<&f64>| {
             before.zip(at).is_some_and(|(before, at)| {
+                // The value between counts as well: a jump of one instant must survive.
                 let all = [before.start, before.end, *at, piece.start, piece.end];
                 all.iter().all(|value| *value == piece.start)
             })
@@ -187,8 +190,11 @@ impl Piecewise {
     /// include its end.
     pub(super) fn ahead<E: Extremum>(&self, from: f64, to: Option<f64>, open: bool) -> Piecewise {
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
+        // The extremum changes its form only where an end of the window meets a
+        // breakpoint.
         let shifts = std::iter::once(from).chain(to);
         let shifted = shifts.flat_map(|shift| self.times.iter().map(move |t| t - shift));
+        // The domain stays that of the recorded run.
         let inside = shifted.filter(|t| first < *t && *t < last);
         let mut times: Vec<f64> = inside.chain([first, last]).collect();
         sort(&mut times);
@@ -205,6 +211,7 @@ impl Piecewise {
         let mut out = Piecewise::begin(times[0], window.point::<E>(times[0]));
         for pair in times.windows(2) {
             let ends = (pair[0], pair[1]);
+            // The interval before its right end, because the window only moves forward.
             let lines = window.lines::<E>(ends);
             let point = window.point::<E>(ends.1);
             out.envelope::<E>(&lines, ends, point);
@@ -235,6 +242,7 @@ impl Piecewise {
             // A later goal in this piece, or behind it, needs the guard until then.
             let later = g.end.min(q.end.max(next));
             let start = g.start.min(q.start).max(g.start.min(later));
+            // A piece belongs to the entry of its right end, the last so far.
             if let Some(part) = parts.last_mut() {
                 part.2 = Some(UntilLines {
                     guard: g,
@@ -260,6 +268,7 @@ impl Piecewise {
     /// Appends max(goal, min(guard, later)) on a piece.
     fn until_piece(&mut self, lines: UntilLines, ends: (f64, f64), closed: bool, point: f64) {
         let UntilLines { guard, goal, later } = lines;
+        // Values at breakpoints are placeholders here, as only the pieces are read.
         let mut held = Piecewise::begin(ends.0, 0.0);
         held.envelope::<Min>(&[guard, LinearPiece::constant(later)], ends, 0.0);
         let mut now = Piecewise::begin(ends.0, 0.0);
@@ -297,6 +306,7 @@ fn crossings(lines: &[LinearPiece], ends: (f64, f64)) -> Vec<f64> {
     for (i, a) in lines.iter().enumerate() {
         for b in &lines[i + 1..] {
             let (start, end) = (a.start - b.start, a.end - b.end);
+            // Two infinities of one sign give NaN, which counts as no crossing.
             if (start < 0.0 && end > 0.0) || (end < 0.0 && start > 0.0) {
                 let t = ends.0 + (ends.1 - ends.0) * (start / (start - end));
                 // Rounding may move a crossing to an end, where it changes nothing.
@@ -314,7 +324,7 @@ fn sort(times: &mut Vec<f64>) {
     times.dedup();
 }
 
-/// DenseWindow that moves over a function.
+/// Window that moves over a function.
 struct DenseWindow<'a> {
     function: &'a Piecewise,
     from: f64,
@@ -371,6 +381,7 @@ impl DenseWindow<'_> {
         self.shift(t, t);
         let function = self.function;
         let Some(low) = function.times.get(self.low).map(|time| time - self.from) else {
+            // The window begins behind the last breakpoint and is empty.
             return E::NEUTRAL;
         };
         let at_breakpoint = low == t;
@@ -379,10 +390,13 @@ impl DenseWindow<'_> {
         } else {
             function.at(self.low - 1, t + self.from)
         };
+        // A window of one instant sees no limit at either side.
         if self.to == Some(self.from) {
             return start;
         }
         let mut value = start;
+        // The limit to the right of its start is inside of the window, the left one is
+        // not.
         if at_breakpoint && let Some(piece) = function.pieces.get(self.low) {
             value = E::pick(value, piece.start);
         }
@@ -390,9 +404,12 @@ impl DenseWindow<'_> {
         let mut end = self.high;
         // The end of the window: at a breakpoint, in a piece, or behind the function.
         if let Some(to) = self.to {
-            if function.times[end - 1] - to == t {
+            // At times so large that `to` is lost in rounding, the end is the first breakpoint.
+            if end > 1 && function.times[end - 1] - to == t {
                 end -= 1;
                 value = E::pick(value, function.pieces[end - 1].end);
+                // An open window leaves out the end itself, but not the limit before
+                // it.
                 if !self.open {
                     value = E::pick(value, function.points[end]);
                 }
@@ -406,6 +423,8 @@ impl DenseWindow<'_> {
     /// Returns linear functions whose extremum is that over the window, on an open interval
     /// in which no end of the window passes a breakpoint.
     fn lines<E: Extremum>(&mut self, ends: (f64, f64)) -> Vec<LinearPiece> {
+        // Exchanged, so that only breakpoints count that are inside during the whole
+        // interval.
         self.shift(ends.1, ends.0);
         if self.low == self.function.times.len() {
             return vec![LinearPiece::constant(E::NEUTRAL)];
@@ -413,6 +432,8 @@ impl DenseWindow<'_> {
         let line = |piece: usize, shift: f64| {
             let (start, end) = self.function.ends(piece);
             let whole = self.function.pieces[piece];
+            // At a breakpoint the limit is copied, since a sum of times may round
+            // beside it.
             LinearPiece {
                 start: if start - shift == ends.0 {
                     whole.start
@@ -430,6 +451,8 @@ impl DenseWindow<'_> {
         if self.to == Some(self.from) {
             return lines;
         }
+        // A window that reaches behind the last breakpoint sees it as an inner one
+        // below.
         if let Some(to) = self.to.filter(|_| self.high < self.function.times.len()) {
             lines.push(line(self.high - 1, to));
         }

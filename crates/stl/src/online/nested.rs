@@ -80,6 +80,7 @@ impl NestedForm {
                 ref op => break Future::new(program, op)?,
             }
         };
+        // The walk went inwards, and values are computed outwards.
         path.reverse();
         Some(NestedForm {
             future,
@@ -172,6 +173,7 @@ impl Future {
 
     /// Returns the values that the operator can have after the latest sample.
     fn after(self, reading: &EvalWindow) -> Interval {
+        // While the trace may go on, any value can follow.
         if reading.known < reading.len(self.window) {
             return Interval::ANY;
         }
@@ -213,6 +215,7 @@ impl NestedProgress {
         let (window, horizon) = (self.watch.window, self.watch.horizon);
         // The last sample of the window, and how many of the samples are decided.
         let last = window.to.map_or(now, |to| to.min(now));
+        // Never more than the window contains, or later samples would be folded in.
         let decided = horizon
             .map_or(0, |horizon| reading.known.saturating_sub(horizon))
             .min(last + 1);
@@ -228,6 +231,8 @@ impl NestedProgress {
             let open = self.open.join::<E>();
             let next = self.form.signed(self.form.future.after(reading));
             if let Some(open) = open {
+                // Each end may be mapped on its own, because the operand grows with its
+                // future.
                 interval = next.map(|z| E::pick(folded, at(open.value, z)));
             }
         }

@@ -104,6 +104,7 @@ fn window<E: Extremum>(
     let now = reading.known - 1;
     let interval = if program.is_instant(id) {
         // Each sample of such an operand is final and enters once.
+        // At sample 0 the offsets of a window are sample numbers.
         if watch.window.from <= now && watch.window.to.is_none_or(|to| now <= to) {
             folded = E::pick(folded, tracks[id].now);
         }
@@ -155,6 +156,8 @@ fn until<E: Extremum>(
                 } else {
                     best
                 };
+                // Afterwards, since the left side must hold before a goal and not at
+                // it.
                 state = (best, E::Dual::pick(held, *guard));
             }
             state
@@ -176,6 +179,7 @@ fn until<E: Extremum>(
         (watch.folded, watch.guard) = (Some(state.0), Some(state.1));
     }
     let at = watch.next;
+    // Undecided samples run on a copy, as their bounds still change.
     let lower = run(
         state,
         at..last + 1,

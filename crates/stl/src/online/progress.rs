@@ -37,6 +37,7 @@ impl WindowProgress {
             // An exact reading knows every sample, so nothing is pending.
             _ if reading.is_exact() => reading.known,
             Some(horizon) => reading.known.saturating_sub(horizon),
+            // An unbounded operand is undecided until the trace ends.
             None => 0,
         };
         (last, settled.min(last + 1))

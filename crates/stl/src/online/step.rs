@@ -159,6 +159,7 @@ impl Decided<'_> {
             let new = (sample, self.at(a, sample)?);
             after = track.guard.slide::<Min>(Some(first), Some(new));
         }
+        // A window before the first sample has no goal in it.
         let Some(newest) = sample.checked_sub(window.from) else {
             return Some(f64::NEG_INFINITY);
         };

@@ -92,6 +92,7 @@ impl StreamMonitor {
         if self.ended {
             return Ok(None);
         }
+        // After the check, so that a refused row is never held.
         if let Some(last) = &mut self.last {
             last.clear();
             last.extend_from_slice(row);
@@ -110,6 +111,7 @@ impl StreamMonitor {
         }
         self.ended = true;
         let len = self.known;
+        // Counted before held samples arrive, which decide further samples.
         let decided = self.decided();
         if let Some(last) = self.last.take() {
             // From there on every operator repeats its last value.
@@ -128,6 +130,7 @@ impl StreamMonitor {
         let monitor = &self.monitor;
         rest.iter_mut()
             .for_each(|value| *value = monitor.clamp(*value));
+        // Held samples do not count as read.
         self.known = len;
         rest
     }

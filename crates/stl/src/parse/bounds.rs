@@ -143,6 +143,7 @@ impl<'a> Parser<'a> {
                 self.advance();
                 TimeKind::Name(name.into(), self.unit())
             }
+            // An operator here means that the time is missing.
             Token::Word(name) if !is_endless(&token) && !is_word_operator(name) => {
                 self.advance();
                 TimeKind::Name(name.into(), self.unit())

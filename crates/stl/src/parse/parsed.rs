@@ -73,6 +73,7 @@ pub(super) fn join(
                 Logic::Implies => NodeKind::Implies(left, right),
                 Logic::Iff => NodeKind::Iff(left, right),
                 Logic::Temporal(op) => NodeKind::Binary(op, bounds, left, right),
+                // Conjunctions and disjunctions are joined above, so only xor is left.
                 Logic::Xor | Logic::And | Logic::Or => NodeKind::Xor(left, right),
             };
             Node::new(kind, span)

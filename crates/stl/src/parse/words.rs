@@ -14,6 +14,7 @@ pub(super) mod strength {
     pub(in crate::parse) const SINCE: u8 = 6;
     pub(in crate::parse) const UNLESS: u8 = 7;
     pub(in crate::parse) const UNTIL: u8 = 8;
+    // Looser than a comparison: `not x > 0` negates the whole of it.
     pub(in crate::parse) const PREFIX: u8 = 9;
     pub(in crate::parse) const COMPARE: u8 = 10;
     pub(in crate::parse) const ADD: u8 = 11;
@@ -69,6 +70,8 @@ pub(super) fn prefix_of(token: &Token<'_>) -> Option<Prefix> {
     let unary = match token {
         Token::Word(word) => match *word {
             "not" => return Some(Prefix::Not),
+            // Names of Breach and RTAMT are understood, so that their formulas need no
+            // translation.
             "always" | "globally" | "alw" | "alw_" | "always_" | "G" => Unary::Always,
             "eventually" | "ev" | "ev_" | "eventually_" | "F" => Unary::Eventually,
             "historically" | "H" => Unary::Historically,

@@ -59,10 +59,12 @@ impl RunningMonitor {
         let margins = &mut work[..count];
         match &self.instants[instant] {
             RunningInstant::Leaf(leaf) => leaf.fill(&columns, Semantics::Margin, 0, margins),
+            // Invariant: the short cut exists only for a single comparison.
             _ => return None,
         }
         let least = pick(MinMax::Min, numbers[folded], fold::<Min>(margins));
         numbers[folded] = least;
+        // The upper end never rises, so its least value is the latest.
         Some(self.monitor.clamp(least))
     }
 }

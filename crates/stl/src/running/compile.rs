@@ -14,6 +14,7 @@ impl Monitor {
     /// of a [`TraceEnd`] other than `Truncate`, give `None` and need an
     /// [`OnlineMonitor`](crate::OnlineMonitor).
     pub fn running(&self, len: usize) -> Option<RunningMonitor> {
+        // Other ends add samples, and a run of known length has none to add.
         if self.settings.end != TraceEnd::Truncate || len == 0 {
             return None;
         }
@@ -39,6 +40,8 @@ impl Monitor {
             instants.into_iter().map(|it| it.shifted(first)).collect();
         let mut begin = vec![0.0; first];
         begin.extend(carried);
+        // Only then does every sample of the run count, which reading whole blocks
+        // needs.
         let extremum = match (&points[root], &instants[..]) {
             (
                 RunningPoint::Window {
@@ -85,6 +88,7 @@ impl RunningCompiler<'_> {
         if let Some(place) = self.places[id] {
             return Some(place);
         }
+        // A value that later samples can change does not fit in one number.
         if !self.program.is_instant(id) {
             return None;
         }
@@ -107,6 +111,7 @@ impl RunningCompiler<'_> {
                 let a = self.instant(a)?;
                 RunningInstant::Past(side, a, self.carry(neutral(side)))
             }
+            // A bounded past would have to remember samples instead of a number.
             _ => return None,
         };
         self.instants.push(instant);
@@ -118,6 +123,7 @@ impl RunningCompiler<'_> {
         let program = self.program;
         let point = if program.is_instant(id) {
             let instant = self.instant(id)?;
+            // Nothing reads it before the first sample, and NaN would show a fault.
             let kept = self.carry(f64::NAN);
             RunningPoint::First { instant, kept }
         } else {
@@ -140,6 +146,7 @@ impl RunningCompiler<'_> {
                     goal: self.instant(b)?,
                     best: {
                         let best = self.carry(neutral(side));
+                        // Directly behind the best value, where the until looks for it.
                         self.carry(opposite(neutral(side)));
                         best
                     },

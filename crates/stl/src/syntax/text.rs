@@ -169,6 +169,7 @@ fn write_sides<T: Display>(
         write!(f, "{}", a.0)?
     }
     write!(f, " {} ", op.word())?;
+    // On the right equal strength needs them: a − (b − c) is not a − b − c.
     if b.1 <= op.strength() {
         write!(f, "({})", b.0)
     } else {

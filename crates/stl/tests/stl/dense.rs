@@ -311,6 +311,14 @@ fn limits_at_jumps_count() {
 }
 
 #[test]
+fn times_in_which_a_window_is_lost_do_not_panic() {
+    let trace = line(Interpolation::Linear, &[(1.7e18, 1.0), (1.8e18, 3.0)]);
+    assert_eq!(rho("always[0, 1] (x >= 0)", &trace), Ok(1.0));
+    let single = line(Interpolation::Linear, &[(1.7e18, 1.0)]);
+    assert_eq!(rho("always[0, 1] (x >= 0)", &single), Ok(1.0));
+}
+
+#[test]
 fn what_has_no_dense_meaning_is_refused() {
     let linear = line(Interpolation::Linear, &[(0.0, 1.0), (0.1, 2.0)]);
     let constant = line(Interpolation::Constant, &[(0.0, 1.0), (0.1, 2.0)]);

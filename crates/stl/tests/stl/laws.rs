@@ -64,10 +64,12 @@ proptest! {
             lo: column(i).fold(f64::INFINITY, f64::min),
             hi: column(i).fold(f64::NEG_INFINITY, f64::max),
         });
-        let monitor = wff.monitor(&settings(until, TraceEnd::Truncate));
-        let rho = monitor.robustness(&trace(&rows), &mut Scratch::new());
-        let range = monitor.range(&ranges);
-        prop_assert!(range.contains(rho), "{} in {range:?}", rho);
+        for end in [TraceEnd::Truncate, TraceEnd::Hold, TraceEnd::Strict] {
+            let monitor = wff.monitor(&settings(until, end));
+            let rho = monitor.robustness(&trace(&rows), &mut Scratch::new());
+            let range = monitor.range(&ranges);
+            prop_assert!(range.contains(rho), "{} in {range:?}", rho);
+        }
     }
 
     #[test]

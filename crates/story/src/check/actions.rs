@@ -1,6 +1,6 @@
 //! Check of the actions of an event.
 
-use super::{Check, MOST};
+use super::{Check, CheckedStoryboard, MOST};
 use crate::ron_file::ValuePath;
 use crate::tree::{Actors, CheckedEffect, ElementKind, VariableChange};
 use crate::values::{
@@ -11,6 +11,14 @@ use crate::view::{
     ActorAction, ActorDistance, ActorLane, ActorOffset, ActorSpeed, DistanceSide, RelativeTarget,
     SceneChange, Synchronization,
 };
+
+impl CheckedStoryboard {
+    /// Returns whether an action may change the friction of the road.
+    pub fn changes_friction(&self) -> bool {
+        let mut effects = self.elements.iter().map(|element| &element.effect);
+        effects.any(|it| matches!(it, Some(CheckedEffect::Scene(SceneChange::Friction(_)))))
+    }
+}
 
 impl Check<'_, '_> {
     pub(super) fn action(

@@ -1,7 +1,7 @@
 //! Ado adapted to an ego: learned once, stored with the run, and planned start by start.
 
 use std::fmt::{self, Display, Formatter};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -352,19 +352,15 @@ pub fn learned(
 /// Returns the file of a request.
 ///
 /// Its name is a hash of everything that the result depends on: the version, the world, the
-/// ado, the ego, its plant and, for a program, the files that its command names.
+/// ado, the ego, its plant and, for a program, its content.
 /// `None`: the controller is in no file, and the next controller may differ.
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
     if ego.is_own() {
         return None;
     }
-    let program = ego.scenario().program();
-    let files: Vec<String> = program
-        .iter()
-        .flat_map(|program| &program.command)
-        .filter_map(|path| file_bytes(Path::new(path)).ok())
-        .map(|bytes| sha256(&bytes))
-        .collect();
+    // An ego without a program has an empty list, and so keeps the name of its file.
+    let content = ego.program_content().into_iter();
+    let files: Vec<String> = content.map(|content| content.sha256).collect();
     let name = fingerprint(&serde_json::json!({
         "brakecheck": env!("CARGO_PKG_VERSION"),
         "world_sha256": run.manifest().world_sha256,

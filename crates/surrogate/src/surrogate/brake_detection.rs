@@ -54,6 +54,7 @@ pub(super) fn brake_in(
     let worths: Vec<f64> = pairs
         .map(|(situation, change)| worth(&brake, situation, *change, near_mps2))
         .collect();
+    // Without a sample of full braking, any threshold would fit.
     if !worths.iter().any(|worth| *worth > 0.0) {
         return None;
     }

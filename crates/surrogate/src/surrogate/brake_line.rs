@@ -62,6 +62,7 @@ impl BrakeLine {
 
     /// Returns a brake with this line and zero weights, so it never acts.
     pub(super) fn brake(&self, sample_s: f64) -> EmergencyBrake {
+        // Rounding may lift the share to 1 or above, where the rest has no logarithm.
         let left = 1.0 - self.share;
         EmergencyBrake {
             brake_mps2: self.brake_mps2,

@@ -36,6 +36,7 @@ impl std::fmt::Display for FittedModel {
             self.controller.controller.kind(),
             100.0 * self.unexplained
         )?;
+        // The parameters of a controller that explains little mean little.
         if !self.is_close() {
             return Ok(());
         }

@@ -253,6 +253,7 @@ pub struct LearnedEgo {
 pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
     let all = starts(request.nominal, request.runs, request.seed);
     let count = if request.runs >= THREE_ROUNDS { 3 } else { 2 };
+    // No starts at all would make chunks of length 0, which panics.
     let mut rounds = all.chunks(all.len().div_ceil(count).max(1));
     let mut learning = EgoLearning::begin(request, &all, rounds.next()?, watch)?;
     let further: Vec<_> = rounds.collect();
@@ -365,6 +366,7 @@ impl<'a> EgoLearning<'a> {
         let LearnEgoRequest {
             ego, bundle, seed, ..
         } = *self.request;
+        // The policy of an earlier round knows the ego already.
         let before = self.fine_tuned.as_ref().or(bundle);
         self.fine_tuned = fine_tuned(ego, before, &self.surrogate, seed, self.watch);
     }
@@ -375,6 +377,7 @@ impl<'a> EgoLearning<'a> {
         let followed = self
             .fine_tuned
             .as_ref()
+            // Without a policy that loads, plans are still possible.
             .and_then(|inside| load_policy(inside).ok());
         let policies = Policies {
             as_trained: self.request.policy,

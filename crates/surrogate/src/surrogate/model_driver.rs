@@ -36,6 +36,7 @@ pub(super) struct ModelDriverSlot(Arc<Mutex<ModelDriverConfig>>);
 
 impl ModelDriverSlot {
     pub(super) fn set(&self, config: ModelDriverConfig) {
+        // A value that is replaced as a whole is sound even after a panic elsewhere.
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = config;
     }
 
@@ -86,6 +87,7 @@ impl ModelDriver {
                 lateral_mps: (next.lateral_m - here.lateral_m) / percept.sample_s,
             };
         }
+        // The yardstick of every surrogate is an ego that keeps its acceleration.
         let Some(surrogate) = &self.config.surrogate else {
             return Command::accelerate(own.accel_mps2);
         };

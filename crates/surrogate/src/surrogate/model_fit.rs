@@ -138,6 +138,7 @@ impl<'a> Fitting<'a> {
         let count = changes().count() as f64;
         let squares: f64 = changes().map(|change| change * change).sum();
         let unit_mps2 = (squares / count.max(1.0)).sqrt();
+        // An ego that keeps its acceleration leaves a fit nothing to explain.
         if unit_mps2 < 1e-6 {
             return None;
         }
@@ -148,9 +149,11 @@ impl<'a> Fitting<'a> {
             nothing: 1.0,
         };
         let critical = fitting.critical_share();
+        // Rare critical samples count as much as all others together.
         if critical > 0.0 && critical < 1.0 {
             fitting.weights = [0.5 / critical, 0.5 / (1.0 - critical)];
         }
+        // What a model leaves unexplained is relative to no model at all.
         fitting.nothing = mean_square(&fitting.deviations(|_| |_: &Percept, _: usize| 0.0));
         Some(fitting)
     }
@@ -271,6 +274,7 @@ impl<'a> Fitting<'a> {
                 None => own.next().copied().unwrap_or(0.0),
             });
             let mut point: Vec<f64> = values.collect();
+            // The delay is the last number of a point, and is shared as well.
             point.extend(found.point.last());
             point
         };
@@ -278,6 +282,7 @@ impl<'a> Fitting<'a> {
             let points: Vec<Vec<f64>> = points.iter().map(whole).collect();
             self.costs(kind, &points)
         };
+        // Another stream than those of the restarts and of the search nearby.
         let mut dice = seed::generator(kind.kind, &[seed, RESTARTS + 1]);
         Some(whole(
             &CrossEntropySearch::WIDE

@@ -98,6 +98,7 @@ impl ModelKind {
         Some(FittedModel {
             controller: Actuated::of_kind(self.kind, &values)?,
             delay_s: within(*point.last()?, 0.0, LONGEST_DELAY_S),
+            // Unknown until the controller was compared with the runs.
             unexplained: f64::INFINITY,
         })
     }

@@ -85,6 +85,7 @@ impl PlanningBudget {
     /// Returns the spacing of the last search, if it is finer than the first search.
     pub(super) fn finest(&self, actions: usize, decisions: usize) -> Option<usize> {
         let finest = stride(actions, decisions, 1, FINEST);
+        // Otherwise the first pass was as fine already.
         (self.is_finest && finest < self.stride(actions, decisions, 2, true)).then_some(finest)
     }
 

@@ -184,6 +184,8 @@ impl Earlier {
     /// `samples` is the number of samples per decision.
     pub(super) fn beginnings(&self, samples: usize) -> Vec<RunPrefix> {
         let of_run = |run: &RunPrefix| {
+            // Plans from the start are tried by themselves, so the first point lies
+            // behind it.
             let lengths = (EVERY..run.actions.len()).step_by(EVERY);
             let beginnings = lengths.map(|length| run.up_to(length, samples));
             beginnings.collect::<Vec<_>>()

@@ -119,6 +119,7 @@ impl ModelBench {
         variation: SurrogateVariation,
     ) {
         self.set_ego(so_far, surrogate, variation);
+        // Planning needs the verdict alone, and nothing is simulated after it.
         self.bench.begin(from.start, from.noise, Aftermath::Skip);
         for &action in &so_far.actions {
             // The model can reach its verdict earlier than the recorded run did.

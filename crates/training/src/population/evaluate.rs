@@ -252,6 +252,7 @@ fn incidence(members: &[Vec<(usize, FailureCell)>]) -> BTreeMap<FailureCell, usi
 
 /// Returns a row with the outcomes of all members together. `None` without members.
 fn union_row(rows: &[Row]) -> Option<Row> {
+    // Only the outcomes, and what follows from them, are read of this row.
     let mut union = rows.first()?.clone();
     let any = |at: usize| {
         rows.iter()

@@ -167,12 +167,24 @@ fn resumed(
     };
     let first = dir.member_path(0);
     // A process may be killed after the directory and before its first member.
-    let session = if RunDir::open(&first).is_ok() {
+    let session = if is_begun(&first)? {
         TrainSession::resume(world, &first, &training)?
     } else {
         TrainSession::begin(world, &first, &training)?
     };
     Ok((dir, session))
+}
+
+/// Returns whether the training of a member was begun.
+///
+/// # Errors
+/// Its directory is damaged.
+fn is_begun(member: &Path) -> Result<bool, RunError> {
+    match RunDir::open(member) {
+        Err(RunError::NotARun { .. }) => Ok(false),
+        // A second beginning would only say that the directory exists.
+        opened => opened.map(|_| true),
+    }
 }
 
 /// Returns the simulations of one search of the archive.
@@ -192,8 +204,10 @@ pub fn archive_of(dir: &PopulationDir) -> Result<FailureArchive, RunError> {
         return Ok(FailureArchive::default());
     };
     let text = String::from_utf8_lossy(&bytes);
+    let recorded = dir.manifest().archive.as_ref();
     FailureArchive::from_text(&text).map_err(|error| RunError::Damaged {
-        path: dir.path().join(archive_name(dir.manifest().members.len())),
+        // A search that was stopped leaves the file of an earlier number of members.
+        path: recorded.map_or_else(|| dir.path().into(), |it| dir.path().join(&it.file)),
         why: error.to_string(),
     })
 }
@@ -246,7 +260,7 @@ impl DistinctTraining {
     ) -> Result<TrainSession, PopulationError> {
         let path = self.dir.member_path(number);
         // A begun member has stored the failures that it is shown.
-        if RunDir::open(&path).is_ok() {
+        if is_begun(&path)? {
             let request = TrainRequest {
                 seed: Some(self.dir.manifest().seed),
                 ..TrainRequest::default()
@@ -522,6 +536,13 @@ mod tests {
         let refused = train_distinct(&world(), &path, &other, true, &watch);
         let error = refused.expect_err("other members").to_string();
         assert!(error.contains("members: 2, now 3"), "{error}");
+        let manifest = path.join("members/000/manifest.json");
+        fs::write(manifest, "{}").expect("written");
+        let refused = train_distinct(&world(), &path, &request, true, &watch);
+        assert!(matches!(
+            refused,
+            Err(PopulationError::Run(RunError::Damaged { .. }))
+        ));
     }
 
     #[test]

@@ -125,6 +125,7 @@ fn of_files(world: &Scenario, path: &Path) -> Result<Vec<KnownEpisode>, BankErro
             files.sort();
             files
         }
+        // A path that is no directory may be a single counterexample.
         Err(_) if file_text(path).is_ok() => vec![path.to_owned()],
         Err(_) => return Err(empty()),
     };
@@ -144,6 +145,7 @@ fn of_files(world: &Scenario, path: &Path) -> Result<Vec<KnownEpisode>, BankErro
             actions: kept.actions,
         });
     }
+    // An empty directory is more likely a mistyped path than a wish.
     if known.is_empty() {
         return Err(empty());
     }
@@ -182,6 +184,7 @@ fn fits(world: &Scenario, theirs: &Scenario, path: &Path) -> Result<(), BankErro
             count(world)
         ));
     }
+    // An episode keeps the numbers of its actions, so each must mean the same here.
     let other = (0..count(world)).find(|&it| world.action_label(it) != theirs.action_label(it));
     match other {
         Some(action) => unlike(format!(

@@ -89,6 +89,7 @@ impl<'a> Calibrator<'a> {
         for shown in &searched.demonstrations {
             solved[shown.index as usize] = true;
         }
+        // Without an unsolved start, the second search did not run.
         let switches = if unsolved.is_empty() { 1 } else { 2 };
         let is_cut = |index: &u64| {
             let walked = searched.walked.get(index).copied().unwrap_or(0);

@@ -84,10 +84,12 @@ pub(super) fn seed_training(
     let again = unsolved.len();
     unsolved.extend(&indices[reached..]);
     if seeded.demonstrations.len() >= FEW && bank.is_empty() {
+        // Half, because the starts without a success are still to be searched.
         let left = most.saturating_sub(seeded.sought.simulations);
         seeded.search_near(&training_search, left / 2, watch)?;
     }
     let left = most.saturating_sub(seeded.sought.simulations);
+    // An extended training looks for failures again, and needs its share then.
     let keeps = scenario.learner.decisions() < scenario.learner.longest();
     let budget = Budget {
         simulations: if keeps { left / 2 } else { left },
@@ -114,6 +116,7 @@ pub(super) fn seed_failures(
     let training_search = TrainingSearch::new(scenario, Purpose::Train, seed);
     let left = most_simulations(scenario, &training_search, seeding).saturating_sub(spent);
     let mut seeded = Seeded::default();
+    // Too little is left for both, the runs of the ado and a search.
     if left <= PLAYED || seeding.starts == 0 {
         return Some(seeded);
     }
@@ -137,6 +140,7 @@ pub(super) fn seed_failures(
         }
     }
     let own = seeded.demonstrations.len();
+    // Half, because an extended training looks for failures again.
     let budget = Budget {
         simulations: (left - PLAYED) / 2,
         switches: usize::MAX,
@@ -159,6 +163,7 @@ fn most_simulations(
     if training_search.forks() {
         most
     } else {
+        // Without copies, every sequence is played from its start.
         most / 100
     }
 }
@@ -200,6 +205,8 @@ impl Seeded {
             if self.demonstrations.len() >= FEW && (dear || !is_bank_empty) {
                 break;
             }
+            // Where one switch hardly ever suffices, the budget is for sequences with
+            // more.
             let few = (self.demonstrations.len() as f64) < ENOUGH * tried as f64;
             if most <= spent || (tried >= TRIED && few) {
                 break;
@@ -250,6 +257,7 @@ impl Seeded {
                 done,
                 total: indices.len(),
             };
+            // A copy, since results are noted while it is read.
             let known = self.demonstrations.clone();
             let mut rest = chunk.to_vec();
             if known.len() >= FEW {
@@ -326,6 +334,7 @@ impl Seeded {
     pub(super) fn note(&mut self, starts: &[u64], found: Vec<Option<Scouted>>) -> Vec<u64> {
         let mut unsolved = Vec::new();
         for (&index, scouted) in starts.iter().zip(found) {
+            // A start that an interruption left out has cost nothing and shown nothing.
             let scouted = scouted.unwrap_or_default();
             self.sought.simulations += scouted.simulations;
             self.sought.physics_steps += scouted.physics_steps;

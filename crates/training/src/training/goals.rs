@@ -189,6 +189,7 @@ impl GoalTracker {
             self.groups
                 .push((CrashFeatures { kind, signals }, counts[i]));
         }
+        // Every success is in one group, so their number is not stored.
         self.successes = counts.iter().sum();
         Ok(())
     }
@@ -203,6 +204,7 @@ fn from_json<T: serde::de::DeserializeOwned>(text: &[u8]) -> Result<T, BundleErr
 /// Returns the share of `Severe`, 0 without a contact of the ego.
 fn severe(episode: &Episode) -> f64 {
     let touch = episode.contact.as_ref();
+    // A contact between two ados says nothing about what the ego suffers.
     let of_ego = touch.filter(|touch| touch.impact.is_some_and(|impact| impact.concerns_ego()));
     of_ego.map_or(0.0, |touch| {
         TrainingGoal::severe_share(touch.closing_speed_mps)

@@ -14,6 +14,7 @@ impl Spreads {
             let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
                 (low.min(x), high.max(x))
             });
+            // Starts may all agree on an axis, which would divide by 0.
             (high - low).max(1e-9)
         };
         Spreads((0..axes).map(spread).collect())

@@ -28,6 +28,7 @@ impl PerAdoMode {
             PerAdoMode::Alternating => PerAdoTraining::Alternating { rounds: ROUNDS },
         };
         let each = match world.learner.clone().into() {
+            // The world may have such learners already, of which only the turns change.
             LearnerSettings::PerAdo(each) => PerAdoSettings { training, ..each },
             learner => PerAdoSettings {
                 training,

@@ -36,6 +36,7 @@ impl ProgressLog {
         let window = &mut self.window;
         window.episodes += 1;
         window.returns += f64::from(progress.episode_return);
+        // Under Definition 4, exactly the successes have a return above 0.
         window.solved += u64::from(progress.episode_return > 0.0);
         window.losses += progress.losses.sum;
         window.updates += progress.losses.updates;
@@ -52,6 +53,7 @@ impl ProgressLog {
             exploration: progress.exploration,
             mean_loss: (window.updates > 0).then(|| window.losses / window.updates as f64),
         };
+        // Invariant: a line of numbers is always written.
         if let Ok(text) = serde_json::to_string(&line) {
             self.lines.push_str(&text);
             self.lines.push('\n');

@@ -19,8 +19,10 @@ pub fn retrained(
     changed: &Scenario,
     watch: &Watch<'_>,
 ) -> Result<Option<RunDir>, TrainError> {
+    // In the family of its world it would be trained against many egos.
     let plain = changed.training_against(TrainingEgos::Nominal);
     let changed = plain.as_ref().unwrap_or(changed);
+    // Ados of two plants are different, and neither may overwrite the other.
     let name = file_name(&format!("{}-{}", ego.name, changed.plant()));
     let path = run.path().join("retrained").join(name);
     let seed = run.manifest().seed;
@@ -40,6 +42,7 @@ pub fn retrained(
         }
         Err(error) => return Err(error.into()),
     };
+    // The directory may be left from another edition of the world, or of the ego.
     own.must_be_of(RequestedTraining {
         scenario: changed,
         seed,

@@ -110,6 +110,7 @@ impl<'a> SearchWorker<'a> {
         let decisions = self.first.clock().decisions() as u64;
         let (mut sum, mut term) = (0u64, actions);
         for k in 0..=switches as u64 {
+            // Their number may exceed any integer, and such a walk is only too long.
             sum = sum.saturating_add(term);
             // Terms follow from each other: one switch more has a later place and another
             // action.

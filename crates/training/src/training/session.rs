@@ -241,6 +241,7 @@ impl TrainSession {
         // The evaluation is the last step, after the training and its searches.
         let watch = &watch.first_of(steps).later(steps - 1);
         let nominal = EgoUnderTest::nominal(&self.run.world()?);
+        // The same starts after every training, so that closing rows compare.
         let stored = TestStarts::stored(Some(self.run.path()), &nominal, starts, 0, watch);
         let Some(starts) = stored else {
             return Ok(None);
@@ -253,11 +254,12 @@ impl TrainSession {
         };
         // Invariant: every adversary here has a cell, and the first is the trained ado's.
         let mut cells = experiment.run(watch);
+        let mut second = self.second_look(&*policy, &starts, watch);
         let rows = cells.iter_mut().map(|cell| &mut cell.row);
-        check_repeatability(&self.ego, &starts, rows, watch);
+        check_repeatability(&self.ego, &starts, rows.chain(second.as_mut()), watch);
         let mut rows: Vec<Row> = cells.iter().map(|cell| cell.row.clone()).collect();
         let trained = cells.swap_remove(0);
-        if let Some(row) = self.second_look(&*policy, &starts, watch) {
+        if let Some(row) = second {
             // Below the ado's own row, with which it is compared.
             rows.insert(1, row);
         }
@@ -414,6 +416,7 @@ impl TrainRequest<'_> {
                 None => Ok(None),
             };
         };
+        // Training as traffic has a learner and an aim of its own.
         if self.learner.is_some() || self.per_ado.is_some() || self.goals.is_some() {
             return refused(OptionClash::TrafficAndLearner);
         }
@@ -446,6 +449,7 @@ impl TrainRequest<'_> {
 
     fn against_family(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let refused = |clash: OptionClash| Err(SessionError::Options(clash));
+        // A family draws the ego of each episode.
         if self.ego.is_some() {
             return refused(OptionClash::FamilyAndEgo);
         }

@@ -104,6 +104,7 @@ impl<'a> StoppingRule<'a> {
     /// Otherwise it is extended.
     pub(super) fn ends(&mut self, learner: &mut dyn Learner) -> bool {
         let before = self.calibration;
+        // After a stop nothing is judged, and the training has no end on record.
         let Some(now) = self.calibrate(&*learner) else {
             return true;
         };

@@ -126,6 +126,7 @@ impl<'a> TrainLoop<'a> {
             gym.reward_by(goals);
         }
         let mut learner = match (checkpoint, run.from()?) {
+            // A checkpoint has left the initial policy behind.
             (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
             (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
             (None, None) => scenario.learner.build(spaces, seed),
@@ -134,10 +135,12 @@ impl<'a> TrainLoop<'a> {
         let mut physics_steps = run.manifest().physics_steps;
         let mut spent_s = run.manifest().cpu_s;
         let mut own = OwnTime::begin();
+        // A checkpoint has the demonstrations in its memory.
         if is_new {
             let shown = known.map(|known| known.demonstrations).unwrap_or_default();
             let seeded = own.aside(|| demonstrations(scenario, run, shown, watch))?;
             if let Some(seeded) = seeded {
+                // Random exploration rarely finds the failures that a search does.
                 learner.demonstrate(&mut gym, &seeded.demonstrations);
                 run.note_sought(seeded.sought);
                 spent_s += seeded.cpu_s;
@@ -211,6 +214,7 @@ impl<'a> TrainLoop<'a> {
             self.note_searches();
             self.note_phase();
         }
+        // A finished learner is judged next, and then stored as a policy.
         if !self.learner.finished() {
             self.save_checkpoint(0)?;
         }
@@ -221,6 +225,8 @@ impl<'a> TrainLoop<'a> {
     fn next_pause(&self) -> u64 {
         let now = self.learner.decisions();
         let every = self.watch.intervals.checkpoint_decisions.max(1);
+        // At multiples, so that a resumed training pauses where it would have paused
+        // anyway.
         let checkpoint = (now / every + 1) * every;
         self.stopping.next_look(now).min(checkpoint)
     }
@@ -239,6 +245,7 @@ impl<'a> TrainLoop<'a> {
                     audience.progress(&line);
                 }
             }
+            // The last episode may end beyond the decisions that were asked for.
             (watch.progress)(progress.decisions.min(total), total);
             let pause = until <= progress.decisions || watch.stopped();
             if pause {
@@ -386,6 +393,7 @@ fn finished(run: &RunDir) -> TrainingOutcome {
             ended: manifest.ended,
         },
         interrupted: false,
+        // Only the process that trained knows their number, since no manifest has it.
         aborted: 0,
         search_simulation_s: None,
     }

@@ -51,6 +51,7 @@ impl<'a> TrainingGym<'a> {
             .zip(self.member(self.index))
             .map(|(driving, variant)| driving.with_member(&variant));
         let last = self.gym.spent().decisions;
+        // The count includes this episode, whose first decision follows those before it.
         let first = last.saturating_sub(episode.actions.len() as u64) + 1;
         audience.episode(&ShownEpisode {
             scenario: member.as_ref().unwrap_or(self.scenario),
@@ -65,6 +66,7 @@ impl<'a> TrainingGym<'a> {
     /// Each success is then played to its contact, with the last action held, so that
     /// its severity and its difference from the others are known.
     pub fn reward_by(&mut self, goals: GoalTracker) {
+        // A goal may judge the contact, which comes after the verdict.
         self.gym.play_aftermath();
         self.goals = Some(goals);
     }
@@ -81,6 +83,7 @@ impl<'a> TrainingGym<'a> {
 
     /// Draws the member of an episode, if there is a family.
     fn member(&self, index: u64) -> Option<EgoVariant> {
+        // Without a family, the bench keeps the ego that it was made with.
         let nominal = self.scenario.against.is_nominal();
         let family = self.scenario.family().filter(|_| !nominal)?;
         let member = family.draw(&self.scenario.name, self.gym.key(index));
@@ -113,6 +116,7 @@ impl Env for TrainingGym<'_> {
             && let Some(episode) = self.gym.success()
         {
             step.reward = self.gym.reward_for(goals.share(self.scenario, &episode));
+            // Some goals play failures again, which costs steps of the training.
             let mut spent = self.gym.spent();
             spent.physics_steps += goals.take_physics_steps();
             self.gym.count_from(spent);

@@ -54,6 +54,7 @@ impl<'a> TrainingSearch<'a> {
                 start: &known.start,
                 noise: known.noise,
             };
+            // The success counts on the requested plant alone.
             let bench = worker.target.as_mut().unwrap_or(&mut worker.first);
             if confirms(bench, from, &known.actions, &mut scouted) {
                 scouted.actions = Some(known.actions.clone());
@@ -74,6 +75,7 @@ impl<'a> TrainingSearch<'a> {
 
     /// Returns the numbers of sequences with at most one and at most two switches.
     pub(super) fn sequences(&self) -> [u64; 2] {
+        // Sequences are counted by a formula, so there is nothing to watch.
         let watch = Watch::unwatched();
         let worker = SearchWorker::new(&self.0, &watch);
         [1, 2].map(|switches| worker.sequences(switches))

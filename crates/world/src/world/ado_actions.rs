@@ -61,6 +61,7 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
             parts.collect()
         }
     };
+    // One bound for all: 30 m/s² and 30 m/s are both beyond any body.
     for (place, value) in numbers {
         within(problems, &place, value, -30.0, 30.0);
     }
@@ -68,6 +69,7 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, ado: &AdoFile, bo
         let what = "an ado without actions";
         problems.add(&list, what, "give at least one", None);
     }
+    // A wrong plan is the cause of wrong actions, so only one of both is reported.
     if let Some((what, help)) = misplanned(ado, body) {
         problems.add(&list, what, "here", Some(help.to_owned()));
     } else if ado.base.is_none() && !fits(&ado.actions, body) {
@@ -102,6 +104,7 @@ pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
 
 /// Mistake of a plan that is missing, or is no base for the actions.
 fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str)> {
+    // Ados without a way come first, since no other advice suits them.
     match (&ado.base, &ado.actions) {
         (Some(_), _) if body == ActsAs::Light => Some((
             "a traffic light has no way to plan",

@@ -110,6 +110,8 @@ impl Agents<'_> {
             // All agents share one name space, that of signals.
             let mut before = file.agents[..i].iter();
             if before.any(|other| other.name() == entry.name()) {
+                // The later one is marked, because references in between mean the
+                // earlier one.
                 let what = format!("two agents are called `{}`", entry.name());
                 let help = "give each a name of its own".to_owned();
                 problems.add(&path.to("name"), what, "second one", Some(help));
@@ -124,6 +126,8 @@ impl Agents<'_> {
                 AgentFile::Weather(entry) => {
                     let drive = path.to("drive");
                     ado_actions::check(problems, &drive, entry.drive.ado(), ActsAs::Weather);
+                    // In the order of the file, which ranks the rules without a
+                    // priority.
                     read.rules_of(problems, &drive, &entry.name, entry.drive.ado());
                     let weather = weather::read(problems, &path, file, entry);
                     if read.weather.replace(weather).is_some() {
@@ -277,6 +281,8 @@ impl Agents<'_> {
             problems.add(&path.to("body"), what, "here", Some(help));
         }
         bodies::check_cyclist(problems, path, &body, drive, place.as_ref());
+        // Before a missing place ends the reading, so that mistakes of the drive are
+        // found too.
         let drive = self.drive(problems, &path.to("drive"), name, drive, acts_as)?;
         Some(Agent {
             name: name.clone(),
@@ -308,6 +314,7 @@ impl Agents<'_> {
                     let help = "write `Ado(actions: Walks([…]), …)` or `Scripted(Walk([…]))`";
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
+                // Of several egos the last stays, and `count` refuses the world.
                 self.ego = Some(controller.clone().into());
                 Drive::Ego
             }
@@ -334,6 +341,7 @@ impl Agents<'_> {
                     let help = "write a `storyboard` with this agent among its `actors`";
                     problems.add(path, what, "moved by it", Some(help.to_owned()));
                 }
+                // Without steps of its own, so that the story alone moves it.
                 Drive::Planned(MotionPlan::Script(Vec::new()))
             }
             DriveFile::Script(steps) => {
@@ -419,6 +427,7 @@ impl Agents<'_> {
         }
         for (j, rule) in ado.rulebook.iter().enumerate() {
             let place = path.to("rulebook").at(j).to("stl");
+            // Counted over all ados, so that no two rules tie by their places.
             let rank = self.rules.len();
             self.rules
                 .extend(rule_of(problems, place, rule, name, rank));

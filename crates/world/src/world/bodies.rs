@@ -98,6 +98,7 @@ pub(super) fn check_cyclist(
     };
     let most_mps = cyclist.max_speed_mps;
     let place = path.to("start").to("speed_mps");
+    // A bicycle has no reverse.
     for value in [speed_mps.lo, speed_mps.hi] {
         within(problems, &place, value, 0.0, most_mps);
     }

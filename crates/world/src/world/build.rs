@@ -216,6 +216,7 @@ fn assemble(
         if let Some(board) = &file.storyboard {
             spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
             storyboards::check_actors(&mut problems, &list, &file, &spec, &entries);
+            counting::check_story(&mut problems, &top, &file.counts, spec.story.as_deref());
         }
         starts::check(&mut problems, &list, &spec, &entries);
         starts::on_the_road(&mut problems, &list, &spec, in_list);
@@ -284,6 +285,7 @@ fn assemble(
     let ego_spec = ego_spec.ok_or_else(Vec::new)?;
     spec.extra = language.published();
     let world = DriveWorld::new(spec).map_err(|error| problems.ended(&top, error.to_string()))?;
+    // Only the assembled world knows the observations and the joint actions.
     check::laws_fit(
         &mut problems,
         learners.values().chain([&learner]),
@@ -322,6 +324,7 @@ fn assemble(
         warnings: Vec::new(),
         world: World::Drive(world.clone()),
         rulebook: Arc::new(rulebook),
+        // No file consents to a program by itself.
         programs_allowed: false,
         fresh_egos: false,
         traffic,

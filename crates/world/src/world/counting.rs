@@ -5,6 +5,7 @@ use crate::rl::LearnerConfig;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
+use crate::story::check::CheckedStoryboard;
 use crate::trace::Schema;
 use crate::world_file::{AgentFile, DriveFile, ScenarioFile, TrainingGoal};
 
@@ -39,10 +40,8 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
         AgentFile::Road(_) => Some("a road that an ado lays"),
         _ => None,
     });
-    if let (Counts::Preventable { .. }, Some(changing)) = (&file.counts, changing) {
-        let what = format!("reference drivers do not apply to {changing}");
-        let help = Some("write counts: Contact(closing_mps: 3.0)".to_owned());
-        problems.add(&place, what, "nothing would count", help);
+    if let Some(changing) = changing {
+        refuse_drivers(problems, top, &file.counts, changing);
     }
     if file.judge != JudgeKind::UntilContact {
         let what = format!(
@@ -66,6 +65,32 @@ pub(super) fn check(problems: &mut Problems, top: &ValuePath, file: &ScenarioFil
             "add a vehicle, a pedestrian or an obstacle; or write counts: Violation".to_owned(),
         );
         problems.add(&place, what, "here", help);
+    }
+}
+
+/// Refuses reference drivers in a world whose storyboard changes the friction.
+pub(super) fn check_story(
+    problems: &mut Problems,
+    top: &ValuePath,
+    counts: &Counts,
+    story: Option<&CheckedStoryboard>,
+) {
+    if story.is_some_and(CheckedStoryboard::changes_friction) {
+        refuse_drivers(
+            problems,
+            top,
+            counts,
+            "a friction that a storyboard changes",
+        );
+    }
+}
+
+/// Refuses reference drivers in a world in which their replays could not repeat a change.
+fn refuse_drivers(problems: &mut Problems, top: &ValuePath, counts: &Counts, changing: &str) {
+    if let Counts::Preventable { .. } = counts {
+        let what = format!("reference drivers do not apply to {changing}");
+        let help = Some("write counts: Contact(closing_mps: 3.0)".to_owned());
+        problems.add(&top.to("counts"), what, "nothing would count", help);
     }
 }
 

@@ -11,7 +11,7 @@ use super::warnings::Oddity;
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
+use crate::rulebook::{Judge, JudgeKind, Rule, Rulebook, Verdict};
 use crate::scene::{Dynamics, Start};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::{Placement, PlantKind};
@@ -111,6 +111,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
             super::plans::refuse_encounter(problems, &entry, agent, why, cure, &words);
             return;
         }
+        // One seed is enough, as nothing has been perceived yet.
         bench.begin(&start, 0, Aftermath::Skip);
         // An empty trace means that the first row was refused.
         if bench.trace().is_empty() {
@@ -149,7 +150,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &ValuePath, scenario: &
                 let rule = &rulebook.rules[rule];
                 let what = format!("the rule `{}` is broken already at the start", rule.name);
                 let help = format!("{}; rules need ρ > 0", in_words(&tried, &start));
-                let place = rule_place(scenario, &rule.name);
+                let place = rule_place(scenario, rule);
                 problems.add(&place, what, "ρ ≤ 0 at t = 0", Some(help));
                 return;
             }
@@ -230,9 +231,10 @@ fn in_words(scenario: &Scenario, start: &Start) -> String {
     }
 }
 
-fn rule_place(scenario: &Scenario, rule: &str) -> ValuePath {
+pub(super) fn rule_place(scenario: &Scenario, rule: &Rule) -> ValuePath {
     let mut rules = scenario.rules.iter();
-    let found = rules.find(|spec| spec.name == rule);
+    // Rules of two ados may share a name.
+    let found = rules.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
     found.map_or_else(ValuePath::top, |spec| spec.place.clone())
 }
 
@@ -260,7 +262,7 @@ pub(super) fn can_be_kept(
     let numbered = || 0..rules.len();
     if let Some(broken) = numbered().find(|&i| !ever(i, i)) {
         let name = &rules[broken].name;
-        let place = rule_place(scenario, name);
+        let place = rule_place(scenario, &rules[broken]);
         if tries >= LEAST_TRIALS {
             let what = format!("the rule `{name}` cannot be kept");
             let help = format!("it was broken in each of {tries} runs with all kinds of actions");
@@ -304,7 +306,7 @@ pub(super) fn kept_to_the_end(scenario: &Scenario) -> Option<(Oddity, Problem)> 
         let name = &rules[never].name;
         let problem = Problem {
             what: format!("the rule `{name}` was kept to the end of none of {tries} runs"),
-            span: rule_place(scenario, name).find(&scenario.text),
+            span: rule_place(scenario, &rules[never]).find(&scenario.text),
             label: "can it be kept up to T?".to_owned(),
             help: Some("an episode that ends early may keep it: ask for less, or later".to_owned()),
         };
@@ -321,7 +323,7 @@ fn excluding(scenario: &Scenario, i: usize, j: usize, tries: usize) -> (Oddity, 
     let (first, second) = (&rules[i].name, &rules[j].name);
     let problem = Problem {
         what: format!("the rules `{first}` and `{second}` were never kept together"),
-        span: rule_place(scenario, second).find(&scenario.text),
+        span: rule_place(scenario, &rules[j]).find(&scenario.text),
         label: format!("not together with `{first}`"),
         help: Some(format!(
             "each was kept in some of {tries} runs with all kinds of actions, both in none: \
@@ -389,6 +391,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     let mut scratch = crate::stl::Scratch::default();
     let (mut samples, affordable) = (0, affordable_samples(tried));
     for (i, start) in tried_starts(tried).iter().enumerate() {
+        // Every start tries another action, so that all have their turn.
         let mut constant = Constant(i % actions);
         let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
         let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];
@@ -449,7 +452,7 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
                     "a coasting run keeps the rule `{}` with ρ = 0 exactly",
                     rule.name
                 ),
-                rule_place(scenario, &rule.name),
+                rule_place(scenario, rule),
             ),
             // On a grid, whole numbers are compared, so ρ = 0 next to the ego
             // is no accident.

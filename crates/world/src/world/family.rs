@@ -133,6 +133,7 @@ impl Family {
             // A separate stream, so that an additional structure changes no
             // other draw.
             let mut rng = key.generator(world, "structure");
+            // One number more than there are stands for the world's own.
             let which = rng.random_range(0..=self.structures.len());
             let drawn = self.structures.get(which);
             member.controller = drawn.map(|structure| structure.draw(&mut rng));
@@ -174,6 +175,7 @@ impl Family {
             }
             left -= weight;
         }
+        // Invariant: weights are above 0, so the loop has returned.
         self.base.plant
     }
 
@@ -242,6 +244,7 @@ impl Family {
                 Some(_) => Patch::default(),
             },
             controller: member.controller.clone(),
+            // Equal values stay out, so that a text has the differences alone.
             friction: (variant.friction != self.base.friction).then_some(variant.friction),
             sensors: (variant.sensors != self.base.sensors).then_some(variant.sensors),
             ..Change::default()

@@ -211,6 +211,7 @@ fn rules(problems: &mut Problems, path: &ValuePath, file: &[RuleFile]) -> Vec<Ru
     let mut rules: Vec<RuleSpec> = Vec::new();
     for (i, rule) in file.iter().enumerate() {
         let place = path.at(i).to("stl");
+        // Without a priority of its own, a rule ranks by its place in the list.
         rules.extend(rule_of(problems, place, rule, "ado", rules.len()));
     }
     rules

@@ -50,6 +50,7 @@ pub(super) fn expanded(
             }
         }
     }
+    // The shipped model is in the program, so no text has to keep it.
     if let Some(NaturalFile {
         traffic: TrafficFile::Named(name),
         ..
@@ -100,6 +101,7 @@ fn rules_of(
     for (constant, value) in &rules.constants {
         // Rules with another constant would differ from those of the file without notice.
         let own = file.constants.0.get(constant.as_str());
+        // Compared exactly, because both are numbers as written.
         if own != Some(value) {
             return Err(refused(
                 format!("`{name}` has the constant `{constant}` = {value}, which this world lacks"),
@@ -168,6 +170,7 @@ pub(super) fn traffic(problems: &mut Problems, file: &ScenarioFile) -> DeclaredT
             Err(wrong) => {
                 let place = top.to("traffic").to("model");
                 problems.add(&place, wrong.what, "damaged", Some(wrong.help));
+                // The shipped model lets the reading go on to later mistakes.
                 motorway()
             }
         },

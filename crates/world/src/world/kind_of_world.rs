@@ -17,6 +17,7 @@ pub(super) enum WorldKind {
 ///
 /// Other mistakes are left to the reader.
 pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
+    // It begins with a bracket, so its first word is that of a field.
     if let Some(span) = kept(text) {
         return Err(Problem {
             what: "this is a kept counterexample, and no world".to_owned(),

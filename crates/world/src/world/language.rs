@@ -266,6 +266,7 @@ impl Language {
                         `prev` and `rise` look back";
             problems.add(path, what, "looks ahead", Some(help.to_owned()));
         }
+        // Bound once more, for the list of used signals and for its own mistakes.
         self.bind(problems, path, formula, names);
     }
 

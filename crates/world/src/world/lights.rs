@@ -34,6 +34,7 @@ impl Agents<'_> {
             let what = format!("nothing says where the stop line of `{name}` is");
             problems.add(path, what, "without a line", Some(help.to_owned()));
         }
+        // Everything is read before a missing part ends the reading.
         let drive = self.light_drive(problems, path, name, drive);
         Some(Light {
             name: name.clone(),

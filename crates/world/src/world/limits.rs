@@ -122,6 +122,7 @@ pub(super) fn texts(
 
 fn road(problems: &mut Problems, path: &ValuePath, road: &OwnRoad) {
     match road {
+        // A file of lanes is written out as pieces first, which are counted then.
         OwnRoad::Straight { .. } | OwnRoad::OpenDrive { .. } => {}
         OwnRoad::Curved { pieces, .. } => {
             within(problems, &path.to("pieces"), pieces.len(), PIECES)
@@ -136,7 +137,7 @@ fn road(problems: &mut Problems, path: &ValuePath, road: &OwnRoad) {
 fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
     match agent {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => match drive {
-            DriveFile::Ado(file) => ado(problems, &path.at(0), file),
+            DriveFile::Ado(file) => ado(problems, path, file),
             DriveFile::Script(steps) => within(problems, &path.at(0), steps.len(), STEPS),
             DriveFile::Scripted(Script::Profile(profile)) => {
                 within(problems, &path.at(0), profile.len(), STEPS);
@@ -151,15 +152,15 @@ fn drive(problems: &mut Problems, path: &ValuePath, agent: &AgentFile) {
             | DriveFile::Meet(_) => {}
         },
         AgentFile::Light { drive, .. } => match drive {
-            LightFile::Ado(file) => ado(problems, &path.at(0), file),
+            LightFile::Ado(file) => ado(problems, path, file),
             LightFile::Schedule(schedule) => {
                 within(problems, &path.at(0), schedule.0.len(), STEPS);
             }
             LightFile::Trained(_) => {}
         },
-        AgentFile::Weather(weather) => ado(problems, &path.at(0), weather.drive.ado()),
-        AgentFile::Road(road) => ado(problems, &path.at(0), road.drive.ado()),
-        AgentFile::Turns { drive, .. } => ado(problems, &path.to("drive"), drive.ado()),
+        AgentFile::Weather(weather) => ado(problems, path, weather.drive.ado()),
+        AgentFile::Road(road) => ado(problems, path, road.drive.ado()),
+        AgentFile::Turns { drive, .. } => ado(problems, path, drive.ado()),
         AgentFile::Obstacle { .. } => {}
     }
 }

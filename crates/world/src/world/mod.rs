@@ -156,6 +156,7 @@ impl Scenario {
         text: &str,
         runs: &dyn RunSource,
     ) -> Result<Scenario, ScenarioError> {
+        // Some editors begin a file with a byte order mark.
         let text = read::without_mark(text);
         let fail = |problems| ScenarioError {
             file: file.to_owned(),

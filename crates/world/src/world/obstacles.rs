@@ -42,6 +42,7 @@ pub(super) fn read(
         name: name.clone(),
         body,
         road: number,
+        // It never moves, so only its heading decides how it stands.
         direction: Direction::With,
         lane_keeping: entry.lane_keeping(),
         lane: entry.lane(),

@@ -62,6 +62,7 @@ pub(super) fn values(
             })
             .ok()
     };
+    // The named roads are placed relative to it, so nothing can follow without it.
     let Some(own) = read(&place.to("along"), along) else {
         return Vec::new();
     };
@@ -89,6 +90,7 @@ pub(super) fn values(
     let mut values = vec![(place, text)];
     let mut named = BTreeMap::new();
     for (name, it) in &file.roads.0 {
+        // Other roads are written out already.
         let Some(along) = &it.along else { continue };
         let place = top.to("roads").to(name);
         if let Some(road) = read(&place.to("along"), along) {
@@ -124,6 +126,7 @@ fn lines(
         };
         let place = ValuePath::top().to("agents").at(i).to("signal");
         match on.map(|road| line_m(road, signal)) {
+            // A millimetre is enough for a stop line.
             Some(Ok(line_m)) => values.push((place, format!("{signal:?}, line_m: {line_m:.3}"))),
             Some(Err(help)) => {
                 let what = format!("the way passes no signal `{signal}`");
@@ -156,6 +159,7 @@ fn raw(road: &OwnRoad) -> String {
     if range.lo == range.hi {
         format!("{:?}", range.lo)
     } else {
+        // Each start draws its own friction, so the range must survive.
         format!("({:?}, {:?})", range.lo, range.hi)
     }
 }
@@ -218,6 +222,7 @@ fn placed(own: &LaneRoad, road: &LaneRoad, file: &RoadFile) -> String {
         Priority::Equal => "Equal",
         Priority::Over => "Over",
     };
+    // The ground of a world is at height 0 where its own road begins.
     let z_m = road.begins_z_m - own.begins_z_m;
     format!(
         "(at: (x_m: {:?}, y_m: {:?}, heading_rad: {:?}, z_m: {z_m:?}), {}{}{}, \

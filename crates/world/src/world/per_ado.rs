@@ -29,6 +29,7 @@ pub(super) fn learner(
         },
     };
     for (name, place, learner) in own {
+        // Each at its own place first, as the whole has a single place.
         check::learner(problems, &place, &learner);
         if each.ados.insert(name.clone(), learner).is_some() {
             let what = format!("`{name}` has two learners");

@@ -44,6 +44,7 @@ pub(super) fn read(
 }
 
 fn read_meet(problems: &mut Problems, path: &ValuePath, meet: &MeetEgo<NumberOrRange>) {
+    // At rest, it would never reach the place of the meeting.
     let fields = [
         ("ego_at_m", meet.ego_at_m, -MOST),
         ("here_at_m", meet.here_at_m, -MOST),
@@ -117,6 +118,7 @@ fn read_law(
             rate_mps2,
             ..
         } => {
+            // At a rate of 0, the target would never be reached.
             let rate = rate_mps2.map(|rate| ("rate_mps2", rate, 1e-3));
             if relative_to.is_none() && to_mps.0.lo.min(to_mps.0.hi) < 0.0 {
                 refuse_reversing(problems, &path.to("to_mps"), *to_mps);
@@ -209,6 +211,8 @@ pub(super) fn bind(
         for (i, step) in plan.steps().iter().enumerate() {
             let place = path.at(i);
             if let Some(when) = &step.when {
+                // During a run only the past is known, so a condition cannot look
+                // ahead.
                 language.bind_past(problems, &place.to("when"), when, names);
             }
             for (j, law) in step.does.iter().enumerate() {

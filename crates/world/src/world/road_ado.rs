@@ -114,6 +114,7 @@ pub(super) fn check(
         let help = "leave `roads` out, or this agent";
         problems.add(place, what, "crosses them", Some(help.to_owned()));
     }
+    // A road that cannot be laid is reported elsewhere.
     let Ok(course) = spec.road.course() else {
         return;
     };
@@ -157,6 +158,7 @@ pub(super) fn check(
 
 /// Refuses listed pieces that turn beyond the headings of the pieces to come.
 fn turned_too_far(problems: &mut Problems, spec: &DriveSpec, ado: &str) {
+    // A road with ranges turns furthest at an end of them.
     let roads = core::iter::once(spec.clone()).chain(spec.extreme_roads());
     for course in roads.filter_map(|spec| spec.road.course().ok()) {
         let mut heading_rad = 0.0_f64;
@@ -169,6 +171,8 @@ fn turned_too_far(problems: &mut Problems, spec: &DriveSpec, ado: &str) {
                 );
                 let pieces = ValuePath::top().to("road").to("pieces");
                 problems.add(&pieces.at(i), what, "too far", Some(help));
+                // At the other ends the same pieces turn too far, which would be no
+                // news.
                 return;
             }
         }

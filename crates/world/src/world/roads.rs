@@ -108,6 +108,7 @@ pub(super) fn beside_themselves(problems: &mut Problems, path: &ValuePath, spec:
         _ => path.to("road").to("pieces"),
     };
     let mut check = |number: usize, road: &Road, course: Course, place: &ValuePath| {
+        // The reference line counts, even where all lanes lie on one side of it.
         let mut borders_m = 0.0_f64..0.0_f64;
         for border_m in road.borders_m() {
             borders_m.start = borders_m.start.min(border_m);
@@ -141,6 +142,7 @@ fn driven_m(spec: &DriveSpec, road: usize, course: &Course) -> Range<f64> {
         let front = starts::front(spec, i);
         // Faster starts drive farther, but their episodes may end before that.
         let way_m = agent.place.speed_mps().lo * spec.clock.horizon_s;
+        // Positions are those of front bumpers, so a body reaches back from there.
         let (behind_m, ahead_m) = match agent.direction {
             Direction::With => (agent.body.length_m, way_m),
             Direction::Against => (way_m, agent.body.length_m),

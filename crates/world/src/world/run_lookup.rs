@@ -80,6 +80,7 @@ impl RunSource for ListedFiles {
 
     fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
         let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        // Before it is read, so that a missing file is listed as well.
         read.push(included_path(name, file));
         RunsOnDisk.text(name, file)
     }

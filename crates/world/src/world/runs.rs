@@ -51,6 +51,7 @@ pub trait RunSource {
     ///
     /// Returns an error if the file cannot be read. A source of runs only finds none.
     fn text(&self, name: &str, file: &str) -> Result<String, RunRefused> {
+        // Only sources on disk use the name, to look beside the file.
         let _ = file;
         Err(refused(
             format!("the file `{name}` is not looked for: this world is a text without a file"),

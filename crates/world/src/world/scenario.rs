@@ -76,6 +76,7 @@ pub struct Scenario {
 
 impl std::fmt::Debug for Scenario {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // Only the name, because the whole world would fill pages of a message.
         let mut shown = f.debug_struct("Scenario");
         shown.field("name", &self.name).finish_non_exhaustive()
     }
@@ -234,6 +235,7 @@ impl Scenario {
         let is_free = |agent: &Agent| matches!(agent.drive, Drive::Ado { base: None, .. });
         let planned = spec.agents.iter().filter(|agent| agent.plan().is_some());
         let acting = spec.action_sets().count();
+        // More action sets than plans mean that a light or the weather acts freely.
         let strays = !spec.agents.iter().any(is_free) && acting <= planned.count();
         // A placed ado whose rules are judged is an adversary, too.
         let alone = acting == 0 && !spec.trained().any(|(_, trained)| trained.judged);

@@ -146,10 +146,13 @@ impl<'a> DriveScenario<'a> {
     }
 
     fn world_of(self, variant: &EgoVariant) -> DriveWorld {
-        // The consent belongs to this scenario, and members come without any.
+        // Consent and fresh beginnings belong to this scenario, and members have neither.
         let mut variant = variant.clone();
         let controller = &mut variant.controller.controller;
         controller.allow_programs(self.programs_allowed);
+        if self.fresh_egos {
+            controller.set_fresh();
+        }
         self.world.with_variant(&variant)
     }
 

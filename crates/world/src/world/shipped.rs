@@ -67,6 +67,7 @@ impl Scenario {
     /// Returns the names and texts of the files that a shipped world includes.
     pub fn shipped_files(name: &str) -> impl Iterator<Item = (&'static str, &'static str)> {
         let text = Scenario::shipped_text(name).unwrap_or_default();
+        // A name in quotes is enough, since a file too many does no harm.
         let is_named = move |file: &&(&str, &str)| text.contains(&format!("\"{}\"", file.0));
         FILES.iter().filter(is_named).copied()
     }

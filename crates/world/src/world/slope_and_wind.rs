@@ -24,6 +24,7 @@ type PlacedRange = (EnvironmentQuantity, ValuePath, NumberOrRange);
 /// Returns the numbers that may be ranges, with their places.
 pub(super) fn ranges(file: &ScenarioFile) -> Vec<PlacedRange> {
     let (grades, wind) = (ValuePath::top().to("grades"), ValuePath::top().to("wind"));
+    // In this order they become axes of the starts.
     let rises = file.grades.iter().enumerate();
     let mut all: Vec<PlacedRange> = rises
         .map(|(i, &(_, rise))| {
@@ -49,7 +50,9 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     for (quantity, place, NumberOrRange(numbers)) in ranges(file) {
         let (lo, hi) = match quantity {
             EnvironmentQuantity::Rise { .. } => (-MAX_RISE, MAX_RISE),
+            // A gust that begins after the end would never blow.
             EnvironmentQuantity::GustBegin => (0.0, file.clock.horizon_s),
+            // A negative speed blows the other way.
             _ => (-MAX_WIND_MPS, MAX_WIND_MPS),
         };
         range_within(problems, &place, numbers, Range { lo, hi });

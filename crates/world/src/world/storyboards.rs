@@ -92,6 +92,7 @@ pub(super) fn bind(
     spec: &DriveSpec,
 ) {
     for StoryFormula { path, text } in spec.story.iter().flat_map(|story| story.formulas()) {
+        // The counts of a file leave out what a storyboard holds.
         limits::within(problems, path, text.len(), STL_BYTES);
         if let Some(formula) = formula(problems, path, text) {
             language.bind_past(problems, path, &formula, names);
@@ -108,6 +109,7 @@ pub(super) fn check_points(problems: &mut Problems, path: &ValuePath, spec: &Dri
         if let Err(what) = story.at_values(&spec.parameters_of(start)) {
             let help = "change the row, or the number of the storyboard".to_owned();
             problems.add(&path.at(i), what, "wrong for the storyboard", Some(help));
+            // One row is enough, as the rows of a table are usually wrong alike.
             return;
         }
     }

@@ -65,6 +65,7 @@ impl Scenario {
         for ado in file.agents.iter_mut().filter_map(ado_of) {
             // All of them list all, so that no default moves a signal to another position.
             ado.observe = Some(observed.clone());
+            // The learner of the law trains all of them.
             ado.learner = None;
         }
         let positions: Vec<usize> = (first..observed.len()).collect();

@@ -114,6 +114,7 @@ fn made_from(
                     "train them with `train --per-ado independent`, which gives each its own",
                 ));
             };
+            // The policy reads its own part of the observation only.
             let observed = spaces.observed.iter().map(|&at| home.observe[at].clone());
             training_world.observe = observed.collect();
             policy
@@ -183,6 +184,7 @@ fn world_of(run: &LoadedRun, origin: WorldOrigin<'_>) -> Result<InnerWorld, RunR
     };
     let help = "this version cannot use it: train again";
     let unusable = |what: &dyn fmt::Display| refused(format!("the world of a run: {what}"), help);
+    // One problem is enough, since the author cannot change the world of a run.
     let first = |problems: Vec<super::Problem>| match problems.first() {
         Some(problem) => unusable(&format!("{name}: {}", problem.what)),
         None => unusable(&name),

@@ -1,6 +1,7 @@
 //! Vacuous formulas, which hold or fail in every run.
 
 use super::Scenario;
+use super::dry_run::rule_place;
 use super::scenario_kind::DriveScenario;
 use super::warnings::Oddity;
 use crate::ron_file::Problem;
@@ -21,7 +22,7 @@ pub(super) fn check(problems: &mut Problems, path: &ValuePath, scenario: DriveSc
             let what = format!("the rule `{}` cannot be kept", rule.name);
             let label = format!("ρ is at most {}", range.hi);
             let help = reasons(&scenario, &rule.monitor, &bounds);
-            problems.add(&place_of(&scenario, &rule.name), what, &label, help);
+            problems.add(&rule_place(&scenario, rule), what, &label, help);
         }
     }
 }
@@ -59,19 +60,13 @@ pub(super) fn warnings(scenario: DriveScenario<'_>) -> Vec<(Oddity, Problem)> {
     idle.map(|rule| {
         let problem = Problem {
             what: format!("the rule `{}` cannot be broken", rule.name),
-            span: place_of(&scenario, &rule.name).find(&scenario.text),
+            span: rule_place(&scenario, rule).find(&scenario.text),
             label: "ρ > 0 whatever the ado does".to_owned(),
             help: reasons(&scenario, &rule.monitor, &bounds),
         };
         (Oddity::UnbreakableRule, problem)
     })
     .collect()
-}
-
-fn place_of(scenario: &Scenario, rule: &str) -> ValuePath {
-    let mut rules = scenario.rules.iter();
-    let found = rules.find(|spec| spec.name == rule);
-    found.map_or_else(ValuePath::top, |spec| spec.place.clone())
 }
 
 /// Bounds of the signals that explain a formula's range.

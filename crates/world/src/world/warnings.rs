@@ -3,6 +3,7 @@
 use strum::{IntoStaticStr, VariantArray};
 
 use super::Scenario;
+use super::dry_run::rule_place;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
 use crate::ron_file::Problem;
@@ -171,6 +172,7 @@ impl Warnings {
             .map(|rule| rule.stl().parse::<Formula>().ok())
             .collect();
         for (j, rule) in rules.iter().enumerate() {
+            // Formulas that do not parse equal none, since other errors report them.
             let same = |i: &usize| {
                 rules[*i].name() == rule.name()
                     || formulas[j].is_some() && formulas[*i] == formulas[j]
@@ -227,6 +229,7 @@ impl Warnings {
                     self.start(&path.to("start"), start);
                     self.drive(&path.to("drive"), drive);
                 }
+                // An obstacle stands still and decides nothing.
                 AgentFile::Obstacle { .. } => {}
                 AgentFile::Weather(weather) => {
                     self.driven_ado(&path.to("drive"), weather.drive.ado());
@@ -253,6 +256,8 @@ impl Warnings {
                 self.controller(&path.at(0), &ego.controller);
             }
             DriveFile::Ado(ado) => self.driven_ado(path, ado),
+            // A trained ado was warned of in its own world, and the others decide
+            // nothing.
             DriveFile::Trained(_)
             | DriveFile::Scripted(_)
             | DriveFile::Story
@@ -321,6 +326,7 @@ impl Warnings {
             }
         }
         let family = file.train_against.iter();
+        // The upper end alone: if it is usual, so is the lower end.
         for (name, (_, hi)) in family.flat_map(|family| &family.ego.0) {
             self.speed(&ValuePath::top().to("train_against").to("ego"), name, *hi);
         }
@@ -433,9 +439,7 @@ fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
     let place = ValuePath::top().to("ego_spec");
     let spec = ("the ego's specification".to_owned(), place, &rulebook.spec);
     let rules = rulebook.rules.iter().map(|rule| {
-        let mut specs = scenario.rules.iter();
-        let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
-        let place = same.map_or_else(ValuePath::top, |spec| spec.place.clone());
+        let place = rule_place(scenario, rule);
         (format!("the rule `{}`", rule.name), place, &rule.monitor)
     });
     std::iter::once(spec).chain(rules).collect()

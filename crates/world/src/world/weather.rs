@@ -75,6 +75,7 @@ pub(super) fn read(
         problems.add(&place, what, "no bounds", Some(help));
     }
     let [friction, visibility, noise] = quantities.each_ref().map(|quantity| quantity.bounds);
+    // Visibility is missing here, because it has a start of its own.
     begins_within(problems, &place, file, sound[0], sound[2]);
     rates(
         problems,
@@ -86,6 +87,7 @@ pub(super) fn read(
         name: weather.name.clone(),
         friction,
         visibility_m: visibility,
+        // Bounds that are wrong already leave nothing to compare a start with.
         first_visibility_m: if visibility.is_some() && sound[1].is_none() {
             f64::INFINITY
         } else {
@@ -161,6 +163,7 @@ fn first_visibility_m(
             let help = format!("write start: (visibility_m: {:?})", bounds.hi);
             let what = "the visibility has bounds, but no value at the start";
             problems.add(&place, what, "missing", Some(help));
+            // The clearest view lets no further mistake follow from this one.
             bounds.hi
         }
         (Some(_), None) => {
@@ -193,6 +196,7 @@ fn rates(
         for (quantity, value) in quantities.iter().zip(values) {
             let place = list.at(0).at(i).to(quantity.rate);
             within(problems, &place, value, -MAX_RATE_PER_S, MAX_RATE_PER_S);
+            // A rate of 0 is how an action leaves a quantity alone.
             if quantity.bounds.is_none() && value != 0.0 {
                 let what = format!("`{}` has no bounds in this weather", quantity.field);
                 let help = Some(format!("add `{}` to `bounds`", quantity.field));

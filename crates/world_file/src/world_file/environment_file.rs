@@ -281,6 +281,7 @@ impl OwnRoad {
         let friction = point.of(self.friction());
         let lane_width_m = point.of(self.lane_width_m());
         match self {
+            // A placeholder until the file is read, whose pieces replace this variant.
             OwnRoad::OpenDrive {
                 speed_limit_mps, ..
             } => Road::Straight {

@@ -72,6 +72,19 @@ fn comments_precede_their_values_and_change_nothing() {
 }
 
 #[test]
+fn a_comment_of_a_field_that_is_left_out_is_refused() {
+    let (_, world) = shipped().find(|(name, _)| *name == "acc").expect("shipped");
+    let ego = ValuePath::top().to("reuse").to("wet road");
+    let text = |field: &str| {
+        let comments = vec![TextComment::new(ego.to(field), "explained")];
+        let world = world.clone();
+        CommentedWorld { world, comments }.text()
+    };
+    assert!(text("friction").is_ok());
+    assert!(text("plant").is_err());
+}
+
+#[test]
 fn a_text_has_lines_that_fit_and_the_shortest_that_do() {
     for (name, world) in shipped() {
         let written = text(&world).expect("a text");

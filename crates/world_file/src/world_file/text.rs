@@ -83,6 +83,7 @@ pub fn text(world: &WorldFile) -> Result<String, ron::Error> {
 }
 
 fn written(world: &WorldFile, comments: &[TextComment]) -> Result<String, ron::Error> {
+    // As people write world files, without `Some` and without double brackets.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let compact = options.to_string(world)?;
@@ -157,9 +158,13 @@ impl CompactText<'_> {
         let mut items = Vec::new();
         // Invariant: the writer closes every bracket. The end of the text ends all groups.
         while !self.rest.is_empty() && !self.rest.starts_with(close) {
+            let found = self.found.len();
             let item = self.item(path, items.len());
             // A field reads as `None` where it is missing, too.
-            if open != '(' || !item.is_missing() {
+            if open == '(' && item.is_missing() {
+                // Its comments have no line to stand above, and must not vanish silently.
+                self.found.truncate(found);
+            } else {
                 items.push(item);
             }
             self.rest = self.rest.strip_prefix(',').unwrap_or(self.rest);
@@ -182,6 +187,7 @@ impl CompactText<'_> {
                 name: name + ": ",
             };
         }
+        // Without a colon, the word belongs to the value.
         self.rest = before;
         let path = group.at(index);
         TextItem {
@@ -204,6 +210,7 @@ impl CompactText<'_> {
         let mut is_escaped = false;
         let mut is_string = false;
         let end = self.rest.find(|c: char| {
+            // A bracket inside a string ends nothing.
             let ends = !is_string && "()[]{},:".contains(c);
             is_string ^= c == '"' && !is_escaped;
             is_escaped = c == '\\' && !is_escaped;
@@ -231,6 +238,7 @@ impl TextItem {
         }
         *text += &margin;
         *text += &self.name;
+        // A comma follows on the same line.
         let used = indent + self.name.chars().count() + 1;
         self.value.write(indent, used, text);
         *text += end;
@@ -276,6 +284,7 @@ impl TextNode {
         *text += &format!("{}{open}\n", self.word);
         let inner = indent + INDENT;
         let is_plain = |it: &TextItem| it.value.group.is_none() && it.comments.is_empty();
+        // A line for each number of a long list would hide the rest of the world.
         if items.iter().all(|it| is_plain(it) && it.name.is_empty()) {
             write_filled(items, inner, text);
         } else {
@@ -293,6 +302,7 @@ fn write_filled(words: &[TextItem], indent: usize, text: &mut String) {
     let mut used = 0;
     for item in words {
         let word = &item.value.word;
+        // A comma and a blank follow each word.
         let width = word.chars().count() + 2;
         if used > 0 && used + width <= WIDTH {
             text.push(' ');

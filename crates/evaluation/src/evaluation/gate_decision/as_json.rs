@@ -81,6 +81,7 @@ pub(super) mod avoidability {
         label: &Avoidability,
         to: S,
     ) -> Result<S::Ok, S::Error> {
+        // Stored rows have the same two keys, so consumers read both alike.
         let (preventable, unavoidable) = (label.preventable(), label.unavoidable());
         let flags = Flags {
             preventable,

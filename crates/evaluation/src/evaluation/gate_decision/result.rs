@@ -37,6 +37,8 @@ impl DecidedGate {
                 self.start_case(start, *outcome),
             )
         });
+        // A gate may be closed by failures without an adversary, which have no case of a
+        // start.
         let gate = case("gate".to_owned(), self.gate_case());
         TestSuite {
             name: "gate".to_owned(),
@@ -54,6 +56,7 @@ impl DecidedGate {
         if self.is_closed() {
             TestOutcome::Failed(message("gate"))
         } else if self.gate.is_unanswered() {
+            // Neither a pass nor a skip, since CI would turn green without any evidence.
             TestOutcome::Error(message("no answer"))
         } else {
             TestOutcome::Passed
@@ -188,6 +191,7 @@ pub fn gate_table(gates: &[DecidedGate]) -> TextTable {
 /// Returns the page of gates in a world.
 pub fn gate_page(gates: &[DecidedGate], world: &str) -> ResultPage<'static> {
     let closed = gates.iter().filter(|gate| gate.is_closed()).count();
+    // The page must not look good only because nothing could close the gate.
     let unanswered = gates.iter().any(|gate| gate.gate.is_unanswered());
     let flipped = gates.iter().flat_map(|decided| {
         let gate = &decided.gate;

@@ -104,6 +104,8 @@ impl AdoSet {
                     continue;
                 }
                 all[at] = merged(all[at], *outcome);
+                // The mark keeps later members away from it, of which a search costs
+                // most.
                 open.trivial[at] = all[at] == StartOutcome::Solved;
             }
         }
@@ -180,6 +182,7 @@ impl AdoSet {
                     scenario: ego.scenario(),
                     ego: ego.name(),
                     method: Switches(most).into(),
+                    // This method is limited by its switches alone.
                     budget: 0,
                     starts,
                 };

@@ -59,6 +59,8 @@ impl EgoMeasurement {
     /// Returns the values of a loss in the runs that both have.
     pub(super) fn paired(&self, own: &EgoMeasurement, nth: usize) -> [Vec<f64>; 2] {
         let pairs = self.runs.iter().zip(&own.runs);
+        // Different runs would be compared otherwise, if only one of both egos was
+        // invalid.
         let both = pairs.filter_map(|(one, own)| Some((one.as_ref()?[nth], own.as_ref()?[nth])));
         let (of_one, of_own): (Vec<f64>, Vec<f64>) = both.unzip();
         [of_one, of_own]
@@ -110,6 +112,8 @@ impl Conditions<'_> {
     ///
     /// `None` if nothing was measured.
     pub(super) fn excess(&self, measured: &EgoMeasurement, is_search: bool) -> Option<Excess> {
+        // A candidate of an early stage is compared with the ego as it is on the same
+        // starts.
         let own = self.own.as_long_as(measured);
         let margin = if is_search { FAILURE_MARGIN } else { 1.0 };
         let allowed = margin * self.remaining * own.share();
@@ -119,6 +123,7 @@ impl Conditions<'_> {
             return None;
         }
         let failures = if beyond > 0.0 {
+            // A baseline without failures must not divide by 0.
             beyond / own.share().max(f64::MIN_POSITIVE)
         } else {
             0.0
@@ -131,6 +136,8 @@ impl Conditions<'_> {
             let margin = if is_search { LOSS_MARGIN } else { 1.0 };
             // An ego beyond an absolute limit is allowed no margin.
             let allowed = whole.min(own + margin * (whole - own).max(0.0));
+            // An allowance of about 0 would make every excess infinite, and all
+            // candidates equal.
             let scale = (whole - own).abs().max(1e-3 * own.abs()).max(1e-9);
             let excess = (value - allowed) / scale;
             if excess.is_nan() {
@@ -151,6 +158,7 @@ impl Conditions<'_> {
             None => f64::INFINITY,
             Some(excess) if excess.is_none() => share,
             Some(excess) => {
+                // Capped, so a loss never hides a difference in failures altogether.
                 let losses = (excess.losses / MOST_EXCESS).min(1.0);
                 1.0 + excess.failures + losses + TIE * share
             }
@@ -159,6 +167,7 @@ impl Conditions<'_> {
 
     /// Returns whether a candidate fails from more starts already than all of them allow.
     pub(super) fn is_lost(&self, candidate: &EgoCandidate) -> bool {
+        // The whole set decides here, because the failures so far can only grow.
         let allowed = FAILURE_MARGIN * self.remaining * self.own.share();
         candidate.measured.failing() as f64 > allowed * self.own.valid() as f64
     }
@@ -181,6 +190,8 @@ pub(super) fn front(conditions: &Conditions<'_>, all: &[EgoCandidate]) -> Vec<Eg
         .filter_map(|(at, candidate)| {
             let excess = conditions.excess(&candidate.measured, false)?;
             let failing = candidate.measured.failing();
+            // Limits are those of the confirmation, so the front may have what a search
+            // rejects.
             let is_useful = excess.losses == 0.0 && failing < own;
             let size = conditions.size(&candidate.values);
             let loss = worst_loss(conditions, &candidate.measured);
@@ -205,6 +216,7 @@ pub(super) fn worst_loss(conditions: &Conditions<'_>, measured: &EgoMeasurement)
     let all = conditions.losses.iter().enumerate().map(|(nth, loss)| {
         let [one, own] = measured.paired(&own, nth);
         let (value, own) = (loss.value(&one), loss.value(&own));
+        // A limit may be what the ego has already, and nothing is left to divide by.
         let allowance = (loss.limit.of(own) - own).max(1e-9);
         (value - own) / allowance
     });

@@ -28,6 +28,7 @@ impl Hardening<'_> {
     pub(super) fn confirmed(&self, watch: &Watch<'_>) -> Result<HardenReport, HardenError> {
         let settings = self.request.settings;
         watch.phase("confirming on sealed starts");
+        // The bar counts candidates, and each of their plays would restart it.
         let quiet = watch.quiet();
         let seed = settings.seed.wrapping_add(FIRST_SEALED);
         let nominal = EgoUnderTest::nominal(self.request.world);
@@ -44,6 +45,7 @@ impl Hardening<'_> {
             return Ok(self.report(None, watch));
         };
         let report = self.report(Some(all), watch);
+        // Crashes of a rejected request would be no help, so only a candidate's are kept.
         let Some(best) = report.recommended() else {
             return Ok(report);
         };
@@ -71,6 +73,7 @@ impl Hardening<'_> {
         let mut all = Vec::new();
         for (nth, chosen) in self.chosen.iter().enumerate() {
             (watch.progress)(nth as u64, steps);
+            // The confirmation must include the ado that knows this candidate best.
             let (trained, new_ado) = chosen.ado.as_ref()?;
             let ego = self.changed(chosen)?;
             let measured = played(&ego)?;
@@ -114,6 +117,8 @@ impl Hardening<'_> {
         starts: &TestStarts,
         watch: &Watch<'_>,
     ) -> Result<Option<KeptCrashes>, HardenError> {
+        // Crashes of one candidate only, since files of equal starts would replace each
+        // other.
         let Some(ego) = self.chosen.get(best).and_then(|it| self.changed(it)) else {
             return Ok(None);
         };

@@ -34,6 +34,7 @@ impl EgoParameter {
     /// Returns the value at a point of the range, in −1 to 1, with few digits.
     pub(super) fn at(&self, x: f64) -> f64 {
         let range = self.hi - self.lo;
+        // Digits follow the width of the range, so that small quantities keep theirs.
         let digits = DIGITS - libm::floor(libm::log10(range)) as i32;
         let scale = libm::pow(10.0, f64::from(digits));
         let value = self.lo + 0.5 * (x + 1.0) * range;
@@ -120,6 +121,7 @@ fn declared(program: &Process) -> Result<Vec<EgoParameter>, HardenError> {
     let declared = program.declared().map_err(HardenError::Program)?;
     let set: &BTreeMap<String, f64> = &program.parameters;
     let parameters = declared.into_iter().map(|one| EgoParameter {
+        // The world may set another value than the program's default.
         own: set.get(&one.name).copied().unwrap_or(one.default),
         name: one.name,
         lo: one.lo,
@@ -135,6 +137,7 @@ fn stock(scenario: &Scenario) -> Vec<EgoParameter> {
     let all = controller.iter().flat_map(Actuated::parameters);
     let parameters = all.map(|one| EgoParameter {
         name: one.name.to_owned(),
+        // Half of a value may be below the least that the controller accepts.
         lo: (0.5 * one.value).max(one.at_least),
         hi: 2.0 * one.value,
         own: one.value,
@@ -186,6 +189,7 @@ fn selected(ego: &str, all: &[EgoParameter], range: &Sweep) -> Result<EgoParamet
         });
     };
     let [lo, hi] = range.ends();
+    // The search starts at the own value, which must be a point of the range.
     if !(lo..=hi).contains(&one.own) {
         return Err(HardenError::OwnOutside {
             parameter: one.name.clone(),

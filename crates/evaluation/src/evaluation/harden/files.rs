@@ -26,6 +26,8 @@ pub(super) fn change_text(change: &Change) -> Result<String, HardenError> {
             .ego
             .0
             .iter()
+            // Debug text always has a decimal point, which RON needs to read a float
+            // back.
             .map(|(name, value)| format!("{name}: {value:?}"));
         fields.push(format!("ego: ({})", set.collect::<Vec<_>>().join(", ")));
     }
@@ -48,6 +50,7 @@ pub(super) fn change_text(change: &Change) -> Result<String, HardenError> {
 }
 
 fn text(value: &impl Serialize) -> Result<String, HardenError> {
+    // World files are written in this dialect, so a change can be pasted into them.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let text = options.to_string(value);

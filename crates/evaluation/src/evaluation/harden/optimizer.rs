@@ -67,6 +67,7 @@ impl Planned {
 pub(super) fn slices(starts: usize, runs: usize) -> Vec<Slice> {
     let (mut from_start, mut from_run) = (0, 0);
     let slice = |share: &f64| {
+        // Rounded up, so the first stage of a tiny request has a start.
         let to_start = (share * starts as f64).ceil() as usize;
         let to_run = (share * runs as f64).ceil() as usize;
         let slice = Slice {
@@ -87,12 +88,14 @@ impl Optimizer<'_> {
     pub(super) fn search(&self) -> Vec<EgoCandidate> {
         // Of one parameter, a sweep is the whole search.
         let is_single = self.conditions.parameters.len() < 2;
+        // A sweep of one parameter is cheap and complete, so it begins anew.
         let from = self.from.as_ref().filter(|_| !is_single);
         let (first, search) = match from {
             Some(values) => (vec![self.point(values)], CrossEntropySearch::COARSE_NEAR),
             None => (self.swept(), CrossEntropySearch::COARSE),
         };
         let all = RefCell::new(Vec::<EgoCandidate>::new());
+        // Of a single parameter nothing is left to search after the sweep.
         let more = if is_single { 0 } else { search.points() };
         let progress = Planned {
             done: Cell::new(0),
@@ -119,6 +122,7 @@ impl Optimizer<'_> {
         {
             self.shrink(best, &mut found);
         }
+        // Candidates of early stages were judged on the easy part, perhaps by luck.
         found.retain(|it| it.stages == self.slices.len());
         found.sort_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
         let mut distinct: Vec<EgoCandidate> = Vec::new();
@@ -200,6 +204,7 @@ impl Optimizer<'_> {
             }
             // Equal costs keep the order of the draws: a stable sort.
             alive.sort_by(|a, b| self.cost(&all[*a]).total_cmp(&self.cost(&all[*b])));
+            // Rounded up, so a single candidate reaches the last stage.
             alive.truncate(alive.len().div_ceil(KEPT));
         }
         all
@@ -208,6 +213,7 @@ impl Optimizer<'_> {
     /// Returns a candidate with what is known of it, so that no start is played twice.
     fn known(&self, values: Vec<f64>, known: &[EgoCandidate]) -> EgoCandidate {
         let equal = known.iter().filter(|it| it.values == values);
+        // The longest measurement spares most runs.
         let before = equal.max_by_key(|it| it.stages).cloned();
         before.unwrap_or(EgoCandidate {
             values,

@@ -100,6 +100,7 @@ pub struct StartCount {
 impl StartCount {
     /// Counts the outcomes of starts.
     pub(super) fn of(outcomes: &[StartOutcome]) -> StartCount {
+        // Starts are counted without the runs in natural traffic.
         let measured = EgoMeasurement {
             outcomes: outcomes.to_vec(),
             runs: Vec::new(),
@@ -242,6 +243,7 @@ impl LossResult {
 impl Confirmation {
     /// Fills in the reductions, against the ego as it is.
     pub(super) fn reduced_from(self, own: StartCount) -> Confirmation {
+        // The bound is on the candidate alone, whose failures are few and decide.
         let at_most = clopper_pearson_upper(self.sealed.failing, self.sealed.starts, ERROR);
         // Without a failure of the ego as it is, nothing is reduced.
         let reduction = |share: f64| match own.failing {
@@ -294,6 +296,7 @@ impl Confirmation {
             ));
         }
         for loss in &self.losses {
+            // A comparison with NaN is false, and would read as a broken limit.
             if loss.runs == 0 || loss.value.is_nan() || loss.at_most.is_nan() {
                 unknown.push(format!("`{}` has no value", loss.measure));
             } else if !loss.is_kept() {
@@ -303,6 +306,7 @@ impl Confirmation {
                 ));
             }
         }
+        // A missed condition outweighs everything that is not known.
         match (refuted.is_empty(), unknown.is_empty()) {
             (true, true) => (HardenVerdict::Confirmed, Vec::new()),
             (false, _) => (HardenVerdict::Refuted, refuted),

@@ -6,6 +6,7 @@ use crate::report::{PointCase, VariedCase};
 impl PointResult {
     /// Returns the point as pages and JUnit files have it.
     pub(super) fn case(&self) -> PointCase {
+        // JUnit viewers show the first line only, so it has leaf, time and contact.
         let words = |failure: &PointFailure| {
             let contact = failure.contact.as_ref().zip(failure.closing_mps).map_or(
                 String::new(),

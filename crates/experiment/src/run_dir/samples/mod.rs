@@ -262,6 +262,7 @@ impl SampleTable {
             (_, Some((at, 1.0))) if at == i => Signal::real(name, "s", "time"),
             _ => Signal::real(name, "", "read from CSV"),
         });
+        // A single row has no period, and any would do.
         let schema = Schema::new(dt_s.or(time.map(|it| it.dt_s)).unwrap_or(1.0), signals)?;
         let mut trace = Trace::new(Arc::new(schema));
         for row in &self.rows {

@@ -96,6 +96,7 @@ impl StampColumn<'_> {
     ///
     /// It has at least two times.
     pub(super) fn fit(&self) -> Result<TimeFit, SamplesError> {
+        // Times of such a size have lost their digits, and would only look uneven.
         if let Some(error) = self.other_epoch() {
             return Err(error);
         }
@@ -104,6 +105,7 @@ impl StampColumn<'_> {
         };
         let most_s = UNEVEN * fit.dt_s + rounding_s(&self.times_s, self.digits, self.unit_s);
         let is_even = fit.off_s <= most_s.min(MOST_OFF * fit.dt_s);
+        // More periods than steps mean missing samples, which a trace cannot have.
         if fit.periods as usize != self.times_s.len() - 1 || !is_even {
             return Err(self.odd_step());
         }
@@ -116,6 +118,7 @@ impl StampColumn<'_> {
     /// Returns an error for times after the year 5000, which are those of a finer unit.
     fn other_epoch(&self) -> Option<SamplesError> {
         let time_s = self.times_s.iter().fold(0.0_f64, |most, it| most.max(*it));
+        // Seconds since 1970 have ten digits for centuries, so more are of a finer unit.
         let units = [(1e17, "ns"), (1e14, "µs"), (1e11, "ms")];
         let (_, unit) = units.into_iter().find(|(from_s, _)| time_s > *from_s)?;
         Some(SamplesError::Epoch {
@@ -182,6 +185,7 @@ fn rounding_s(times_s: &[f64], digits: usize, unit_s: f64) -> f64 {
     } else {
         0.0
     };
+    // Stamps are scaled and subtracted, which costs some of the last bits.
     written_s.max(single_s) + 4.0 * f64::EPSILON * most_s
 }
 

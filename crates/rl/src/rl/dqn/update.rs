@@ -71,11 +71,13 @@ impl Dqn {
         let size = self.config.batch;
         let mut used = UsedUnits::of(&self.online);
         for _ in 0..RENEWAL_BATCHES {
+            // Any weights serve, since only activations are read.
             self.replay.sample(size, 0.0, &mut self.dice, batch);
             self.online.forward(&batch.observations, size, here);
             used.note(&self.online, here, size);
         }
         let changed = self.online.renew_unused(&used, &mut self.dice);
+        // At once, since an average would mix the weights of two units.
         for at in changed {
             self.target.parameters_mut()[at] = self.online.parameters()[at];
             self.adam.forget(at);

@@ -55,6 +55,7 @@ impl Mlp {
             // As long as a column of the first weights on average ([`Mlp::orthogonal`]).
             let share = layer.inputs as f64 / layer.outputs.max(layer.inputs) as f64;
             let length = libm::sqrt(draws.iter().map(|draw| draw * draw).sum());
+            // A length of 0 would make the weights NaN.
             let scale = libm::sqrt(2.0 * share) / length.max(1e-9);
             self.parameters[layer.bias + unit] = 0.0;
             changed.push(layer.bias + unit);

@@ -103,6 +103,8 @@ impl Policy for PerAdoPolicy {
             let actions = part.spaces.actions;
             let own: Vec<bool> = (0..actions)
                 .map(|action| {
+                    // Digits so far leave a grid of joint actions, over which later
+                    // ados decide.
                     let chosen = joint + unit * action;
                     let mut rest = allowed
                         .iter()
@@ -159,6 +161,7 @@ pub fn policy_of_part(
     bundle: &TensorFile,
     name: &str,
 ) -> Result<Option<OwnPolicy>, BundleError> {
+    // Any other policy decides for all ados together and has no parts.
     if bundle.meta() != POLICY {
         return Ok(None);
     }
@@ -172,6 +175,7 @@ pub fn policy_of_part(
 }
 
 fn load_part(spaces: &PartSpaces, bundle: &TensorFile) -> Result<Box<dyn Policy>, BundleError> {
+    // Nested policies would recurse as deep as a file demands.
     if bundle.meta() == POLICY {
         return Err(damaged("a policy per ado inside another"));
     }
@@ -210,6 +214,7 @@ fn read(bundle: &TensorFile) -> Result<(usize, Vec<(PartSpaces, TensorFile)>), B
     let mut product = Some(1usize);
     for part in &spaces {
         product = product.and_then(|product| product.checked_mul(part.actions));
+        // The comparison with the neutral action also refuses an ado without any.
         let outside = part.observed.iter().any(|&at| observation <= at);
         if outside || part.actions <= part.neutral {
             return Err(damaged("an ado with other spaces than the joint policy"));

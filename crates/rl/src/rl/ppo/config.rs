@@ -64,6 +64,7 @@ impl PpoSettings {
         within("final_learning_rate", self.final_learning_rate, 0.0, 1.0)?;
         within("discount", self.discount, 0.0, 1.0)?;
         within("trace", self.trace, 0.0, 1.0)?;
+        // A clip of 0 would cut off nearly every gradient.
         within("clip", self.clip, 1e-3, 1.0)?;
         within("entropy", self.entropy, 0.0, 10.0)?;
         within("max_gradient", self.max_gradient, 1e-6, 1e6)

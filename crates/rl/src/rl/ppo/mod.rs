@@ -78,6 +78,7 @@ impl Rollout {
     }
 
     fn clear(&mut self) {
+        // Observations are the largest part, so only their memory is kept.
         *self = Rollout {
             observations: std::mem::take(&mut self.observations),
             ..Rollout::default()

@@ -36,6 +36,8 @@ impl LearnerKind for QTableSettings {
     fn check(&self) -> Result<(), ConfigError> {
         match self.learning_rate {
             LearningRate::Constant(rate) => within("learning_rate", rate, 1e-9, 1.0)?,
+            // Above 1, all steps 1/n^ω together are finite, so they may end short of
+            // the value.
             LearningRate::Power(omega) => within("learning_rate", omega, 0.0, 1.0)?,
         }
         within("discount", self.discount, 0.0, 1.0)?;
@@ -92,6 +94,8 @@ impl LearnerKind for QTableSettings {
         let table = QTable::fitting(self, spaces, bundle)?;
         let mut learner = QTable::around(self, spaces, table, LearnerRng::restore(bundle)?);
         let shape = [learner.table.rows.len(), spaces.actions];
+        // Loaded rows are numbered in the order of the file, which is also that of the
+        // visits.
         learner.visits = bundle.get::<u32>("visits", &shape)?.to_vec();
         learner.tally.restore(bundle)?;
         Ok(Box::new(learner))
@@ -187,6 +191,7 @@ impl QTable {
         };
         let target = reward + self.config.discount as f32 * next;
         let error = target - self.table.values[at];
+        // Half of the square, so that the update descends the gradient of the loss.
         self.losses.add(0.5 * f64::from(error * error));
         self.table.values[at] += rate as f32 * error;
     }
@@ -261,6 +266,7 @@ impl Learner for QTable {
     fn begin(&mut self, _: &EpisodePlan, _: &[f32]) {
         self.buffer.clear();
         self.trail.clear();
+        // An exploratory action is not held into another episode.
         self.holding = 0;
     }
 

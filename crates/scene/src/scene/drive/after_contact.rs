@@ -106,6 +106,7 @@ impl DriveScene {
         bodies
             .map(|(agent, &body)| {
                 let centre_m = plant.placement(body).centre_m;
+                // Only the place counts, so any heading serves.
                 let middle = Pose {
                     x_m: centre_m[0],
                     y_m: centre_m[1],

@@ -33,6 +33,7 @@ impl SpeedLimits {
 
     /// Returns whether a speed may change in no time.
     pub(super) fn changes_at_once(&self) -> bool {
+        // Both must be free, as a change may go either way.
         self.most_accel_mps2.is_infinite() && self.most_decel_mps2.is_infinite()
     }
 
@@ -49,6 +50,7 @@ impl SpeedLimits {
     pub(super) fn nearest_mps(&self, from_mps: f64, wanted_mps: f64, for_s: f64) -> f64 {
         // At no time only a change without a limit is possible.
         let most = |rate: f64| if rate.is_finite() { rate * for_s } else { rate };
+        // The aim is bounded before its change, so that neither limit is exceeded.
         let change_mps = (wanted_mps.clamp(0.0, self.most_mps) - from_mps)
             .clamp(-most(self.most_decel_mps2), most(self.most_accel_mps2));
         from_mps + change_mps

@@ -227,6 +227,7 @@ impl TrainedAdo {
             // own part to itself.
             let namesake = || if *part == self.part { own } else { part };
             let name = self.names.get(part).map_or_else(namesake, String::as_str);
+            // A part that no observed signal needs may stay without an agent.
             let Some(player) = here.who(name) else {
                 continue;
             };
@@ -348,6 +349,7 @@ impl Frozen {
             return Some(self.neutral);
         }
         let obs = self.observation(scene);
+        // The temperature of the world file comes before that of the policy.
         let drawn_at = self.temperature.or(self.policy.drawn_at());
         let Some(temperature) = drawn_at else {
             return Some(self.policy.act(&obs));

@@ -97,6 +97,7 @@ impl DriveScene {
             };
             let arrival = run.advance(span, deviation);
             let to = arrival.pose;
+            // A jump sweeps no ground, so it touches nothing on its way.
             let command = if run.take_jump() {
                 BodyCommand::Jump { to }
             } else {

@@ -101,10 +101,12 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
     } else {
         None
     };
+    // Without slopes no road rises above a line of sight.
     if let Some(seen) = seen.as_mut().filter(|_| spec.has_slopes()) {
         hide_behind_crests(scene, ego, seen);
     }
     let visibility_m = scene.weather.map(|weather| weather.visibility_m);
+    // The nearer of both limits hides.
     let reach_m = [visibility_m, spec.sensors.range_m]
         .into_iter()
         .flatten()

@@ -149,6 +149,7 @@ impl DriveScene {
         match (&flow, &self.state.touch) {
             (StepOutcome::Going, _) => self.arrive_all(),
             (StepOutcome::Contact(_), Some(contact)) => self.stop_all(contact.after_s),
+            // A fault ends the episode, and the plans with it.
             _ => {}
         }
         flow
@@ -160,6 +161,7 @@ impl DriveScene {
             *value = source.value(&self.state);
         }
         let published = self.layout.sources.len();
+        // In order, because a derived signal may read earlier ones.
         for (i, expr) in self.layout.derived.iter().enumerate() {
             row[published + i] = expr.eval(row);
         }
@@ -419,6 +421,7 @@ impl Scene for DriveScene {
         let flow = self.move_with_plans();
         // The plant knows only the mean velocity of a carried body over the sample.
         for (state, given) in self.state.states.iter_mut().zip(given) {
+            // The pose stays, since a contact stops a body before the given one.
             if let Some(given) = given {
                 let pose = state.pose;
                 *state = BodyState { pose, ..*given };

@@ -61,6 +61,7 @@ impl SpeedRamp {
     }
 
     pub(super) fn lasts_s(&self) -> f64 {
+        // A rate of 0 would give 0/0 here.
         if self.from_mps == self.to_mps {
             0.0
         } else {
@@ -163,6 +164,7 @@ impl Swing {
     }
 
     pub(super) fn way_m(&self, time_s: f64) -> f64 {
+        // A motion in no time would give 0/0.
         if self.lasts_s <= 0.0 {
             return self.by_m;
         }
@@ -176,6 +178,7 @@ impl Swing {
 
     /// Returns the greatest lateral speed. It is infinite for a change in no time.
     pub(super) fn most_mps(&self) -> f64 {
+        // By nothing in no time would be 0/0.
         if self.by_m == 0.0 {
             return 0.0;
         }

@@ -282,6 +282,7 @@ impl Approach {
             does: vec![MotionLaw::Speed {
                 to_mps: self.to_mps,
                 relative_to: None,
+                // No rate means at once, and an infinite one has no place in a file.
                 rate_mps2: self.accel_mps2.is_finite().then_some(self.accel_mps2),
                 shape: None,
             }],

@@ -84,6 +84,7 @@ impl PlanWay {
 pub(super) fn is_on(course: &Course, road: &Road, at: &Pose, on_foot: bool) -> bool {
     let on = course.locate(at);
     let mut borders = road.borders_m();
+    // Without borders nothing is inside, hence the infinity.
     let right_m = borders.next().unwrap_or(f64::INFINITY);
     let left_m = borders.last().unwrap_or(right_m);
     // A road with pieces ends with them.

@@ -53,6 +53,17 @@ impl DriveWorld {
         }
     }
 
+    /// Returns whether a replay has all of some signals, by their positions in a row.
+    ///
+    /// A motion holds neither plans nor actions, so replays keep those of the start.
+    pub fn repeats(&self, signals: &[usize]) -> bool {
+        let sources = &self.0.sources;
+        signals.iter().all(|&signal| match sources.get(signal) {
+            Some(source) => !source.is_decided(),
+            None => self.repeats(&self.0.derived[signal - sources.len()].signals()),
+        })
+    }
+
     /// Returns a motion with commands that repeat it, continued to `samples`.
     ///
     /// After the record, every agent moves sideways to the middle of the next
@@ -156,6 +167,7 @@ impl Onward {
             across_mps,
             brake_mps2,
             stands_s,
+            // People on foot keep to no lane, so they seek no middle of one.
             centred_s: if on_foot || across_mps == 0.0 {
                 f64::INFINITY
             } else {
@@ -174,6 +186,8 @@ impl Onward {
         let lateral_m = self.at.lateral_m + self.across_mps * sideways_s;
         let is_centred = self.centred_s <= after_s;
         let mut pose = course.pose(s_m, lateral_m);
+        // In the middle of its lane a body points along the road, forwards or
+        // backwards.
         pose.heading_rad += match (is_centred, direction < 0.0) {
             (false, _) => self.at.heading_rad,
             (true, false) => 0.0,

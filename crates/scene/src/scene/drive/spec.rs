@@ -422,6 +422,7 @@ impl DriveSpec {
     /// Returns the priorities of the roads of two agents.
     pub(super) fn priorities(&self, pair: [usize; 2]) -> [Priority; 2] {
         pair.map(|agent| match self.agents[agent].road {
+            // Placed roads state theirs in relation to the world's own, which has none.
             0 => Priority::Equal,
             road => self.roads[road - 1].priority,
         })
@@ -582,6 +583,7 @@ impl DriveSpec {
                 });
             }
         }
+        // A fixed parameter is no dimension of a search.
         let drawn = self
             .parameters
             .iter()

@@ -211,6 +211,7 @@ impl DriveScene {
     /// The road cannot be laid. The scene then keeps its present one.
     pub(super) fn set_environment(&mut self, start: &Start) -> Result<(), CourseError> {
         let layout = self.layout.at_start(start)?;
+        // Without ranges every start has the same environment.
         if Arc::ptr_eq(&layout, &self.layout) {
             return Ok(());
         }

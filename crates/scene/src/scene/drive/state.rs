@@ -167,6 +167,7 @@ impl SceneState {
 
     /// Lets slopes and wind act on the bodies for the next sample.
     fn push_all(&mut self) {
+        // On level ground in still air, which is usual, nothing pushes.
         if !self.spec.has_slopes() && self.spec.wind.is_none() {
             return;
         }

@@ -135,6 +135,7 @@ impl StoryExecution {
             applied: Vec::new(),
             to_s,
         };
+        // Plans assumed how others move in this sample, which is known by now.
         stage.drive_dependent_again();
         let changes = &mut self.changes;
         self.run.step(&self.board, &mut stage, to_s, changes);
@@ -196,6 +197,7 @@ fn traced(motions: &[(f64, AgentMotion)], at_s: f64) -> AgentMotion {
         after.checked_sub(1).map(|it| &motions[it]),
         motions.get(after),
     ) {
+        // Instants of a trace strictly increase, so no share is 0/0.
         (Some((from_s, from)), Some((to_s, to))) => {
             from.towards(to, to_s - from_s, (at_s - from_s) / (to_s - from_s))
         }
@@ -250,6 +252,7 @@ impl SampleStage<'_> {
     /// Drives all plans again that depend on the motion of others in the sample.
     fn drive_dependent_again(&mut self) {
         let agents = self.past.plans.len();
+        // Motions found before the law began are wrong from now on.
         self.traces = RefCell::new(vec![AgentTrace::Unknown; agents]);
         self.known = RefCell::new(vec![Vec::new(); self.past.motions.len()]);
         for agent in 0..agents {
@@ -347,6 +350,7 @@ impl SampleStage<'_> {
                     ActorLane::Absolute(lane) => (LateralBase::Lane(lane), 0.0),
                     ActorLane::Relative(of, by) => {
                         let by = isize::try_from(by).unwrap_or(0);
+                        // Nothing lies to the right of lane 0.
                         let lane = self.lane_of(of, at_s).saturating_add_signed(by);
                         (LateralBase::Lane(lane), 0.0)
                     }
@@ -375,6 +379,7 @@ impl StoryView for SampleStage<'_> {
         }
         let known = self.known.borrow()[agent]
             .iter()
+            // Backwards, as the latest instants are asked for again.
             .rev()
             .find(|it| it.0 == at_s)
             .map(|it| it.1);
@@ -476,6 +481,7 @@ impl StoryStage for SampleStage<'_> {
 
     fn ends_s(&self, agent: usize, domain: MotionDomain) -> f64 {
         let Some(run) = &self.plans[agent] else {
+            // Bodies without a plan move by other laws, whose end no story knows.
             return f64::INFINITY;
         };
         match domain {

@@ -42,6 +42,7 @@ pub(super) enum Source {
 impl Source {
     /// Returns whether the value follows from the current position alone.
     pub(super) fn is_positional(self) -> bool {
+        // Times need the step, and speeds the position before.
         !matches!(self, Source::Time | Source::TimeLeft | Source::Speed(_))
     }
 }
@@ -216,6 +217,8 @@ impl PositionHistory {
             // A grid scene can be advanced past its horizon, where the time
             // left is 0.
             Source::TimeLeft => f64::from(self.steps.saturating_sub(self.step)),
+            // Cells count from 0 at the wall, so a coordinate is the number of free
+            // cells before it.
             Source::X(who) | Source::Left(who) => cells(of(who).x),
             Source::Y(who) | Source::Down(who) => cells(of(who).y),
             Source::Up(who) => cells(last - of(who).y),

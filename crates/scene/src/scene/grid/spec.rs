@@ -21,6 +21,8 @@ impl Horizon {
     pub fn steps(self, size: u32) -> u32 {
         match self {
             Horizon::Steps(steps) => steps,
+            // A file may name any factor, and a huge one must be refused instead of
+            // wrapped.
             Horizon::PerSize(per_cell) => per_cell.saturating_mul(size),
         }
     }

@@ -73,6 +73,8 @@ impl Engine {
         match self {
             Engine::Wheels(wheels) => wheels.set_push(push),
             Engine::Bicycle(bicycle) => bicycle.set_push(push),
+            // People on foot stand firm, and carried bodies go where they are
+            // commanded.
             Engine::Legs(_) | Engine::Rails(_) => {}
         }
     }

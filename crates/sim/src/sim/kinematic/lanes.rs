@@ -156,6 +156,7 @@ impl KinematicLanes {
     /// Commands a net acceleration and a curvature for the next sample.
     #[inline]
     pub fn command(&mut self, vehicle: usize, accel_mps2: f64, curvature_per_m: f64) {
+        // Kept until `advance`, because a command has no result.
         self.is_faulty |= !(accel_mps2.is_finite() && curvature_per_m.is_finite());
         self.vehicles[vehicle].command = (accel_mps2, curvature_per_m);
     }

@@ -148,6 +148,7 @@ impl Mover {
         let before_mps = self.engine.motion(&self.at).speed_mps;
         self.at = path.at(elapsed_s).unwound();
         let after_mps = self.engine.motion(&self.at).speed_mps;
+        // Measured and not commanded, because limits may have cut the command.
         self.accel_mps2 = (after_mps - before_mps) / elapsed_s;
     }
 }

@@ -49,6 +49,7 @@ impl Motor for PlaybackBody {
                 // Otherwise a rewind would mix the pose with the one before
                 // the jump.
                 self.before = self.rect;
+                // A pose from before the jump no longer counts.
                 self.to = None;
             }
             _ => return false,

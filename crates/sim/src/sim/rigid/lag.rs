@@ -38,6 +38,7 @@ impl BrakeLag {
     pub(super) fn step(&mut self, command_mps2: f64, most_mps2: f64, dt_s: f64) -> f64 {
         self.before = self.now;
         if command_mps2 >= 0.0 {
+            // Released brakes wait anew before they brake again.
             self.now = BrakeState::default();
             return command_mps2;
         }

@@ -272,6 +272,7 @@ impl Plant for Rigid {
                 }
             });
         }
+        // These two have collided already, before the first step of rapier.
         for body in [touching.0, touching.1] {
             self.movers[body.0].motor.release(&mut self.world);
         }
@@ -377,6 +378,7 @@ impl Plant for Rigid {
                 heading_rad: libm::atan2(sin, cos),
             },
             speed_mps: after.along_mps(),
+            // At the front, which swings out of the path of the middle in a turn.
             lateral_mps: vy_mps * cos - vx_mps * sin + yaw_rate_rad_per_s * ahead_m,
             yaw_rate_rad_per_s,
             accel_mps2: self.movers[id.0].accel_mps2,

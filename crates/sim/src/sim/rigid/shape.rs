@@ -370,6 +370,7 @@ impl ConvexPart {
         }
         match DefaultQueryDispatcher.contact(&pose, a, b, TOUCH_M) {
             Ok(Some(contact)) => of_cores(contact.dist, contact.normal1, contact.point1),
+            // Without an answer of parry the cores count as touching.
             _ => of_cores(0.0, Vector::X, Vector::ZERO),
         }
     }

@@ -106,6 +106,7 @@ impl TyreForces {
             tyres: *tyres,
             curve: SlipCurve::new(tyres.shape),
             ground,
+            // Without brakes of its own the car brakes as its weight rests.
             front_share: vehicle
                 .brakes
                 .map_or(vehicle.front_load_share(&size), |brakes| brakes.front_share),

@@ -265,6 +265,7 @@ impl RapierWorld {
     /// Lets bodies collide with each other from now on.
     pub(super) fn solid(&mut self) {
         self.is_solid = true;
+        // Nothing could collide before, so one iteration was enough.
         self.parameters.num_internal_pgs_iterations = CONTACT_ITERATIONS;
         self.parameters.max_ccd_substeps = IntegrationParameters::default().max_ccd_substeps;
         for (handle, collider) in self.colliders.iter_mut() {

@@ -84,6 +84,7 @@ impl EgoResponse<'_> {
         const NO_RESULT: f64 = 10.0;
         let ego = self.starts.ego(member).map_err(|_| NO_RESULT)?;
         let alone = self.starts.drive_alone(&ego, watch).ok_or(NO_RESULT)?;
+        // The worse a violation, the larger, which leads the search back to sound egos.
         if alone.failures > self.nominal.failures {
             return Err(2.0 + alone.failures);
         }

@@ -111,6 +111,7 @@ pub fn train_league(
     let (Some(payoff), Some(response)) = (payoff, response) else {
         return Ok(LeagueRound::all(&dir)?);
     };
+    // Over no start at all, every recall would be perfect.
     if payoff.len() == 0 || response.len() == 0 {
         return Err(LeagueError::NoStarts);
     }
@@ -133,6 +134,7 @@ fn scenario_of(world: &Scenario, request: &LeagueRequest<'_>) -> Result<Scenario
     if training.ego.is_some() || training.from.is_some() || !training.against.is_nominal() {
         return Err(LeagueError::Options);
     }
+    // The likeliest crashes are those of one ego, and a league has many.
     if training.traffic.is_some() {
         return Err(SessionError::Options(OptionClash::TrafficAndMany).into());
     }

@@ -53,6 +53,7 @@ impl<'a> PayoffStarts<'a> {
     ) -> Option<PayoffStarts<'a>> {
         let bench = scenario.bench();
         let draw = |index| {
+            // Payoffs decide who is a member, so they leave the test starts alone.
             let key = StartKey {
                 purpose: Purpose::Calibration,
                 seed,
@@ -106,6 +107,7 @@ impl<'a> PayoffStarts<'a> {
             let mut coasting = Constant(neutral);
             let from = NoisyStart::from(start);
             let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
+            // Without the signal an ego seems to stand, and no response may rest on it.
             let speeds = episode.trace.signal(&signal).unwrap_or_default();
             let speed_mps = speeds.iter().sum::<f64>() / speeds.len().max(1) as f64;
             Some((episode.verdict.is_success(), speed_mps))
@@ -155,6 +157,7 @@ impl<'a> PayoffStarts<'a> {
         ego: &LeagueEgo,
         watch: &Watch<'_>,
     ) -> Option<f64> {
+        // The seed names a training in rows, of which payoffs keep none.
         let trained = Ado::Trained(policy, 0);
         let evaluated = eval(&ego.ego.against(trained, &self.starts), watch);
         // Starts that only the ado solves do not count, so that recall is at most 1.

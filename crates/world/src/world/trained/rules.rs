@@ -81,12 +81,12 @@ impl JudgedAdo {
         // Lower than every rule of the file, and in their own order.
         let below = rules
             .iter()
-            .map(|rule| rule.priority + 1)
+            .map(|rule| rule.priority.saturating_add(1))
             .max()
             .unwrap_or(0);
         rules.extend(self.home.rules.iter().map(|rule| RuleSpec {
             ado: self.name.clone(),
-            priority: below + rule.priority,
+            priority: below.saturating_add(rule.priority),
             formula: rule.formula.renamed(&new),
             place: self.path.to("rules"),
             ..rule.clone()

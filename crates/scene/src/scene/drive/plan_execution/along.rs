@@ -59,9 +59,14 @@ impl PlanRun {
                 }
                 size => size,
             };
-            let lasts_s =
-                shape.peak() * off_mps.abs() / greatest_rate(shape, lasting, [off_mps, 0.0]);
+            let lasts_s = match lasting {
+                // Without a difference the rate is 0 as well, and 0 / 0 is no duration.
+                Dimension::Time(time_s) if off_mps == 0.0 => time_s,
+                size => shape.peak() * off_mps.abs() / greatest_rate(shape, size, [off_mps, 0.0]),
+            };
             along.from_mps = now_mps;
+            // The share of the old speed that is left, which falls from 1 to 0 like a
+            // speed.
             along.left = SpeedRamp {
                 begins_s: at_s,
                 from_mps: 1.0,
@@ -78,6 +83,7 @@ impl PlanRun {
         let Some(along) = self.along else {
             return;
         };
+        // No step passes an arrival, a common instant or the end of the sample.
         let next_s = self
             .arrival_s(&along.law, time_s, span)
             .min(next_step_s(time_s))
@@ -139,6 +145,7 @@ impl PlanRun {
     /// Returns speeds at both ends of a step as near to wanted ones as limits allow.
     fn limited(&self, law: &AlongLaw, wanted_mps: [f64; 2], time_s: f64, next_s: f64) -> [f64; 2] {
         let now_mps = self.ramp.speed_mps(time_s);
+        // In no time a speed changes only where nothing limits it.
         let from_mps = law.limits.nearest_mps(now_mps, wanted_mps[0], 0.0);
         let to_mps = law
             .limits
@@ -246,6 +253,8 @@ impl PlanRun {
         let now_mps = self.ramp.speed_mps(time_s);
         let step_s = next_s - time_s;
         let behind_m = self.behind_m(&law, &now, span);
+        // Without limits the distance holds at once, so the body is moved and not
+        // driven.
         if law.limits.changes_at_once() {
             self.shift(behind_m, span);
             if !continuous {
@@ -273,6 +282,7 @@ impl PlanRun {
             return None;
         }
         // A spring with critical damping, as stiff as the limits are wide.
+        // An approach ends with the opposite change, whose limit sets the stiffness.
         let (most_mps2, other_most_mps2) = if behind_m > 0.0 {
             (law.limits.most_decel_mps2, law.limits.most_accel_mps2)
         } else {
@@ -331,6 +341,7 @@ impl PlanRun {
         }
         let left_s = its_m / its_mps;
         let Some(final_speed) = final_speed else {
+            // Any speed may be the last one, so an even one arrives in time.
             let even_mps = own_m / left_s;
             return Some([even_mps, even_mps]);
         };
@@ -343,6 +354,7 @@ impl PlanRun {
             Some(DistanceOrTime::Seconds(steady_s)) => steady_s * end_mps,
             None => 0.0,
         };
+        // A last speed of 0 has no steady part.
         let steady_s = if end_mps > 0.0 {
             steady_m / end_mps
         } else {
@@ -392,6 +404,7 @@ impl PlanRun {
         let other = (span.motion_of)(law.of, time_s);
         let point = other.pose.ahead(-size_of(law.of, span).front_m);
         let on = span.network.locate(law.of, &point);
+        // Its direction may be against its road, whose stations then fall.
         let facing = libm::cos(on.heading_rad).signum();
         ArrivalAhead {
             own_m,

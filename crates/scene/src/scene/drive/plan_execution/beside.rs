@@ -50,6 +50,7 @@ impl PlanRun {
         let speed_mps = self.ramp.speed_mps(time_s);
         let by_m = beside.step_m(self.lateral_m, &target, speed_mps, for_s);
         beside.next_s = next_s;
+        // Only a place without limits may be reached faster than the body drives.
         let jumps = law.is_unlimited() && by_m.abs() > speed_mps * for_s;
         // The step has the first half of an even motion, which so goes on at its end.
         let halves = if jumps { 1.0 } else { 2.0 };

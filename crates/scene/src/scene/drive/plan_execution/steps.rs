@@ -26,6 +26,7 @@ impl PlanRun {
 
     /// Begins and ends the steps that are due.
     pub(super) fn settle(&mut self, time_s: f64, span: SampleSpan<'_>) {
+        // A story may replace what would be due below.
         self.begin_laws(time_s, span);
         self.settle_way(time_s, span);
         self.begin_profile(time_s);
@@ -103,6 +104,7 @@ impl PlanRun {
     fn act(&mut self, at_s: f64, now_s: f64, span: SampleSpan<'_>) -> PlanPhase {
         let from_mps = self.ramp.speed_mps(now_s);
         let (mut ends_s, mut awaits_swing) = (at_s, false);
+        // A copy, because the laws change the run that owns them.
         let laws = self.steps[self.step].does.clone();
         for law in &laws {
             let mut to_speed = |to_mps: f64, rate_mps2: f64, shape: ChangeShape| {

@@ -27,6 +27,7 @@ impl PlanRun {
 
     fn obey(&mut self, DueLaw { at_s, law }: DueLaw, span: SampleSpan<'_>) {
         let is_place = matches!(law, StoryLaw::Place { .. } | StoryLaw::Vanish { .. });
+        // An absent body obeys nothing until it is put somewhere.
         if self.is_absent && !is_place {
             return;
         }
@@ -132,6 +133,7 @@ impl PlanRun {
             _ => own,
         };
         match base {
+            // A relative target may lie beyond the lanes of this road.
             LateralBase::Lane(lane) => road.lane_middle_m(lane.min(road.lanes().saturating_sub(1))),
             LateralBase::PresentLane => road.lane_middle_m(road.lane_at(self.lateral_m)),
             LateralBase::Course => 0.0,

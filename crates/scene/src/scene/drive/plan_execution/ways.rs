@@ -47,6 +47,7 @@ impl PlanRun {
         (self.s_m, self.lateral_m) = (on.s_m, on.lateral_m);
         self.planned_rad = on.heading_rad;
         self.heading_rad = wrapped(on.heading_rad + bent_rad);
+        // Motions of the old way have no meaning on the new one.
         (self.swing, self.beside, self.legs) = (None, None, None);
     }
 
@@ -105,6 +106,7 @@ impl PlanRun {
         };
         self.is_absent = false;
         self.land_at(span, at);
+        // The landing chose a road by the place, and a named road replaces it.
         if let Some(number) = road {
             self.take_road(number, span);
         }
@@ -149,6 +151,7 @@ impl PlanRun {
         self.planned_rad = law.path.turned_rad(self.s_m);
         self.heading_rad = self.planned_rad;
         self.way = Some(Arc::new(PlanWay::Curve(Arc::clone(&law.path))));
+        // A trajectory may begin where the body cannot drive to.
         let there = before.frame().to_local(self.reference(own).point_m());
         if libm::hypot(there[0], there[1]) > JUMP_M {
             self.jumped(own);
@@ -198,6 +201,7 @@ impl PlanRun {
                 after_s = middle_s;
             }
         }
+        // The later end, at which the way is certainly driven.
         after_s
     }
 

@@ -39,6 +39,7 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .within(|spec, _| zero_to(spec.clock.horizon_s)),
     Clock
         .signal("time_left", "s")
+        // A time that is rounded up at the last sample must not leave the bounds.
         .is(|state, _| (state.spec.clock.horizon_s - state.time_s()).max(0.0))
         .about("time to the horizon")
         .within(|spec, _| zero_to(spec.clock.horizon_s))
@@ -144,6 +145,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .only_if(acts)
         .within(action_bounds),
     Pair.signal("headway", "m")
+        // Both on the road of the first, since stations of two roads do not compare.
         .is(|state, [a, b]| state.on_road_of(a, b).s_m - state.on_road[a].s_m)
         .about("distance along the road from {a} to {b}, front to front; negative if {b} is behind {a}")
         .seen_in(-100.0, 100.0),
@@ -172,6 +174,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .seen_in(0.0, 20.0),
     Pair.signal("contact", "")
         .holds_if(|state, [a, b]| {
+            // A contact names the lower body first.
             let pair = (state.bodies[a.min(b)], state.bodies[a.max(b)]);
             state.touch.is_some_and(|contact| contact.pair == pair)
         })
@@ -283,6 +286,8 @@ between(SLOWEST_MPS, FASTEST_MPS)
     Road.signal("radius", "m")
         .is(|state, _| {
             let [last, _] = state.network.main().last_curvatures_per_m();
+            // Traces hold finite numbers only, and a straight piece has an infinite
+            // radius.
             (1.0 / last.abs()).min(STRAIGHT_M)
         })
         .about("radius of the last laid piece, 10,000 if it is straight")
@@ -290,6 +295,7 @@ between(SLOWEST_MPS, FASTEST_MPS)
         .seen_in(0.0, 300.0),
     Road.signal("ahead", "m")
         .is(|state, _| {
+            // Invariant: an assembled scene has exactly one.
             let ego = state.spec.egos().next().unwrap_or(0);
             state.network.main().end_s_m() - state.on_road[ego].s_m
         })
@@ -326,6 +332,7 @@ fn time_to_collision_s(state: &SceneState, [a, b]: [usize; 2]) -> f64 {
     // subtracted.
     let front = if ahead_m > 0.0 { b } else { a };
     let clearance_m = ahead_m.abs() - state.spec.agents[front].body.length_m;
+    // Positive for an approach, whichever of the two is ahead.
     let closing_mps = (state.velocity_mps(a).x - state.velocity_mps(b).x) * ahead_m.signum();
     capped_s(clearance_m, closing_mps)
 }
@@ -335,6 +342,7 @@ fn capped_s(way_m: f64, speed_mps: f64) -> f64 {
     if speed_mps <= 0.0 {
         return TTC_CAP_S;
     }
+    // Bodies that overlap have a clearance below 0, which is no time.
     (way_m.max(0.0) / speed_mps).min(TTC_CAP_S)
 }
 

@@ -67,6 +67,12 @@ impl SignalReading {
         }
     }
 
+    /// Returns whether it is a plan or an action, and so no motion of a body.
+    pub(super) fn is_decided(self) -> bool {
+        let name = self.quantity.name;
+        name.starts_with("planned.") || matches!(name, "action" | "action_before")
+    }
+
     /// Returns whether a scene of this spec has the signal.
     pub(super) fn exists(self, spec: &DriveSpec) -> bool {
         (self.quantity.exists)(spec, self.whose)
@@ -94,6 +100,7 @@ impl SignalReading {
             name, unit, about, ..
         } = *self.quantity;
         let owners = self.owners(names);
+        // A parameter belongs to no agent, so its own name is the whole name.
         let name = match self.quantity.of {
             Of::Parameter => owners.concat(),
             _ => [&owners[..], &[name]].concat().join("."),
@@ -247,6 +254,7 @@ impl DriveSpec {
         let mut offers = self.offers(&|row: &SignalQuantity| {
             row.always || row.of == Of::Parameter || mentioned(row.name)
         });
+        // Other signals may end alike, so whole names decide.
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers
     }

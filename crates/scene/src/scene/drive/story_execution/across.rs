@@ -51,6 +51,7 @@ impl SampleStage<'_> {
                 } else {
                     StoryLaw::Lateral {
                         from: LateralBase::Course,
+                        // A law that does not continue aims at the place of the moment.
                         offset_m: self.on_road(agent, &self.reference(*of, at_s)).lateral_m + by_m,
                         shape: shape.curve(),
                         timing: LateralTiming::Acceleration(*most_lateral_mps2),
@@ -63,6 +64,8 @@ impl SampleStage<'_> {
                 most_lateral_mps2,
                 ..
             } => StoryLaw::Lateral {
+                // OpenSCENARIO counts absolute offsets from the middle of the actor's
+                // lane.
                 from: LateralBase::PresentLane,
                 offset_m: *to_m,
                 shape: shape.curve(),
@@ -89,6 +92,7 @@ impl SampleStage<'_> {
                 path: Arc::clone(path),
                 clock: timing.as_ref().map(clock_of),
                 is_smooth: *following == FollowingMode::Follow,
+                // A file may ask for a start beyond the end.
                 from_m: initial_distance_m.min(path.length_m),
             }),
             ActorAction::AssignRoute(road) => StoryLaw::Route(*road),
@@ -152,6 +156,7 @@ impl SampleStage<'_> {
         // Sides are those of the other agent, which may face against the road.
         let turned = if in_its_axes { 1.0 } else { facing(&other_on) };
         let side = match distance.side {
+            // On either side is allowed, so the agent stays on its own.
             DistanceSide::Any => 1f64.copysign(left_m),
             DistanceSide::More => turned,
             DistanceSide::Less => -turned,

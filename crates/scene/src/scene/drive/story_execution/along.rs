@@ -66,6 +66,7 @@ impl SampleStage<'_> {
             ActorSpeed::Factor(to) => Some((to, to.by, 0.0)),
         };
         let (shape, size) = (dynamics.shape.curve(), dynamics.dimension);
+        // Only a lasting target follows the other agent. Any other is read once.
         if let Some((to, factor, by_mps)) = relative.filter(|it| it.0.continuous) {
             return StoryLaw::Along(AlongLaw {
                 of: to.of,
@@ -103,6 +104,7 @@ impl SampleStage<'_> {
                     return own.frame().to_local(other.point_m()).x < 0.0;
                 }
                 let [own_on, other_on] = [own, other].map(|pose| self.on_road(agent, &pose));
+                // Against its road, an agent ahead has the lower station.
                 libm::cos(own_on.heading_rad) * (other_on.s_m - own_on.s_m) < 0.0
             }
         }
