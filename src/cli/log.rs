@@ -19,7 +19,7 @@ use super::log_reading;
 use super::terminal::{self, Common};
 use crate::openx::import::driven_lanes;
 use crate::ron_file::file_text;
-use crate::run_dir::write_file;
+use crate::run_dir::write_output;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {
@@ -130,7 +130,7 @@ fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Resul
         (Some(at_s), Some(id)) => instant(analysis, id, at_s)?,
         _ => svg_overview(analysis),
     };
-    write_file(path, svg.as_bytes())?;
+    write_output(path, svg.as_bytes())?;
     if !args.json {
         terminal::note(&format!("wrote {}", path.display()));
     }
@@ -434,7 +434,7 @@ fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficMode
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let model = fit_traffic(&name, sources, analyses)?;
-    write_file(path, model.to_ron().as_bytes())?;
+    write_output(path, model.to_ron().as_bytes())?;
     if !args.json {
         terminal::data(&format!("{model}\nwrote {}", path.display()))?;
     }

@@ -21,7 +21,7 @@ use crate::crashes::{
 };
 use crate::report::{TextTable, junit};
 use crate::rulebook::RulesUntilContact;
-use crate::run_dir::{About, StartRepeated, write_file};
+use crate::run_dir::{About, StartRepeated, write_output};
 use crate::stats::wilson;
 use crate::testbench::Episode;
 
@@ -98,7 +98,7 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
             ReplayQuestion::StillFails
         };
         let suite = regressions.suite(&replayed, question);
-        write_file(file, junit(&[suite]).as_bytes())?;
+        write_output(file, junit(&[suite]).as_bytes())?;
     }
     show(args, recorded, &replayed)?;
     if regressions.is_recorded_ego() && !recorded {

@@ -21,7 +21,7 @@ use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::junit;
 use crate::risk::{KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic};
 use crate::rl::Policy;
-use crate::run_dir::{RunDir, write_file};
+use crate::run_dir::{RunDir, write_output};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -122,7 +122,7 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     report.at_most = args.at_most;
     show(args, &report)?;
     if let Some(file) = &args.junit {
-        write_file(file, junit(&[report.suite()]).as_bytes())?;
+        write_output(file, junit(&[report.suite()]).as_bytes())?;
     }
     let kept = args.keep.as_ref().map(|dir| request.keep(&report, dir));
     // The rows are printed already, so an error of the disk here costs no result.

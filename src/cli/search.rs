@@ -24,7 +24,7 @@ use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::report::junit;
 use crate::rl::Policy;
-use crate::run_dir::{Row, RunDir, Stored, write_file};
+use crate::run_dir::{Row, RunDir, Stored, write_output};
 use crate::search::{
     GuidingPolicy, Method, MethodInfo, MethodOption, MethodSettings, usual_switches,
 };
@@ -117,7 +117,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
     if let Some(file) = &args.junit {
-        write_file(file, junit(&[searched.suite()]).as_bytes())?;
+        write_output(file, junit(&[searched.suite()]).as_bytes())?;
     }
     let keep = |dir: &Path, settings, watch: &Watch<'_>| searched.keep(dir, settings, watch);
     let step = KeepStep {

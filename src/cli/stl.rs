@@ -13,7 +13,7 @@ use super::input;
 use super::output_path::new_file;
 use super::terminal::{self, Common};
 use crate::ron_file::{Problem, ScenarioError};
-use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
+use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_output};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -155,7 +155,7 @@ impl StlArgs {
             None => Ok(()),
             Some(_) if self.prints_json() => print_json(value),
             // A file leaves stdout to the tables, so CI gets both from one run.
-            Some(file) => Ok(write_file(file, format!("{value}\n").as_bytes())?),
+            Some(file) => Ok(write_output(file, format!("{value}\n").as_bytes())?),
         }
     }
 

@@ -13,7 +13,7 @@ use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::TestArgs;
 use crate::evaluation::Sweep;
 use crate::report::sweep_curve;
-use crate::run_dir::{SweepPoint, Swept, write_file};
+use crate::run_dir::{SweepPoint, Swept, write_output};
 use crate::stats::{at_most, wilson};
 
 /// Legend of a sweep's columns.
@@ -59,7 +59,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     tested.show(&evaluated, Some(result))?;
     if let Some(file) = &args.curve {
         let curve = sweep_curve(&swept, &safety(&swept));
-        write_file(file, curve.as_bytes())?;
+        write_output(file, curve.as_bytes())?;
     }
     tested.keep(&evaluated, egos.len())?;
     // A sweep measures where an ego begins to fail, so a failure is no error of it.

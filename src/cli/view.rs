@@ -22,7 +22,7 @@ use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
 use crate::experiment::ShownEpisode;
 use crate::experiment::{EgoUnderTest, consent_to};
-use crate::run_dir::{RunDir, write_file};
+use crate::run_dir::{RunDir, write_output};
 #[cfg(feature = "rerun")]
 use crate::view::ViewError;
 
@@ -237,7 +237,7 @@ fn draw(
     // The parser allows these names only, so each given one is found.
     let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
     let bytes = picture_as(format, replayed, ego, beside)?;
-    write_file(output, &bytes)?;
+    write_output(output, &bytes)?;
     let file = output.display().to_string();
     if args.json {
         return print_json(&json!({ "file": file, "bytes": bytes.len() }));
