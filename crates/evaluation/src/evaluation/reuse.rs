@@ -123,7 +123,7 @@ pub(super) fn reused_with_coasting(
     let coasting = &alone.row;
     let whole = coasting.partial.is_none();
     for row in &mut rows {
-        row.fails_alone = whole.then_some(FailsAlone {
+        row.fails_alone = (whole && !row.is_unrepeatable()).then_some(FailsAlone {
             starts: coasting.successes,
             left_out: false,
         });
@@ -231,11 +231,12 @@ fn summary(
     reference: &AdversaryId,
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
-        // Interrupted rows have no rate to average.
+        // Interrupted rows and those of an ego that depends on more than the episode have no
+        // rate to average.
         let rows = ego
             .rows
             .iter()
-            .filter(|row| row.partial.is_none())
+            .filter(|row| row.partial.is_none() && !row.is_unrepeatable())
             .filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };
