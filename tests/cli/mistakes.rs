@@ -6,7 +6,7 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 27] = [
+const MISTAKES: [Mistake; 28] = [
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
         "acc search",
@@ -33,6 +33,10 @@ const MISTAKES: [Mistake; 27] = [
     ("search acc --starts many", &["'many'", "300k"]),
     ("search acc --jobs 0", &["'0'", "--jobs", "1..=1024"]),
     ("search acc --ego", &["--ego", "a value is required"]),
+    (
+        "search acc --starts 2 --",
+        &["missing command after `--`", "leave out `--`"],
+    ),
     ("search acm", &["`acm`", "`acc`"]),
     (
         "search acc --ego nominl",
