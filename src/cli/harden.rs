@@ -11,7 +11,7 @@ use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
 use super::harden_text::{EXPLAINED, details, gate_command, table, verdict};
 use super::headings::{ADOS, LEARNING, OUTPUT, TEST};
-use super::number_args::{STARTS, count, start_count};
+use super::number_args::{STARTS, count, start_count, switch_count};
 use super::progress;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
@@ -71,8 +71,8 @@ pub(super) struct HardenArgs {
     #[arg(long, value_name = "FILE|DIR", help_heading = ADOS)]
     known: Vec<PathBuf>,
     /// Also search every start, with at most M switches of action.
-    #[arg(long, value_name = "M", value_parser = count(0..=10), help_heading = ADOS)]
-    search: Option<u64>,
+    #[arg(long, value_name = "M", value_parser = switch_count(), help_heading = ADOS)]
+    search: Option<usize>,
     /// Least reduction of the failures, as a share.
     #[arg(long, value_name = "SHARE", default_value_t = HardenSettings::default().reduction, value_parser = reduction)]
     reduction: f64,
@@ -187,7 +187,7 @@ fn parameters(args: &HardenArgs, ego: &EgoUnderTest) -> Result<EgoParameters, Fa
 fn ados(args: &HardenArgs, world: &Scenario) -> Result<AdoSet, Failure> {
     let own = (!is_world(&args.input)).then_some(&args.input);
     let mut ados = AdoSet {
-        switches: args.search.map(|most| most as usize),
+        switches: args.search,
         ..AdoSet::default()
     };
     for run in own.into_iter().chain(&args.against) {

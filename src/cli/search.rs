@@ -14,7 +14,7 @@ use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::keep::{KeepArgs, KeepStep};
 use super::live::{RerunArgs, Streamed};
-use super::number_args::{STARTS, count, start_count};
+use super::number_args::{STARTS, count, start_count, switch_count};
 use super::output_path::new_file;
 use super::terminal::Common;
 use super::test_args::{EgoArgs, note_program_costs};
@@ -40,7 +40,8 @@ pub(super) struct SearchArgs {
     #[arg(long, value_parser = method_of_the_list(), default_value = "switches",
         default_value_if("guided", ArgPredicate::IsPresent, "guided"))]
     method: MethodInfo,
-    #[arg(long, value_name = "M", help = MethodOption::Switches.help(), help_heading = TEST)]
+    #[arg(long, value_name = "M", help = MethodOption::Switches.help(),
+        value_parser = switch_count(), help_heading = TEST)]
     switches: Option<usize>,
     #[arg(long, visible_alias = "tries", value_name = "SIMS", help = MethodOption::Budget.help(),
         value_parser = count(1..=u64::MAX), help_heading = TEST)]

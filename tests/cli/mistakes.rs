@@ -6,7 +6,7 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 28] = [
+const MISTAKES: [Mistake; 29] = [
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
         "acc search",
@@ -36,6 +36,10 @@ const MISTAKES: [Mistake; 28] = [
     (
         "search acc --starts 2 --",
         &["missing command after `--`", "leave out `--`"],
+    ),
+    (
+        "search acc --switches 99999",
+        &["--switches", "99999 is not in 0..=10"],
     ),
     ("search acm", &["`acm`", "`acc`"]),
     (
