@@ -228,7 +228,7 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
     json!({
         "file": replayed.path.display().to_string(),
         "verdict": replayed.episode.verdict.word(),
-        "robustness": finite_or_word(replayed.episode.robustness),
+        "robustness": robustness(replayed).map(finite_or_word),
         "outcome": replayed.outcome(),
         "no_answer": replayed.no_answer(),
         "fault": replayed.fault(),
@@ -242,6 +242,12 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
         "first_difference": difference.map(ToString::to_string),
         "different_from_s": difference.map(|difference| difference.time_s),
     })
+}
+
+/// Returns the robustness, which a run that was cut off by a fault does not have.
+fn robustness(replayed: &Replayed) -> Option<f64> {
+    let episode = &replayed.episode;
+    replayed.fault().is_none().then_some(episode.robustness)
 }
 
 /// Formats the runs of an ego that is not deterministic.
@@ -377,7 +383,7 @@ impl ReplayTable {
         [
             case_name(&replayed.path),
             replayed.outcome().words().to_owned(),
-            format!("{:.6}", replayed.episode.robustness),
+            robustness(replayed).map_or("–".to_owned(), |rho| format!("{rho:.6}")),
             contact,
             rules.map_or("–".to_owned(), ToString::to_string),
             bits,
