@@ -336,6 +336,8 @@ fn no_seal_is_shed_and_other_formats_are_refused() {
         fs::write(&file, text).expect("written");
         let error = read_all(&finished).expect_err(name).to_string();
         assert!(error.contains(name) && error.contains(why), "{error}");
+        // Every verb that opens the run refuses it, and not only those that read the file.
+        assert!(RunDir::open(&finished).is_err(), "{name}");
         match whole {
             Some(bytes) => fs::write(&file, bytes).expect("written"),
             None => fs::remove_file(&file).expect("there"),
