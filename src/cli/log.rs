@@ -16,6 +16,7 @@ use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT};
 use super::input::{self, Opened};
 use super::log_reading;
+use super::output_path::{new_file, new_svg};
 use super::terminal::{self, Common};
 use crate::openx::import::driven_lanes;
 use crate::ron_file::file_text;
@@ -50,10 +51,10 @@ pub(super) struct LogArgs {
     #[arg(long, value_name = "FILE.xodr|FILE.osm", help_heading = INPUT)]
     road: Option<PathBuf>,
     /// Fit a naturalness model, print its calibration and write it.
-    #[arg(long, value_name = "FILE.ron")]
+    #[arg(long, value_name = "FILE.ron", value_parser = new_file())]
     fit: Option<PathBuf>,
     /// Draw the recording from above, with its lanes, paths and crossings.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", value_parser = new_svg())]
     picture: Option<PathBuf>,
     /// Draw this instant instead, in seconds from the first row.
     #[arg(

@@ -12,6 +12,7 @@ use super::common::{
 use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
+use super::input::existing_path;
 use super::number_args::{count, positive};
 use super::output_path::{new_dir, new_file};
 use super::progress;
@@ -39,7 +40,7 @@ pub(super) struct RiskArgs {
     #[arg(long, value_name = "RUN", help_heading = INPUT)]
     run: Option<PathBuf>,
     /// Kept counterexamples, or directories of them, with the same use.
-    #[arg(long, value_name = "FILE|DIR", help_heading = INPUT)]
+    #[arg(long, value_name = "FILE|DIR", value_parser = existing_path(), help_heading = INPUT)]
     known: Vec<PathBuf>,
     #[command(flatten)]
     ego: EgoArgs,
@@ -75,7 +76,7 @@ pub(super) struct RiskArgs {
     /// Directory of finished runs, from which the same command continues.
     ///
     /// So does one with a greater budget or another width.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", value_parser = new_dir())]
     out: Option<PathBuf>,
     /// Keep the likeliest lawful failure of each kind as a file.
     #[arg(long, value_name = "DIR", value_parser = new_dir(), help_heading = OUTPUT)]

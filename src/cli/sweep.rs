@@ -8,6 +8,7 @@ use serde_json::json;
 use super::answer::PrintedAnswer;
 use super::common::{exit_of, interrupted_early, table_of};
 use super::failure::{Exit, Failure};
+use super::output_path::new_svg;
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::TestArgs;
@@ -30,7 +31,7 @@ pub(super) struct SweepArgs {
     #[arg(long, value_name = "ego.NAME=LO..HI[:N]")]
     over: String,
     /// Draw the share of failing starts over the range as SVG.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", value_parser = new_svg())]
     curve: Option<PathBuf>,
     #[command(flatten)]
     pub(super) test: TestArgs,

@@ -15,6 +15,7 @@ use super::kept_input;
 #[cfg(feature = "rerun")]
 use super::live::Streamed;
 use super::live::{self, RerunArgs};
+use super::output_path::new_file;
 use super::terminal::{self, Common};
 use crate::crashes::{PictureFormat, Regressions, Replayed, ViewKind};
 use crate::crashes::{newest_of_training, picture_as};
@@ -43,6 +44,7 @@ pub(super) struct ViewArgs {
         short,
         long,
         value_name = "OUT.rrd|svg|gif|png",
+        value_parser = new_file(),
         conflicts_with = "rerun"
     )]
     output: Option<PathBuf>,
