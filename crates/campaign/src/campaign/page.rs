@@ -166,7 +166,13 @@ impl SummaryRow {
     pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
-            (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),
+            (None, 2..) => {
+                let left_out = match self.unrated {
+                    0 => String::new(),
+                    some => format!(", {some} without a valid start"),
+                };
+                format!("{}, mean of {}{left_out}", self.ado, self.trainings)
+            }
             _ => self.ado.to_string(),
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
