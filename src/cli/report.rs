@@ -6,7 +6,7 @@ use super::common::{finished, interrupted_early, load_world, open_run};
 use super::failure::{Exit, Failure};
 use super::points::check_answers;
 use super::progress;
-use super::report_args::{ReportArgs, quoted, shown};
+use super::report_args::{ReportArgs, shown};
 use super::report_results;
 use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use super::run_under_test::is_world;
@@ -17,6 +17,7 @@ use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::Report;
 use crate::run_dir::{RunDir, make_dir};
+use crate::visible::shell_word;
 use crate::world::Scenario;
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
@@ -176,7 +177,7 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
 fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     // JUnit without a test would pass.
     if report.tested.is_empty() {
-        let run = quoted(&shown(&args.run));
+        let run = shell_word(&shown(&args.run));
         return Some(Failure::input(
             format!("{run} has no policy yet, so nothing was evaluated"),
             format!(
@@ -205,8 +206,8 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
 /// They use the world file in the run.
 fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
     let manifest = run.manifest();
-    let here = quoted(&shown(run.path()));
-    let world = quoted(&shown(&run.path().join("world.ron")));
+    let here = shell_word(&shown(run.path()));
+    let world = shell_word(&shown(&run.path().join("world.ron")));
     let mut train = format!(
         "brakecheck train {world} -o runs/{}-again --seed {} --decisions {}",
         manifest.world, manifest.seed, manifest.decisions
@@ -219,13 +220,13 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
         train.push_str(&format!(" --against {}", manifest.against));
     }
     if let Some(ego) = &manifest.ego {
-        train.push_str(&format!(" --ego {}", quoted(&ego.name)));
+        train.push_str(&format!(" --ego {}", shell_word(&ego.name)));
     }
     if let Some(learner) = &manifest.learner {
-        train.push_str(&format!(" --learner {}", quoted(learner)));
+        train.push_str(&format!(" --learner {}", shell_word(learner)));
     }
     if let Some(structure) = &manifest.left_out {
-        train.push_str(&format!(" --leave-out {}", quoted(structure)));
+        train.push_str(&format!(" --leave-out {}", shell_word(structure)));
     }
     for goal in &manifest.goals {
         train.push_str(&format!(" --goal {goal}"));
