@@ -11,6 +11,7 @@ use super::report_results;
 use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use super::run_under_test::is_world;
 use super::terminal;
+use super::training_again::training_again;
 use super::verdict::verdict;
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
@@ -205,39 +206,15 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
 ///
 /// They use the world file in the run.
 fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
-    let manifest = run.manifest();
     let here = shell_word(&shown(run.path()));
-    let world = shell_word(&shown(&run.path().join("world.ron")));
-    let mut train = format!(
-        "brakecheck train {world} -o runs/{}-again --seed {} --decisions {}",
-        manifest.world, manifest.seed, manifest.decisions
-    );
-    // Stated even if it is the world's, because a `brakecheck.toml` may name another.
-    if let Some(plant) = manifest.plant.plant() {
-        train.push_str(&format!(" --plant {}", <&str>::from(plant)));
-    }
-    if !manifest.against.is_nominal() {
-        train.push_str(&format!(" --against {}", manifest.against));
-    }
-    if let Some(ego) = &manifest.ego {
-        train.push_str(&format!(" --ego {}", shell_word(&ego.name)));
-    }
-    if let Some(learner) = &manifest.learner {
-        train.push_str(&format!(" --learner {}", shell_word(learner)));
-    }
-    if let Some(structure) = &manifest.left_out {
-        train.push_str(&format!(" --leave-out {}", shell_word(structure)));
-    }
-    for goal in &manifest.goals {
-        train.push_str(&format!(" --goal {goal}"));
-    }
-    vec![
-        train,
+    let mut commands = training_again(run);
+    commands.extend([
         format!(
             "brakecheck eval {here} --seed {} --starts {} --ego all --ado all",
             args.seed, args.starts
         ),
         format!("brakecheck replay {here} --expect recorded"),
         args.this_page(true),
-    ]
+    ]);
+    commands
 }
