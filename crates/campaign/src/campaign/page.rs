@@ -146,11 +146,18 @@ fn state(map: &CellMap, nth: usize) -> CellState {
     if outcomes().all(|outcome| outcome == StartOutcome::Trivial) {
         return CellState::Trivial;
     }
-    // A cell without any valid episode is unknown and not held.
-    if outcomes().all(|outcome| outcome == StartOutcome::Invalid) {
-        CellState::Unknown
-    } else {
+    // Trivial and invalid starts say nothing about an ado, so a cell of such starts alone
+    // is unknown.
+    let is_judged = |outcome| {
+        matches!(
+            outcome,
+            StartOutcome::Held | StartOutcome::RuleViolation | StartOutcome::Uncounted
+        )
+    };
+    if outcomes().any(is_judged) {
         CellState::Holds
+    } else {
+        CellState::Unknown
     }
 }
 
@@ -159,7 +166,13 @@ impl SummaryRow {
     pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
-            (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),
+            (None, 2..) => {
+                let left_out = match self.unrated {
+                    0 => String::new(),
+                    some => format!(", {some} without a valid start"),
+                };
+                format!("{}, mean of {}{left_out}", self.ado, self.trainings)
+            }
             _ => self.ado.to_string(),
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
@@ -181,5 +194,41 @@ impl SummaryRow {
             self.success_closing_mps
                 .map_or_else(dash, |speed| format!("{:.1}", speed.median)),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Dynamics;
+
+    #[test]
+    fn a_cell_holds_only_where_a_start_was_judged() {
+        use StartOutcome::{Held, Invalid, RuleViolation, Solved, Trivial, Uncounted};
+        let axis = || (String::new(), String::new(), vec![0.0]);
+        let cases = [
+            (vec![Trivial, Trivial], CellState::Trivial),
+            (vec![Trivial, Invalid], CellState::Unknown),
+            (vec![Invalid, Invalid], CellState::Unknown),
+            (vec![Trivial, Held], CellState::Holds),
+            (vec![Invalid, RuleViolation], CellState::Holds),
+            (vec![Uncounted, Invalid], CellState::Holds),
+            (vec![Held, Solved], CellState::Fails),
+        ];
+        for (outcomes, expect) in cases {
+            let map = CellMap {
+                world: String::new(),
+                plant: Dynamics::Kinematic,
+                ego: String::new(),
+                x: axis(),
+                y: axis(),
+                at: Vec::new(),
+                first: 0,
+                ados: vec![String::new(); outcomes.len()],
+                preventable: vec![vec![None]; outcomes.len()],
+                outcomes: outcomes.iter().map(|outcome| vec![*outcome]).collect(),
+            };
+            assert_eq!(state(&map, 0), expect, "{outcomes:?}");
+        }
     }
 }
