@@ -394,9 +394,14 @@ fn lanes_may_come_from_a_map() {
     let long = road(5.25);
     let at = long.find(start).expect("a road");
     let short = long[at..].replace("</OpenDRIVE>", "");
-    let short = short.replace("1000", "0.3").replace(r#"id="1""#, r#"id="2""#);
+    let short = short
+        .replace("1000", "0.3")
+        .replace(r#"id="1""#, r#"id="2""#);
     let both = folder.path().join("both.xodr");
-    write(&both, format!("{}{short}{}", &long[..at], &long[at..]).as_bytes());
+    write(
+        &both,
+        format!("{}{short}{}", &long[..at], &long[at..]).as_bytes(),
+    );
     let both = both.display().to_string();
     let output = brakecheck(&["log", &file, "--road", &both, "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));

@@ -3,8 +3,8 @@
 use brakecheck::ego::{FaultKind, Process, exercise};
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::PlantKind;
 use brakecheck::world::{Change, Scenario};
 
 /// The ACC world with a shell script as the ego; no one consented to it.
