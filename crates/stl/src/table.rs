@@ -207,8 +207,7 @@ fn shows_notation(head: &[u8]) -> bool {
 
 /// Returns the lines that are not blank.
 fn lines_of(text: &str) -> impl Iterator<Item = &str> {
-    text.split(['\n', '\r'])
-        .filter(|it| !it.trim().is_empty())
+    text.split(['\n', '\r']).filter(|it| !it.trim().is_empty())
 }
 
 /// Notation of a table, from its first lines.
@@ -319,7 +318,11 @@ fn announced(text: &str) -> Option<u8> {
 }
 
 fn usual_delimiter(line: &str) -> u8 {
-    let count = |sign: &u8| line.bytes().filter(|byte| byte == sign).count();
+    let parts: Vec<&str> = line.split('"').collect();
+    // An odd number of quotes leaves an even number of parts, and quotes nothing.
+    let step = if parts.len() % 2 == 0 { 1 } else { 2 };
+    let outside = || parts.iter().step_by(step).flat_map(|part| part.bytes());
+    let count = |sign: &u8| outside().filter(|byte| byte == sign).count();
     // Of signs that are equally frequent the last one.
     let known = [b'\t', b';', b','].into_iter().max_by_key(count);
     known.unwrap_or(b',')
@@ -415,6 +418,16 @@ mod tests {
         assert!(rows[1][1].is_nan(), "{rows:?}");
         let (_, rows) = read(&b"t;x\n0;1.500,5\n"[..]).expect("rows");
         assert!(rows[0][1].is_nan(), "{rows:?}");
+    }
+
+    #[test]
+    fn separators_in_quotes_separate_nothing() {
+        let (names, rows) = read(&b"t,\"x; m; \"\"y\"\"\"\n0,1.5\n"[..]).expect("rows");
+        assert_eq!(names, ["t", "x; m; \"y\""]);
+        assert_eq!(rows, [[0.0, 1.5]]);
+        // An inch is no quote.
+        let (names, _) = read(&b"t;x in \";y\n0;1;2\n"[..]).expect("rows");
+        assert_eq!(names.len(), 3);
     }
 
     #[test]
