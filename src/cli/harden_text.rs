@@ -90,6 +90,11 @@ fn confirmed(report: &HardenReport, best: &HardenedEgo) -> Vec<String> {
     ]
 }
 
+/// Returns the mark of an unknown number.
+fn dash() -> String {
+    "–".to_owned()
+}
+
 fn of(count: &StartCount) -> String {
     format!("{} of {}", count.failing, count.starts)
 }
@@ -106,14 +111,12 @@ fn change(report: &HardenReport, values: &BTreeMap<String, f64>) -> String {
 
 /// Returns a loss in words, relative where its limit is.
 fn loss(it: &LossResult) -> String {
-    let LossResult {
-        measure,
-        own,
-        value,
-        ..
-    } = it;
+    let measure = &it.measure;
+    let Some((own, value)) = it.own.zip(it.value) else {
+        return format!("{measure} unknown");
+    };
     match it.limit {
-        LossLimit::TimesOwn(_) if *own > 0.0 => {
+        LossLimit::TimesOwn(_) if own > 0.0 => {
             let change = 100.0 * (value / own - 1.0);
             let between = it.ratio_ci95.map_or(String::new(), |ends| {
                 let [lo, hi] = ends.map(|ratio| 100.0 * (ratio - 1.0));
@@ -133,7 +136,6 @@ pub(super) fn table(report: &HardenReport) -> String {
     let header = [
         "change", "size", "search", "sealed", "new ado", "fewer", "verdict",
     ];
-    let dash = || "–".to_owned();
     let lines = report.candidates.iter().map(|one| {
         let it = one.confirmation.as_ref();
         [
@@ -192,10 +194,10 @@ pub(super) fn details(report: &HardenReport) -> String {
             continue;
         };
         for result in &it.losses {
+            let at_most = result.at_most.map_or_else(dash, |it| format!("{it:.3}"));
             lines.push(format!(
-                "  {}, at most {:.3}, in {} runs",
+                "  {}, at most {at_most}, in {} runs",
                 loss(result),
-                result.at_most,
                 result.runs
             ));
         }

@@ -108,7 +108,7 @@ impl Conditions<'_> {
 
     /// Returns the excess with the margins of a search, or without any.
     ///
-    /// `None` if nothing was measured.
+    /// `None` if the failures or a loss have no value, as without runs.
     pub(super) fn excess(&self, measured: &EgoMeasurement, is_search: bool) -> Option<Excess> {
         let own = self.own.as_long_as(measured);
         let margin = if is_search { FAILURE_MARGIN } else { 1.0 };
@@ -126,17 +126,13 @@ impl Conditions<'_> {
         let mut losses: f64 = 0.0;
         for (nth, loss) in self.losses.iter().enumerate() {
             let [one, own] = measured.paired(&own, nth);
-            let (value, own) = (loss.value(&one), loss.value(&own));
+            let (value, own) = (loss.value(&one)?, loss.value(&own)?);
             let whole = loss.limit.of(own);
             let margin = if is_search { LOSS_MARGIN } else { 1.0 };
             // An ego beyond an absolute limit is allowed no margin.
             let allowed = whole.min(own + margin * (whole - own).max(0.0));
             let scale = (whole - own).abs().max(1e-3 * own.abs()).max(1e-9);
-            let excess = (value - allowed) / scale;
-            if excess.is_nan() {
-                return None;
-            }
-            losses = losses.max(excess);
+            losses = losses.max((value - allowed) / scale);
         }
         Some(Excess { failures, losses })
     }
@@ -204,7 +200,10 @@ pub(super) fn worst_loss(conditions: &Conditions<'_>, measured: &EgoMeasurement)
     let own = conditions.own.as_long_as(measured);
     let all = conditions.losses.iter().enumerate().map(|(nth, loss)| {
         let [one, own] = measured.paired(&own, nth);
-        let (value, own) = (loss.value(&one), loss.value(&own));
+        // Without a value nothing shows that the limit is kept.
+        let Some((value, own)) = loss.value(&one).zip(loss.value(&own)) else {
+            return f64::INFINITY;
+        };
         let allowance = (loss.limit.of(own) - own).max(1e-9);
         (value - own) / allowance
     });

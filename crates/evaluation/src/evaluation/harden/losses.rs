@@ -155,13 +155,17 @@ impl DrivingLoss {
     }
 
     /// Returns the value over runs, from their values.
-    pub(super) fn value(&self, runs: &[f64]) -> f64 {
-        let mean = runs.iter().sum::<f64>() / runs.len() as f64;
-        match self.measure {
+    ///
+    /// `None` if it is not defined: without runs, or for the travel time of an ego that
+    /// never moves.
+    pub(super) fn value(&self, runs: &[f64]) -> Option<f64> {
+        let mean = total(runs) / runs.len() as f64;
+        let value = match self.measure {
             // Of the mean speed, because a single standing run takes forever.
             Measure::TravelTime => 1000.0 / mean,
             _ => mean,
-        }
+        };
+        Some(value).filter(|it| it.is_finite())
     }
 
     /// Returns the 95 % interval of the ratio of two egos' values, over paired runs.
@@ -265,14 +269,15 @@ impl<'a> NaturalDriving<'a> {
 
     /// Returns the values of some runs of an ego, per loss. `None`: stopped.
     ///
-    /// A run is `None` if it begins outside the ranges of the world, or is invalid.
+    /// A run is `None` if it begins outside the ranges of the world, is invalid, or ends
+    /// before a measure has a sample.
     pub(super) fn measure(
         &self,
         ego: &Scenario,
         which: Range<usize>,
         watch: &Watch<'_>,
     ) -> Option<Vec<Option<Vec<f64>>>> {
-        let value = |run: NaturalRun<'_>| -> Vec<f64> {
+        let value = |run: NaturalRun<'_>| -> Option<Vec<f64>> {
             let values = self.measures.iter().map(|it| it.of(run.trace, self.speed));
             values.collect()
         };
@@ -287,7 +292,7 @@ impl<'a> NaturalDriving<'a> {
             // The coasting ego has no answer for later runs, so hard braking in them is
             // excused.
             let is_easy = self.is_easy.get(first + nth).copied().unwrap_or(false);
-            run.map(|values| self.excused(values, is_easy))
+            run.flatten().map(|values| self.excused(values, is_easy))
         });
         Some(with_easy.collect())
     }
@@ -350,13 +355,15 @@ fn coasting(world: &Scenario) -> Result<EgoUnderTest, HardenError> {
 
 impl BoundMeasure {
     /// Returns the value of a run, whose ego has its speed in a column.
-    fn of(&self, trace: &Trace, speed: usize) -> f64 {
+    ///
+    /// `None` if the run has too few samples.
+    fn of(&self, trace: &Trace, speed: usize) -> Option<f64> {
         match self {
             BoundMeasure::Braking => mean(decelerations(trace, speed)),
             BoundMeasure::Speed => mean(trace.column(speed).iter().copied()),
             BoundMeasure::HardBraking => {
-                let is_hard = decelerations(trace, speed).any(|it| it > HARD_MPS2);
-                f64::from(u8::from(is_hard))
+                let hardest = decelerations(trace, speed).reduce(f64::max)?;
+                Some(f64::from(u8::from(hardest > HARD_MPS2)))
             }
             BoundMeasure::Mean(expression) => {
                 let mut row = vec![0.0; trace.schema().len()];
@@ -365,10 +372,10 @@ impl BoundMeasure {
                     expression.eval(&row)
                 }))
             }
-            BoundMeasure::Violations(monitor) => {
+            BoundMeasure::Violations(monitor) => (!trace.is_empty()).then(|| {
                 let is_kept = monitor.satisfied(trace, &mut Scratch::default());
                 f64::from(u8::from(!is_kept))
-            }
+            }),
         }
     }
 }
@@ -381,23 +388,20 @@ fn decelerations(trace: &Trace, speed: usize) -> impl Iterator<Item = f64> {
     pairs.map(move |pair| ((pair[0] - pair[1]) / dt_s).max(0.0))
 }
 
-/// Returns the mean, 0 of nothing.
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
+/// Returns the mean, `None` of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0);
     for value in values {
         sum += value;
         count += 1;
     }
-    if count == 0 {
-        0.0
-    } else {
-        sum / f64::from(count)
-    }
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::Signal;
 
     #[test]
     fn a_limit_is_a_value_a_share_of_the_ego_or_more_than_it() {
@@ -448,7 +452,46 @@ mod tests {
             .expect("it");
         assert!(lo < 2.1 && 2.1 < hi && hi - lo > 0.1, "{lo} {hi}");
         assert_eq!(usual[0].ratio_between(&own, &[0.0; 4]), None);
-        assert_eq!(usual[1].value(&[10.0, 30.0]), 50.0);
+        assert_eq!(usual[1].value(&[10.0, 30.0]), Some(50.0));
+    }
+
+    #[test]
+    fn nothing_observed_is_no_value() {
+        for loss in DrivingLoss::usual() {
+            assert_eq!(loss.value(&[]), None, "{}", loss.name);
+            assert_eq!(loss.ratio_between(&[], &[]), None, "{}", loss.name);
+        }
+        // An ego that never moves needs no finite time.
+        assert_eq!(DrivingLoss::usual()[1].value(&[0.0, 0.0]), None);
+        let schema = Schema::new(0.1, [Signal::real("ego.speed", "m/s", "speed")]);
+        let mut trace = Trace::new(schema.expect("a schema").into());
+        let formula: Formula = "always (ego.speed >= 3)".parse().expect("a formula");
+        let speed: Expr = "ego.speed".parse().expect("an expression");
+        let measures = [
+            BoundMeasure::Braking,
+            BoundMeasure::Speed,
+            BoundMeasure::HardBraking,
+            BoundMeasure::Mean(
+                speed
+                    .bind(trace.schema(), &Default::default())
+                    .expect("bound"),
+            ),
+            BoundMeasure::Violations(Box::new(
+                formula
+                    .bind(trace.schema(), &Default::default())
+                    .expect("bound"),
+            )),
+        ];
+        let values = |trace: &Trace| measures.each_ref().map(|it| it.of(trace, 0));
+        assert_eq!(values(&trace), [None; 5]);
+        // Decelerations need two samples.
+        trace.push(&[10.0]).expect("finite");
+        assert_eq!(
+            values(&trace),
+            [None, Some(10.0), None, Some(10.0), Some(0.0)]
+        );
+        trace.push(&[9.0]).expect("finite");
+        assert_eq!(values(&trace)[2], Some(1.0));
     }
 
     /// Driving of `acc` behind cars that hardly brake.
@@ -467,7 +510,7 @@ mod tests {
             let runs = driving.measure(ego.scenario(), 0..60, &watch).expect("all");
             let runs: Vec<Vec<f64>> = runs.into_iter().flatten().collect();
             let of = |nth: usize| runs.iter().map(|run| run[nth]).collect::<Vec<f64>>();
-            [0, 1, 2].map(|nth| losses[nth].value(&of(nth)))
+            [0, 1, 2].map(|nth| losses[nth].value(&of(nth)).expect("runs"))
         };
         let own = values(&Change::default());
         let mut change = Change::default();

@@ -198,12 +198,12 @@ pub struct NewAdo {
 pub struct LossResult {
     /// Measure.
     pub measure: String,
-    /// Value of the ego as it is.
-    pub own: f64,
+    /// Value of the ego as it is. `None` here and below: not defined, as without runs.
+    pub own: Option<f64>,
     /// Value of the candidate.
-    pub value: f64,
+    pub value: Option<f64>,
     /// Greatest allowed value.
-    pub at_most: f64,
+    pub at_most: Option<f64>,
     /// Limit as it was given.
     pub limit: LossLimit,
     /// 95 % interval of the ratio of both values. `None`: not defined.
@@ -226,16 +226,17 @@ impl LossResult {
             measure: loss.name.clone(),
             own: own_value,
             value: loss.value(&one),
-            at_most: loss.limit.of(own_value),
+            at_most: own_value.map(|own| loss.limit.of(own)),
             limit: loss.limit,
             ratio_ci95: loss.ratio_between(&one, &own),
             runs: one.len(),
         }
     }
 
-    /// Returns whether the limit is kept. An undefined value keeps none.
-    pub fn is_kept(&self) -> bool {
-        self.value <= self.at_most
+    /// Returns whether the limit is kept. `None`: nothing was observed that would show it.
+    pub fn is_kept(&self) -> Option<bool> {
+        let (value, at_most) = self.value.zip(self.at_most).filter(|_| self.runs > 0)?;
+        Some(value <= at_most)
     }
 }
 
@@ -280,6 +281,9 @@ impl Confirmation {
             }
         }
         if let Some([solved, starts]) = self.new_ado.search {
+            if starts == 0 {
+                unknown.push("no start of the new training was searched".to_owned());
+            }
             let share = solved as f64 / starts.max(1) as f64;
             if own.failing > 0 && share > (1.0 - wanted) * own.share() + ROUNDING {
                 refuted.push(format!(
@@ -294,13 +298,13 @@ impl Confirmation {
             ));
         }
         for loss in &self.losses {
-            if loss.runs == 0 || loss.value.is_nan() || loss.at_most.is_nan() {
-                unknown.push(format!("`{}` has no value", loss.measure));
-            } else if !loss.is_kept() {
-                refuted.push(format!(
-                    "`{}` is {:.3}, above {:.3}",
-                    loss.measure, loss.value, loss.at_most
-                ));
+            match (loss.is_kept(), loss.value, loss.at_most) {
+                (Some(true), ..) => {}
+                (Some(false), Some(value), Some(at_most)) => {
+                    let measure = &loss.measure;
+                    refuted.push(format!("`{measure}` is {value:.3}, above {at_most:.3}"));
+                }
+                _ => unknown.push(format!("`{}` has no value", loss.measure)),
             }
         }
         match (refuted.is_empty(), unknown.is_empty()) {
@@ -360,9 +364,9 @@ mod tests {
             },
             losses: vec![LossResult {
                 measure: "braking".to_owned(),
-                own: 1.0,
-                value: 1.05,
-                at_most: 1.1,
+                own: Some(1.0),
+                value: Some(1.05),
+                at_most: Some(1.1),
                 limit: LossLimit::TimesOwn(1.1),
                 ratio_ci95: None,
                 runs: 100,
@@ -382,7 +386,7 @@ mod tests {
         use HardenVerdict::{Confirmed, Refuted, Unknown};
         assert_eq!(verdict(|_| {}), Confirmed);
         assert_eq!(verdict(|it| it.reduction = 0.89), Refuted);
-        assert_eq!(verdict(|it| it.losses[0].value = 1.11), Refuted);
+        assert_eq!(verdict(|it| it.losses[0].value = Some(1.11)), Refuted);
         assert_eq!(verdict(|it| it.kept = Some([2, 10])), Refuted);
         assert_eq!(verdict(|it| it.kept = Some([1, 10])), Confirmed);
         assert_eq!(verdict(|it| it.new_ado.search = Some([6, 100])), Refuted);
@@ -390,7 +394,9 @@ mod tests {
         assert_eq!(verdict(|it| it.sealed.invalid = 1), Unknown);
         assert_eq!(verdict(|it| it.kept = Some([0, 0])), Unknown);
         assert_eq!(verdict(|it| it.new_ado.recall = Some(0.8)), Unknown);
-        assert_eq!(verdict(|it| it.losses[0].value = f64::NAN), Unknown);
+        assert_eq!(verdict(|it| it.losses[0].value = None), Unknown);
+        assert_eq!(verdict(|it| it.losses[0].at_most = None), Unknown);
+        assert_eq!(verdict(|it| it.new_ado.search = Some([0, 0])), Unknown);
         assert_eq!(verdict(|it| it.losses[0].runs = 0), Unknown);
         // An ego that never fails is not hardened by anything.
         let none = confirmation(0).verdict(count(0, 200), 0.9);
