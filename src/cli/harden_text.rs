@@ -8,6 +8,7 @@ use crate::evaluation::harden::{
     HardenReport, HardenVerdict, HardenedEgo, LossLimit, LossResult, StartCount,
 };
 use crate::experiment::EgoUnderTest;
+use crate::run_dir::counted;
 use crate::stats::at_most;
 use crate::visible::command_line;
 
@@ -38,9 +39,9 @@ pub(super) fn verdict(report: &HardenReport) -> Vec<String> {
     }
     if report.is_without_failure() {
         let bound = bound_in_words(at_most(report.searched.starts));
-        let starts = report.searched.starts;
+        let starts = counted(report.searched.starts, "start");
         return vec![format!(
-            "nothing to harden: `{ego}` fails from none of {starts} starts, so {bound}"
+            "nothing to harden: `{ego}` fails from none of {starts}, so {bound}"
         )];
     }
     let begins = if report.interrupted {
@@ -164,8 +165,8 @@ pub(super) fn table(report: &HardenReport) -> String {
     }
     if let Some(crashes) = &report.crashes {
         text.push_str(&format!(
-            "\n{} starts still fail against an ado, the worst in {}",
-            crashes.found,
+            "\nan ado still makes it fail from {}, the worst in {}",
+            counted(crashes.found, "start"),
             crashes.dir.display()
         ));
     }
@@ -175,8 +176,11 @@ pub(super) fn table(report: &HardenReport) -> String {
 /// Returns what is behind the verdict: ranges, losses, the front of the search.
 pub(super) fn details(report: &HardenReport) -> String {
     let mut lines = vec![format!(
-        "{} on the {} plant, losses in traffic “{}”, {} egos played",
-        report.world, report.plant, report.traffic, report.played
+        "{} on the {} plant, losses in traffic “{}”, {} played",
+        report.world,
+        report.plant,
+        report.traffic,
+        counted(report.played, "ego")
     )];
     for one in &report.parameters {
         lines.push(format!(
@@ -196,19 +200,21 @@ pub(super) fn details(report: &HardenReport) -> String {
         for result in &it.losses {
             let at_most = result.at_most.map_or_else(dash, |it| format!("{it:.3}"));
             lines.push(format!(
-                "  {}, at most {at_most}, in {} runs",
+                "  {}, at most {at_most}, in {}",
                 loss(result),
-                result.runs
+                counted(result.runs, "run")
             ));
         }
         if let Some([solved, starts]) = it.new_ado.search {
             lines.push(format!(
-                "  {}: a search solves {solved} of {starts} starts of its training",
-                it.new_ado.ado
+                "  {}: a search solves {solved} of {} of its training",
+                it.new_ado.ado,
+                counted(starts, "start")
             ));
         }
         if let Some([failing, answered]) = it.kept {
-            lines.push(format!("  {failing} of {answered} kept crashes still fail"));
+            let crashes = counted(answered, "kept crash");
+            lines.push(format!("  it still fails in {failing} of {crashes}"));
         }
     }
     let front = report.front.iter().take(LISTED).map(|one| {

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::EgoParameter;
 use super::candidate::EgoMeasurement;
 use super::losses::{DrivingLoss, LossLimit};
+use crate::run_dir::counted;
 use crate::stats::{StartOutcome, clopper_pearson_upper, wilson};
 
 /// Error of the one-sided bound on the failures of a candidate.
@@ -271,11 +272,13 @@ impl Confirmation {
         }
         // The rates leave out starts on which the ego did not run.
         if self.sealed.invalid > 0 {
-            unknown.push(format!("{} sealed starts are invalid", self.sealed.invalid));
+            let starts = counted(self.sealed.invalid, "sealed start");
+            unknown.push(format!("the ego or the physics did not run from {starts}"));
         }
         if let Some([failing, answered]) = self.kept {
             if failing as f64 > (1.0 - wanted) * answered as f64 + ROUNDING {
-                refuted.push(format!("{failing} of {answered} kept crashes still fail"));
+                let crashes = counted(answered, "kept crash");
+                refuted.push(format!("it still fails in {failing} of {crashes}"));
             } else if answered == 0 {
                 unknown.push("no kept crash gives an answer".to_owned());
             }
@@ -286,8 +289,9 @@ impl Confirmation {
             }
             let share = solved as f64 / starts.max(1) as f64;
             if own.failing > 0 && share > (1.0 - wanted) * own.share() + ROUNDING {
+                let starts = counted(starts, "start");
                 refuted.push(format!(
-                    "a search makes it fail from {solved} of {starts} starts of the new training"
+                    "a search makes it fail from {solved} of {starts} of the new training"
                 ));
             }
         }
