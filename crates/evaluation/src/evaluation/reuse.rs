@@ -305,8 +305,8 @@ mod tests {
 
     #[test]
     fn a_union_counts_every_start_of_rows_of_any_length() {
-        let union = |rows: &[&str]| {
-            let rows: Vec<Row> = rows.iter().map(|it| row(it)).collect();
+        let union = |solved: &[&str]| {
+            let rows: Vec<Row> = solved.iter().map(|it| row(it)).collect();
             super::union(&rows)
         };
         assert_eq!(union(&["1000", "0100"]), Some(0.5));
