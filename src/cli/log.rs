@@ -19,7 +19,7 @@ use super::log_reading;
 use super::terminal::{self, Common};
 use crate::openx::import::{DrivenLanes, driven_lanes};
 use crate::ron_file::file_text;
-use crate::run_dir::write_file;
+use crate::run_dir::{counted, write_file};
 
 /// Least distance of the points of a mapped lane.
 // Close points would turn small errors of a map into large ones of headings.
@@ -365,10 +365,10 @@ fn open(file: &Path) -> Result<Opened, Failure> {
 fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
     let recording = &analysis.recording;
     terminal::data(&format!(
-        "{}, format {map}: {} rows, {} road users, {:.1} s at {:.3} s, {:.1} km",
+        "{}, format {map}: {}, {}, {:.1} s at {:.3} s, {:.1} km",
         recording.name,
-        recording.counts.rows,
-        recording.road_users(),
+        counted(recording.counts.rows, "row"),
+        counted(recording.road_users(), "road user"),
         recording.duration_s(),
         recording.dt_s,
         recording.distance_km(),

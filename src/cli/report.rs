@@ -17,7 +17,7 @@ use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::Report;
-use crate::run_dir::{RunDir, make_dir};
+use crate::run_dir::{RunDir, counted, make_dir};
 use crate::visible::shell_word;
 use crate::world::Scenario;
 
@@ -192,9 +192,9 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     let row = rows.find(|row| is_unheeded(row.invalid_share()))?;
     Some(Failure::fault(
         format!(
-            "{} of {} starts of `{}`, {} are invalid: its ego failed to run",
+            "{} of {} of `{}`, {} are invalid: its ego failed to run",
             row.invalid,
-            row.starts + row.invalid,
+            counted(row.starts + row.invalid, "start"),
             row.ego,
             row.ado
         ),

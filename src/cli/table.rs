@@ -5,7 +5,7 @@ use super::display::stdout_columns;
 use super::verdict::{bound_in_words, ego, percent, severity, verdict};
 use crate::evaluation::{AdoEffect, AdoFinding};
 use crate::report::TextTable;
-use crate::run_dir::{AdversaryId, Row};
+use crate::run_dir::{AdversaryId, Row, counted};
 
 /// Legend of the columns of rows, after the line on successes.
 const ROWS_EXPLAINED: &str = "
@@ -111,18 +111,18 @@ pub(super) fn warnings(rows: &[Row]) -> String {
         if let Some(repeats) = &row.repeats {
             let [lo, hi] = repeats.ci95.map(|share| 100.0 * share);
             text.push_str(&format!(
-                "\n{}, {}: {} runs per start, solved if {} fail; the ego fails in {:.1} % of all \
+                "\n{}, {}: {} per start, solved if {} fail; the ego fails in {:.1} % of all \
                  runs [{lo:.1}, {hi:.1}]",
                 row.ego,
                 row.ado,
-                repeats.runs,
+                counted(repeats.runs, "run"),
                 repeats.gate,
                 100.0 * repeats.failing_share
             ));
             if repeats.differing > 0 {
                 text.push_str(&format!(
-                    "; on {} starts its commands differ between the runs",
-                    repeats.differing
+                    "; on {} its commands differ between the runs",
+                    counted(repeats.differing, "start")
                 ));
             }
         }
@@ -145,9 +145,9 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             // A success that no driver can judge must not be taken for unavoidable.
             let partly = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
             let unjudged = partly.map_or(String::new(), |of| {
-                let sample = of.judged + of.not_judged;
+                let sample = counted(of.judged + of.not_judged, "success");
                 let unjudged = of.not_judged;
-                format!("; reference drivers cannot judge {unjudged} of {sample} successes")
+                format!("; reference drivers cannot judge {unjudged} of {sample}")
             });
             text.push_str(&format!(
                 "\ncontacts: {}, {}: {severity}{late}{unjudged}",
@@ -167,10 +167,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         if let Some(natural) = &row.naturalness {
             text.push_str(&format!("\ntraffic: {}, {}: {natural}", ego(row), row.ado));
         }
-        let groups = row.distinct.map(|groups| match groups {
-            1 => "1 group".to_owned(),
-            _ => format!("{groups} groups"),
-        });
+        let groups = row.distinct.map(|groups| counted(groups, "group"));
         // With a single kind there is nothing to distinguish.
         let kinds = row
             .kinds
@@ -292,12 +289,12 @@ fn partials(rows: &[Row]) -> String {
         // Undecided starts may all succeed or none, which gives both bounds.
         let open = partial.of - partial.decided;
         Some(format!(
-            "\npartial: {}, {}: {} of {} starts decided. Starts with a success are decided sooner, so \
+            "\npartial: {}, {}: {} of {} decided. Starts with a success are decided sooner, so \
              there is no interval: at least {} succeed, at most {}",
             row.ego,
             row.ado,
             partial.decided,
-            partial.of,
+            counted(partial.of, "start"),
             row.successes,
             row.successes + open
         ))

@@ -10,7 +10,7 @@ use super::plan::Unit;
 use super::regulation_boundary;
 use super::summary::SummaryRow;
 use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable};
-use crate::run_dir::write_file;
+use crate::run_dir::{counted, write_file};
 use crate::stats::StartOutcome;
 
 /// Headings of the columns of [`SummaryRow::cells`].
@@ -31,10 +31,10 @@ impl PlanDir {
         let page = CampaignPage {
             name: plan.name.clone(),
             about: format!(
-                "{} worlds, {} pairs of an ego and an ado, {} rows.",
-                plan.worlds.len(),
-                plan.units.len(),
-                merged.rows
+                "{}, {} of an ego and an ado, {}.",
+                counted(plan.worlds.len(), "world"),
+                counted(plan.units.len(), "pair"),
+                counted(merged.rows, "row")
             ),
             rates: TextTable::new(
                 std::iter::once("world").chain(COLUMNS),

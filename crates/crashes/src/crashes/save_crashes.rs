@@ -17,7 +17,8 @@ use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_firs
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    About, AdversaryId, Counterexample, KeptError, NoAnswer, Severity, Why, file_name, make_dir,
+    About, AdversaryId, Counterexample, KeptError, NoAnswer, Severity, Why, counted, file_name,
+    make_dir,
 };
 use crate::search::ExperimentCell;
 use crate::testbench::{Episode, Testbench, film_beyond};
@@ -128,12 +129,15 @@ impl KeptFiles {
         };
         let runs = match self.runs {
             0 => String::new(),
-            some => format!("; minimized and labelled with {some} runs of it"),
+            some => format!(
+                "; minimized and labelled with {} of it",
+                counted(some, "run")
+            ),
         };
         watch.note(&format!(
-            "kept {} of {} counterexamples of `{ego}` in {}: {} of them are distinct{passed_over}{older}{runs}",
+            "kept {} of {} of `{ego}` in {}: {} of them are distinct{passed_over}{older}{runs}",
             self.files.len(),
-            self.found,
+            counted(self.found, "counterexample"),
             dir.display(),
             self.distinct,
         ));
