@@ -320,7 +320,7 @@ fn announced(text: &str) -> Option<u8> {
 fn usual_delimiter(line: &str) -> u8 {
     let parts: Vec<&str> = line.split('"').collect();
     // An odd number of quotes leaves an even number of parts, and quotes nothing.
-    let step = if parts.len() % 2 == 0 { 1 } else { 2 };
+    let step = if parts.len().is_multiple_of(2) { 1 } else { 2 };
     let outside = || parts.iter().step_by(step).flat_map(|part| part.bytes());
     let count = |sign: &u8| outside().filter(|byte| byte == sign).count();
     // Of signs that are equally frequent the last one.
