@@ -149,7 +149,7 @@ fn opening(rows: &[Row]) -> String {
         "{} on the {} plant, {} of seed {}",
         row.world,
         row.plant,
-        counted_starts(all),
+        counted(all, "start"),
         row.start_seed
     );
     let judged_itself = rows
