@@ -496,6 +496,13 @@ impl Protocol {
             .refused(format!("no agent is called `{name}`"), &help)
     }
 
+    /// Returns the name of a given map that no point has used.
+    pub(super) fn unused_map(&self) -> Option<&str> {
+        let read = self.roads.borrow();
+        let unused = self.maps.iter().find(|(_, path)| !read.contains_key(path));
+        unused.map(|(name, _)| name.as_str())
+    }
+
     fn road_map(
         &self,
         scope: &ParameterScope,
