@@ -205,6 +205,9 @@ fn rules_come_from_the_shipped_file_or_the_command_line() {
         (&rule["rule"], &rule["vehicles"]),
         (&limit.into(), &2.into())
     );
+    let misspelled = ["--const", "limit=27", "--const", "limt=30", "--log", &file];
+    let args = [&["stl", limit][..], &misspelled].concat();
+    refused(&args, "nothing uses the constant `limt`");
 }
 
 #[test]
