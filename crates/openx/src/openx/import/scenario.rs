@@ -359,6 +359,9 @@ impl Protocol {
             let help = "change the frictionScaleFactor, or the friction of the material";
             blockers.add(init.refused(what, help));
         }
+        // Grades have slopes, and a step has none.
+        let steps = roads.all().filter(|(_, road)| road.has_steps());
+        steps.for_each(|(_, road)| self.dropped.note("steps of the elevation", &road.node));
         if drive.is_none() {
             // A trajectory has no heights of its own.
             let heights = roads.all().filter(|(_, road)| road.rises());
