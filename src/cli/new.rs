@@ -78,6 +78,13 @@ impl NewArgs {
 }
 
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
+    if let Some(folder) = args.log.idle_output() {
+        let name = folder.join(&args.name);
+        return Err(Failure::input(
+            "--output without --from-log",
+            format!("write the directory into the name: {}", name.display()),
+        ));
+    }
     if let Some(from) = &args.from {
         return import_or_commonroad(args, from);
     }

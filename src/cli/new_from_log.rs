@@ -47,7 +47,8 @@ pub(super) struct FromLogArgs {
     #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u8).range(0..=90), help_heading = ADOS)]
     others: Option<u8>,
     /// Directory of the worlds [default: the working directory].
-    #[arg(short, long, value_name = "DIR", requires = "from_log")]
+    // Without recordings it is refused in `new::run`, since clap would ask for a recording.
+    #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
 
@@ -74,6 +75,11 @@ impl KindArg {
 impl FromLogArgs {
     pub(super) fn is_requested(&self) -> bool {
         !self.from_log.is_empty()
+    }
+
+    /// Returns the directory that is named without recordings.
+    pub(super) fn idle_output(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|_| !self.is_requested())
     }
 }
 

@@ -205,6 +205,9 @@ fn rules_come_from_the_shipped_file_or_the_command_line() {
         (&rule["rule"], &rule["vehicles"]),
         (&limit.into(), &2.into())
     );
+    let misspelled = ["--const", "limit=27", "--const", "limt=30", "--log", &file];
+    let args = [&["stl", limit][..], &misspelled].concat();
+    refused(&args, "nothing uses the constant `limt`");
 }
 
 #[test]
@@ -540,6 +543,11 @@ fn a_column_map_is_named_for_new_worlds_too() {
     let output = brakecheck(&[&args[..], &["-o", &worlds]].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     refused(&["new", "w", "--map", "generic"], "--from-log");
+    // With a scenario the directory is a part of the name.
+    for from in [&["--from", "a.xosc"][..], &[]] {
+        let args = [&["new", "w", "-o", "out"][..], from].concat();
+        refused(&args, "write the directory into the name: out/w");
+    }
     refused(&["new", "w", "--road", "r.xodr"], "--road without a file");
 }
 

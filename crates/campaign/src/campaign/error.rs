@@ -24,6 +24,12 @@ pub enum CampaignError {
         /// The directory.
         dir: PathBuf,
     },
+    /// A further directory of a merge without pieces.
+    #[error("`{}` holds no pieces of a campaign", dir.display())]
+    NoPieces {
+        /// The directory.
+        dir: PathBuf,
+    },
     /// A directory with another plan.
     #[error("`{}` holds another plan", dir.display())]
     OtherPlan {
@@ -118,6 +124,9 @@ impl CampaignError {
             }
             CampaignError::NoPlan { .. } => {
                 "plan one: `brakecheck campaign plan CAMPAIGN.ron -o DIR`"
+            }
+            CampaignError::NoPieces { .. } => {
+                "name a copy of the plan's directory, in which pieces were run"
             }
             CampaignError::OtherPlan { .. } => {
                 "go on with that one (`brakecheck campaign run DIR`), or name another directory \

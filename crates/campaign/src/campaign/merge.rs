@@ -7,7 +7,7 @@ use std::sync::PoisonError;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::dir::PlanDir;
+use super::dir::{PLAN, PlanDir};
 use super::error::CampaignError;
 use super::piece;
 use super::piece::{PIECES, PieceText, Unusable};
@@ -55,6 +55,7 @@ impl PlanDir {
     /// Returns an error that names all missing, damaged, foreign or contradictory pieces.
     /// Nothing is written then, and an earlier merge stays.
     pub fn merge(&self, others: &[PathBuf], watch: &Watch<'_>) -> Result<Merged, CampaignError> {
+        refuse_places_without_pieces(others)?;
         self.refuse_strangers()?;
         let programs = self.joined_programs(others)?;
         let dir = self.dir.join(MERGED);
@@ -303,6 +304,16 @@ impl PlanDir {
             listed: listed(&named),
             some_are_wrong: wrong.iter().any(|(_, why)| why != "missing"),
         }
+    }
+}
+
+/// Refuses directories without a plan and without pieces, such as a misspelled name.
+fn refuse_places_without_pieces(places: &[PathBuf]) -> Result<(), CampaignError> {
+    // Only the pieces may have been copied, without their plan.
+    let is_other = |place: &&PathBuf| !place.join(PLAN).is_file() && !place.join(PIECES).is_dir();
+    match places.iter().find(is_other) {
+        Some(place) => Err(CampaignError::NoPieces { dir: place.clone() }),
+        None => Ok(()),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Friction and speed limit of a road.
 
 use super::error::ImportError;
+use super::lanes::sides_of;
 use super::scope::ParameterScope;
 use super::tree::XmlNode;
 
@@ -31,7 +32,7 @@ impl Default for Surface {
 impl Surface {
     /// Returns the surface of a road with the lanes of one section.
     pub fn of(road: &XmlNode, section: Option<&XmlNode>) -> Result<Surface, ImportError> {
-        let sides = section.into_iter().flat_map(|it| &it.children);
+        let sides = section.into_iter().flat_map(sides_of);
         let lanes = sides.flat_map(|side| side.all("lane"));
         // Materials of shoulders and sidewalks do not matter: no vehicle drives
         // there.
