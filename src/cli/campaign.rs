@@ -324,8 +324,10 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
 /// Returns the numbers of closed gates and of failing egos, with the worst rates.
 fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
     let (rows, all) = (&merged.summary.rows, &merged.summary.gates);
+    // A row without a valid start has no rate.
+    let rated = rows.iter().filter(|row| row.starts > 0);
     // Strictly greater, so that of equal rates the first in plan order is named.
-    let worst = rows.iter().reduce(|a, b| {
+    let worst = rated.reduce(|a, b| {
         if b.success_rate > a.success_rate {
             b
         } else {

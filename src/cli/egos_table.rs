@@ -150,7 +150,10 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
         [
             sum.ado.to_string(),
             sum.egos.to_string(),
-            percent(sum.success_rate),
+            match sum.egos {
+                0 => "–".to_owned(),
+                _ => percent(sum.success_rate),
+            },
             sum.reference_minus
                 .map_or("–".to_owned(), |(mean, [lo, hi])| {
                     let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);

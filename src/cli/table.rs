@@ -265,7 +265,7 @@ pub(super) fn contacts(rows: &[Row]) -> String {
             sides,
             without_fault,
             avoided,
-            percent(row.foul_rate),
+            fouls(row),
             format!("{:.1}", row.cpu_s),
         ]
     });
@@ -280,6 +280,15 @@ pub(super) fn contacts(rows: &[Row]) -> String {
     ];
     let table = TextTable::new(columns, lines).numbers_from(2);
     named_once(table, rows).to_terminal(stdout_columns())
+}
+
+/// Formats the share of starts on which a rule was broken.
+fn fouls(row: &Row) -> String {
+    match row.starts {
+        // As for the successes, a share of no starts is unknown.
+        0 => "–".to_owned(),
+        _ => percent(row.foul_rate),
+    }
 }
 
 /// Bounds of interrupted rows, a line for each.
@@ -419,9 +428,12 @@ mod tests {
     fn an_ego_without_a_result_is_counted_apart() {
         let mut broken = row("broken", "search", 0, 0);
         broken.invalid = 50;
-        let text = text(&[row("nominal", "search", 3, 50), broken]);
+        let text = text(&[row("nominal", "search", 3, 50), broken.clone()]);
         let verdict = "1 of 2 egos fail, 1 without a result, the worst of them: `nominal` fails";
         assert!(text.starts_with(verdict), "{text}");
+        // Its share of rule violations is unknown, and 0.0 % would look safe.
+        assert_eq!(fouls(&broken), "–");
+        assert_eq!(fouls(&row("nominal", "search", 3, 50)), "0.0 %");
     }
 
     #[test]

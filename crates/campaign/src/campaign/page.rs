@@ -177,14 +177,16 @@ impl SummaryRow {
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
         let dash = || "–".to_owned();
+        // A rate over no start is unknown, and its 0 would look safe.
+        let known = |text: String| if self.starts > 0 { text } else { dash() };
         // The row keeps rates, and readers of a table compare whole starts.
-        let count = |rate: f64| format!("{:.0}", rate * self.starts as f64);
+        let count = |rate: f64| known(format!("{:.0}", rate * self.starts as f64));
         [
             self.ego.clone(),
             who,
             self.starts.to_string(),
-            format!("{:.1}", 100.0 * self.success_rate),
-            format!("{lo:.1}–{hi:.1}"),
+            known(format!("{:.1}", 100.0 * self.success_rate)),
+            known(format!("{lo:.1}–{hi:.1}")),
             self.recall
                 .map_or_else(dash, |recall| format!("{recall:.2}")),
             count(self.foul_rate),

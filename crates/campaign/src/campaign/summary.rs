@@ -314,5 +314,9 @@ mod tests {
             (2, None, [0.0, 1.0])
         );
         assert_eq!(of_rated.cells()[1].matches("without").count(), 0);
+        let dashes = |row: &SummaryRow| row.cells().iter().filter(|cell| *cell == "–").count();
+        // Rate, interval, fouls and contacts are unknown, beside what is not recorded.
+        assert_eq!(dashes(&none), 7);
+        assert_eq!(dashes(&of_rated), 2);
     }
 }

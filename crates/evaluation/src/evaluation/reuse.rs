@@ -131,12 +131,13 @@ pub(super) fn reused_with_coasting(
     let search = rows
         .iter()
         .find(|row| row.ado.is_search())
-        // An interrupted search has not tried all starts, so its share is unknown.
-        .filter(|row| row.partial.is_none());
+        // An interrupted search has not tried all starts, so its share is unknown. So is
+        // that of an ego that never ran.
+        .filter(|row| row.partial.is_none() && row.starts > 0);
     let reused = ReusedOn {
         ego: ego.name().to_owned(),
         relation,
-        fails_without_adversary: whole.then_some(coasting.success_rate),
+        fails_without_adversary: (whole && coasting.starts > 0).then_some(coasting.success_rate),
         reachable: search.map(|row| row.success_rate),
         union: union(&rows),
         rows,
@@ -231,11 +232,11 @@ fn summary(
     reference: &AdversaryId,
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
-        // Interrupted rows have no rate to average.
+        // Interrupted rows, and rows without a valid start, have no rate to average.
         let rows = ego
             .rows
             .iter()
-            .filter(|row| row.partial.is_none())
+            .filter(|row| row.partial.is_none() && row.starts > 0)
             .filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };
