@@ -16,7 +16,7 @@ use super::new_world;
 use super::terminal;
 use super::{log, log_reading};
 use crate::recorded_world;
-use crate::run_dir::{make_dir, write_file};
+use crate::run_dir::{counted, make_dir, write_file};
 use crate::world::Scenario;
 
 /// Options of worlds from recordings.
@@ -47,7 +47,8 @@ pub(super) struct FromLogArgs {
     #[arg(long, value_name = "N", requires = "from_log", value_parser = clap::value_parser!(u8).range(0..=90), help_heading = ADOS)]
     others: Option<u8>,
     /// Directory of the worlds [default: the working directory].
-    #[arg(short, long, value_name = "DIR", requires = "from_log")]
+    // Without recordings it is refused in `new::run`, since clap would ask for a recording.
+    #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
 
@@ -74,6 +75,11 @@ impl KindArg {
 impl FromLogArgs {
     pub(super) fn is_requested(&self) -> bool {
         !self.from_log.is_empty()
+    }
+
+    /// Returns the directory that is named without recordings.
+    pub(super) fn idle_output(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|_| !self.is_requested())
     }
 }
 
@@ -219,16 +225,13 @@ fn show(recorded: &RecordedWorlds, files: &[NewFile]) -> Result<(), Failure> {
 
 /// Number of situations, and the body, place and side that they share.
 fn in_words(world: &RecordedWorld) -> String {
-    let count = match world.situations.len() {
-        1 => "1 situation".to_owned(),
-        count => format!("{count} situations"),
-    };
+    let count = counted(world.situations.len(), "situation");
     let Some(first) = world.situations.first() else {
         return count;
     };
     let others = match first.others.len() {
         0 => String::new(),
-        others => format!(", {others} others"),
+        others => format!(", {}", counted(others, "other")),
     };
     if let SituationRoad::Crossing(roads) = &first.road {
         let (pet_s, angle_deg) = (roads.pet_s, roads.angle_rad.to_degrees());

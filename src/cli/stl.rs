@@ -17,7 +17,7 @@ use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_output};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
-use crate::trace::Trace;
+use crate::trace::{Signal, Trace};
 
 #[derive(Args, Debug)]
 pub(super) struct StlArgs {
@@ -113,6 +113,12 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     let monitor = formula
         .bind_with(trace.schema(), &names, &args.settings())
         .map_err(in_formula)?;
+    refuse_unused(&names.constants, trace.schema().signals(), |name| {
+        let mut fewer = names.clone();
+        fewer.constants.shift_remove(name);
+        let bound = formula.bind_with(trace.schema(), &fewer, &args.settings());
+        bound.is_ok()
+    })?;
     // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
         terminal::note(&short);
@@ -286,6 +292,30 @@ pub(super) fn constants(given: &[String]) -> Result<Constants, Failure> {
         constants.insert(name, value);
     }
     Ok(constants)
+}
+
+/// Refuses typed constants that no formula uses, such as misspelled ones.
+///
+/// `binds_without` returns true if the formulas can be bound without a constant.
+pub(super) fn refuse_unused(
+    constants: &Constants,
+    signals: &[Signal],
+    binds_without: impl Fn(&str) -> bool,
+) -> Result<(), Failure> {
+    let Some(name) = constants.keys().find(|name| binds_without(name)) else {
+        return Ok(());
+    };
+    Err(if signals.iter().any(|it| it.name == *name) {
+        Failure::input(
+            format!("`{name}` is a signal, which no constant replaces"),
+            "give the constant another name, and use it in the formula",
+        )
+    } else {
+        Failure::input(
+            format!("nothing uses the constant `{name}`"),
+            "correct its name, or leave it out",
+        )
+    })
 }
 
 pub(super) fn placed(file: &str, formula: &str, error: &StlError) -> Failure {

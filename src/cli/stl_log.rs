@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::common::table_of;
 use super::failure::{Exit, Failure};
-use super::stl::{StlArgs, constants, placed};
+use super::stl::{StlArgs, constants, placed, refuse_unused};
 use super::terminal;
 use super::{log, log_reading};
 use crate::report::recorded_rules_junit;
@@ -96,6 +96,11 @@ fn evaluated(args: &StlArgs) -> Result<Vec<CheckedRecording>, Failure> {
         log_reading::note(&analysis, &map);
         let bound = BoundRules::bind(&rules, &analysis.recording)
             .map_err(|error| in_rule_file(&source, &rules, error))?;
+        refuse_unused(&constants(&args.constants)?, &rules.signals(), |name| {
+            let mut fewer = rules.clone();
+            fewer.constants.shift_remove(name);
+            BoundRules::bind(&fewer, &analysis.recording).is_ok()
+        })?;
         let results = bound
             .evaluate(&analysis.recording, &analysis.frame, &analysis.leads)
             .map_err(|error| in_rule_file(&source, &rules, error))?;

@@ -265,6 +265,9 @@ fn a_merge_names_what_is_missing_damaged_foreign_or_twice_and_different() {
     );
     run(&ours);
     let (hash, _) = merged(&ours);
+    // A misspelled directory is no place without pieces to look into.
+    let said = refused(&[&ours, "--with", "nope"]);
+    assert!(said.contains("`nope` holds no pieces"), "{said}");
     let piece = |nth: usize| pieces(&ours)[nth].clone();
     let kept = fs::read(piece(3)).expect("a piece");
 

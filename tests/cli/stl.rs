@@ -130,7 +130,7 @@ fn a_tie_is_settled_by_the_comparison() {
 #[test]
 fn what_users_get_wrong_exits_with_2_and_is_named() {
     let good = "t,x,y\n0,1,2\n1,3,4\n";
-    let cases: [(&[&str], &str, &str); 11] = [
+    let cases: [(&[&str], &str, &str); 15] = [
         (&["always (z > 0)"], good, "z"),
         (&["always (x > "], good, "formula:1:"),
         (&["always[0, 0.5] (x > 0)"], good, "neighbours"),
@@ -143,6 +143,10 @@ fn what_users_get_wrong_exits_with_2_and_is_named() {
         (&["x > 0", "--dt", "0"], good, "sampling period"),
         (&["x > c", "--const", "c"], good, "NAME=NUMBER"),
         (&["x > c", "--const", "c=nan"], good, "named constant"),
+        (&["x > 0", "--const", "x=1"], good, "`x` is a signal"),
+        (&["x > 0", "--const", "=1"], good, "the constant ``"),
+        (&["x > 0", "--const", "a b=1"], good, "nothing uses the constant `a b`"),
+        (&["x in [5, 1]"], good, "no number lies in [5, 1]"),
     ];
     for (args, csv, says) in cases {
         let said = refusal(&stl(args, csv), says);

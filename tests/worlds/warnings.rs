@@ -199,6 +199,31 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
         ),
         ("obstacle_too_near", TOO_NEAR, before(26.54)),
     ]
+    .into_iter()
+    .chain(decided_at_once())
+    .collect()
+}
+
+/// Formulas that the first sample decides: without `always`, or of an event at the start.
+fn decided_at_once() -> Vec<(&'static str, &'static str, String)> {
+    let spec = "the first sample alone decides the ego's specification";
+    let rule = "the first sample alone decides the rule `moves`";
+    let specs = [
+        "headway >= d_safe",
+        "historically (headway >= d_safe)",
+        "always[0, 0] (headway >= d_safe)",
+        "eventually[0, T] (headway >= d_safe)",
+    ];
+    let specs = specs.map(|stl| with(ACC, "always[0, T] (headway >= d_safe)", stl));
+    let of = |text: &str, stl: &str| {
+        let rule = format!("rulebook: [Rule(name: \"moves\", stl: \"{stl}\"),");
+        with(text, "rulebook: [", &rule)
+    };
+    let rules = [of(ACC, "ado.speed >= 1"), of(GRID, "ado.x >= -1")];
+    let in_specs = specs.into_iter().map(|text| (spec, text));
+    let all = in_specs.chain(rules.into_iter().map(|text| (rule, text)));
+    all.map(|(says, text)| ("first_sample_only", says, text))
+        .collect()
 }
 
 #[test]

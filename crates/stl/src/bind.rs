@@ -178,6 +178,7 @@ impl<'a> Binder<'a> {
                 let high = (Comparison::LessEqual, range.1.clone());
                 let low = self.pair(x, &low, node, Whole::No)?;
                 let high = self.pair(x, &high, node, Whole::No)?;
+                self.check_order(range)?;
                 self.push(Op::Gate(BooleanOp::And, low, high), node)
             }
             NodeKind::Not(a) => {
@@ -324,6 +325,21 @@ impl<'a> Binder<'a> {
             }
         };
         self.push(Op::Leaf(leaf), &source)
+    }
+
+    /// Refuses constant ends of a range in the wrong order, between which nothing lies.
+    fn check_order(&self, range: &(Term, Term)) -> Result<(), StlError> {
+        let (low, high) = (self.scope.value(&range.0)?, self.scope.value(&range.1)?);
+        let (BoundExpression::Number(low), BoundExpression::Number(high)) = (low, high) else {
+            return Ok(());
+        };
+        if low <= high {
+            return Ok(());
+        }
+        let what = format!("no number lies in [{}, {}]", range.0, range.1);
+        let span = range.0.span.0.start..range.1.span.0.end;
+        let help = format!("write [{}, {}]", range.1, range.0);
+        Err(StlError::new(what, span, format!("{low} is above {high}")).with_help(help))
     }
 
     fn leaf(&self, left: &Term, op: Comparison, right: &Term) -> Result<Leaf, StlError> {

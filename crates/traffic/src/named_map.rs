@@ -195,6 +195,12 @@ impl ColumnMap {
     }
 }
 
+/// Returns the column of a class by its usual names.
+pub(crate) fn class_column(header: &[String]) -> Option<&str> {
+    let called = |name: &&str| header.iter().find(|it| column(it).name == **name);
+    CLASSES.iter().find_map(called).map(String::as_str)
+}
+
 /// Returns a column of a map by names whose unit is unknown or another than the map has.
 pub(crate) fn unread_unit(map: &ColumnMap) -> Option<&str> {
     let is_length = |unit: ColumnUnit| match unit {

@@ -154,6 +154,32 @@ fn files_of_other_kinds_are_named_in_words_of_their_own() {
 }
 
 #[test]
+fn names_of_an_ado_and_of_maps_that_the_file_does_not_have_are_refused() {
+    let files = files(&[]);
+    let refused = |import: &Import<'_>| {
+        let error = import_as(import, &files).expect_err("an unknown name");
+        (error.what, error.help.unwrap_or_default())
+    };
+    for (ado, says) in [
+        ("Nobody", "no agent is called `Nobody`"),
+        ("Ego", "`Ego` is the ego, so it cannot be an ado"),
+    ] {
+        let ado = Some(ado);
+        let (what, help) = refused(&Import { ado, ..plain() });
+        assert_eq!((&*what, &*help), (says, "name the ado with --ado: Lead"));
+    }
+    let ado = Some("Lead");
+    let imported = import_as(&Import { ado, ..plain() }, &files).expect("a world");
+    assert!(imported.worlds[0].text.contains("Ado("));
+    let import = Import {
+        maps: &[("a".to_owned(), PathBuf::from("nowhere.xodr"))],
+        ..plain()
+    };
+    let (what, _) = refused(&import);
+    assert_eq!(what, "the file has no map called `a`");
+}
+
+#[test]
 fn a_map_by_name_is_a_file_on_request() {
     let files = files(&[edit(r#"filepath="straight.xodr""#, r#"filepath="Town""#)]);
     let error = import(&files).expect_err("no such file");

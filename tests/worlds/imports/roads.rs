@@ -104,6 +104,27 @@ fn what_is_dropped_is_listed_with_the_place_of_the_first() {
 }
 
 #[test]
+fn steps_of_the_elevation_are_listed_and_lanes_of_no_side_are_not_read() {
+    let elevation = |s_m: u32, a: f64| {
+        format!(r#"<elevation s="{s_m}" a="{a}" b="0" c="0" d="0"/>"#)
+    };
+    // A rounding of the file is no step, and one behind the end of the road is on no road.
+    for (height_m, at_m, kinds) in [
+        (50.0, 100, &["steps of the elevation"][..]),
+        (0.05, 100, &[]),
+        (50.0, 1000, &[]),
+    ] {
+        let both = [elevation(0, 0.0), elevation(at_m, height_m)].concat();
+        let profile = format!("<elevationProfile>{both}</elevationProfile>");
+        let imported = imported(&[edit("<elevationProfile/>", profile)]);
+        assert_eq!(dropped(&imported), kinds, "{height_m} m at {at_m} m");
+    }
+    let elsewhere = [edit("<right>", "<nope>"), edit("</right>", "</nope>")];
+    let error = import(&files(&elsewhere)).expect_err("a road without lane -1");
+    assert!(error.help.is_some(), "{error}");
+}
+
+#[test]
 fn a_bend_goes_on_as_far_as_an_entity_drives() {
     let episode = run(&world(&imported(&[on_bend(), until("52")])));
     for time_s in [10.0, 30.0, 50.0] {

@@ -101,8 +101,8 @@ impl RoadLanes {
         let banks = profile_of(road, "lateralProfile", "superelevation")?;
         let sections = lanes.all("laneSection").map(|section| {
             let s_m = ParameterScope::default().number_or_zero(section, "s")?;
-            let sides = || section.children.iter().flat_map(|side| side.all("lane"));
-            let counts = section.children.iter().map(|side| side.all("lane").count());
+            let sides = || sides_of(section).flat_map(|side| side.all("lane"));
+            let counts = sides_of(section).map(|side| side.all("lane").count());
             few(section, counts.sum(), "lane", MOST_LANES)?;
             let widths = sides().map(|lane| lane.all("width").count());
             few(section, widths.sum(), "width", MOST_CUBICS)?;
@@ -254,6 +254,14 @@ impl RoadLanes {
         // Exactly: equal numbers of a file are equal bits.
         middles.iter().all(|t_m| *t_m == first_m).then_some(first_m)
     }
+}
+
+/// Returns the sides of a section with lanes.
+///
+/// Lanes in other elements, such as those of another program, are none of the road.
+pub(super) fn sides_of(section: &XmlNode) -> impl Iterator<Item = &XmlNode> {
+    let is_side = |it: &&XmlNode| ["left", "center", "right"].contains(&it.name.as_str());
+    section.children.iter().filter(is_side)
 }
 
 /// Reads the heights of a road's reference line.

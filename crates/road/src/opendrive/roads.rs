@@ -18,6 +18,8 @@ use crate::pose::{Pose, wrapped};
 
 /// Greatest number of lines and arcs of all roads of a file.
 const MOST_PIECES: usize = 200_000;
+/// Greatest step of heights in metres that is taken for a rounding of the file.
+const STEP_M: f64 = 0.1;
 /// Greatest number of signals of a road.
 const MOST_SIGNALS: usize = 5_000;
 
@@ -327,6 +329,20 @@ impl ImportedRoad {
     /// Returns whether its heights change along it.
     pub fn rises(&self) -> bool {
         !self.heights_m.iter().all(Cubic::is_constant)
+    }
+
+    /// Returns whether its height steps where an elevation begins.
+    pub fn has_steps(&self) -> bool {
+        let begins = self.heights_m.windows(2).filter(|pair| {
+            let from_m = pair[1].from_m;
+            // Of several that begin at one place only the last applies.
+            pair[0].from_m < from_m && from_m < self.length_m
+        });
+        let mut steps_m = begins.map(|pair| {
+            let from_m = pair[1].from_m;
+            pair[1].at(from_m) - pair[0].at(from_m)
+        });
+        steps_m.any(|step_m| step_m.abs() > STEP_M)
     }
 
     /// Returns whether the traffic of a lane follows the reference line.

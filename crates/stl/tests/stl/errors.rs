@@ -245,3 +245,20 @@ fn as_deep_as_allowed() {
     assert_eq!(online.finish(), value);
     assert_eq!(monitor.explain(&trace).robustness, value);
 }
+
+#[test]
+fn ends_of_a_range_in_the_wrong_order_are_refused() {
+    for (text, range, help) in [
+        ("headway in [5, 1]", "5, 1", "write [1, 5]"),
+        ("not (headway in [d_safe, -1])", "d_safe, -1", "write [-1, d_safe]"),
+    ] {
+        let error = error(text);
+        assert_eq!((&text[error.span()], error.help()), (range, Some(help)));
+    }
+    // One number, and ends that depend on signals.
+    for text in ["headway in [5, 5]", "headway in [ego.speed, 1]"] {
+        let formula: Formula = text.parse().unwrap();
+        let bound = formula.bind_with(&schema(), &names(), &Settings::default());
+        assert!(bound.is_ok(), "{text}");
+    }
+}

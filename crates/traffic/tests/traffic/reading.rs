@@ -122,6 +122,30 @@ fn at(instants: &[f64]) -> String {
     format!("{GENERIC}{}", rows.join("\n"))
 }
 
+/// The generic map has no class, so walkers were cars.
+#[test]
+fn a_column_of_classes_beside_those_of_the_generic_map_is_read() {
+    let users = [
+        ("a", "car", Class::Car),
+        ("b", "truck", Class::Truck),
+        ("c", "pedestrian", Class::Pedestrian),
+        ("d", "bicycle", Class::Bicycle),
+    ];
+    for name in ["class", "agent_type"] {
+        let mut text = GENERIC.replace("width", &format!("width,{name}"));
+        for (y, (id, word, _)) in users.iter().enumerate() {
+            for step in 0..5 {
+                let (t, x) = (0.1 * f64::from(step), f64::from(step));
+                text += &format!("{t:.1},{id},{x},{},0,10,4.5,1.8,{word}\n", 10 * y);
+            }
+        }
+        let (recording, map) = read_csv_guessed(text.as_bytes(), "log.csv").expect("rows");
+        assert_eq!(map, "generic");
+        let classes: Vec<Class> = recording.tracks.iter().map(|it| it.class).collect();
+        assert_eq!(classes, users.map(|(_, _, class)| class), "{name}");
+    }
+}
+
 #[test]
 fn short_holes_are_filled_and_long_ones_split_and_both_are_counted() {
     let recording = read(

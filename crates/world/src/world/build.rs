@@ -61,6 +61,7 @@ pub(super) fn build(
     warnings.found(dry_run::tie(&scenario.text, &scenario));
     warnings.found(excluding);
     warnings.found(vacuous::warnings(driving));
+    warnings.found(vacuous::decided_at_once(&scenario));
     warnings.bounds(&scenario);
     warnings.unseen(driving);
     warnings.spec_without_ego(driving);

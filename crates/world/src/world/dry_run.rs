@@ -47,7 +47,7 @@ fn affordable_samples(scenario: &Scenario) -> usize {
 }
 
 /// Returns the world on the plant of the trial runs.
-fn on_kinematic_plant(scenario: &Scenario) -> Scenario {
+pub(super) fn on_kinematic_plant(scenario: &Scenario) -> Scenario {
     if scenario.plant() == Dynamics::Kinematic {
         // A clone keeps the crossings of its paths, which are searched once.
         scenario.clone()
@@ -57,7 +57,7 @@ fn on_kinematic_plant(scenario: &Scenario) -> Scenario {
 }
 
 /// Starts of the trial runs: listed starts, or corners of X_init and random draws.
-fn tried_starts(scenario: &Scenario) -> Vec<Start> {
+pub(super) fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     let bench = scenario.bench();
     if let Some(starts) = scenario.starts() {
         // Evenly spread over the list, which may be long.

@@ -7,7 +7,7 @@ use indexmap::IndexMap;
 use super::family::TrainingEgos;
 use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::warnings::Warnings;
-use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits};
+use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits, vacuous};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -171,6 +171,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     dry_run::begins_well(&mut problems, &top, &scenario);
     problems.done()?;
     warnings.found(dry_run::tie(text, &scenario));
+    warnings.found(vacuous::decided_at_once(&scenario));
     warnings.bounds(&scenario);
     scenario.warnings = warnings.of(text);
     Ok(scenario)

@@ -1,14 +1,15 @@
 //! Vacuous formulas, which hold or fail in every run.
 
 use super::Scenario;
-use super::dry_run::rule_place;
+use super::dry_run::{on_kinematic_plant, rule_place, tried_starts};
 use super::scenario_kind::DriveScenario;
-use super::warnings::Oddity;
+use super::warnings::{Oddity, formulas};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::drive::Bounds;
-use crate::stl::{Interval, Monitor};
+use crate::stl::{Interval, Monitor, Scratch};
+use crate::testbench::Aftermath;
 
 /// Reports a specification that no run violates, and rules that no run keeps.
 pub(super) fn check(problems: &mut Problems, path: &ValuePath, scenario: DriveScenario<'_>) {
@@ -67,6 +68,47 @@ pub(super) fn warnings(scenario: DriveScenario<'_>) -> Vec<(Oddity, Problem)> {
         (Oddity::UnbreakableRule, problem)
     })
     .collect()
+}
+
+/// Warnings for formulas that the first sample decides at every tried start.
+///
+/// Such a formula lacks an `always`, or requires an event that has happened at the start.
+pub(super) fn decided_at_once(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
+    let all = formulas(scenario);
+    let is_asked = |i: &usize| {
+        let monitor = all[*i].2;
+        // A rule that looks ahead may be about some starts only, and others
+        // keep it at once. The specification is the first formula.
+        let may_look_ahead = *i == 0;
+        // A formula without signals is reported as one that no run can break.
+        let reads = !monitor.signals().is_empty();
+        reads && (may_look_ahead || monitor.horizon_samples() == Some(0))
+    };
+    let mut decided: Vec<usize> = (0..all.len()).filter(is_asked).collect();
+    let tried = on_kinematic_plant(scenario);
+    let mut bench = tried.bench();
+    let mut scratch = Scratch::default();
+    for start in tried_starts(&tried) {
+        // The first start already excludes every formula of usual worlds.
+        if decided.is_empty() {
+            break;
+        }
+        bench.begin(&start, 0, Aftermath::Skip);
+        // The least ρ of all that may follow is 0 or more if the formula is
+        // kept already.
+        decided.retain(|&i| all[i].2.interval(bench.trace(), &mut scratch).lo >= 0.0);
+    }
+    let warning = |i: usize| {
+        let (who, place, _) = &all[i];
+        let problem = Problem {
+            what: format!("the first sample alone decides {who}"),
+            span: place.find(&scenario.text),
+            label: "kept at the start, whatever follows".to_owned(),
+            help: Some("did you mean `always (…)`?".to_owned()),
+        };
+        (Oddity::FirstSampleOnly, problem)
+    };
+    decided.into_iter().map(warning).collect()
 }
 
 /// Bounds of the signals that explain a formula's range.

@@ -57,6 +57,8 @@ pub(super) enum Oddity {
     NeverKept,
     /// No run can break a rule.
     UnbreakableRule,
+    /// A formula is decided before anything moves.
+    FirstSampleOnly,
     /// A rule was broken in all of too few runs.
     BarelyTried,
     /// A formula reads signals that no ado can observe.
@@ -467,7 +469,7 @@ impl Warnings {
 }
 
 /// Specification and rules: name, place and monitor of each.
-fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
+pub(super) fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)> {
     let rulebook = scenario.rulebook();
     let place = ValuePath::top().to("ego_spec");
     let spec = ("the ego's specification".to_owned(), place, &rulebook.spec);

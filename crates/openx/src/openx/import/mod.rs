@@ -152,6 +152,13 @@ impl Import<'_> {
             let help = "leave --skip-broken out: the message then names the constraint";
             return Err(error.helped(help));
         }
+        // Points that are not read may have other maps.
+        let has_all = self.only.is_none() && broken == 0;
+        if let Some(name) = protocol.unused_map().filter(|_| has_all) {
+            let what = format!("the file has no map called `{name}`");
+            let help = format!("leave --road {name}=… out, or correct the name of the map");
+            return Err(At::file(self.scenario).error(what).helped(&help));
+        }
         let cut = drafts.iter().filter(|(_, draft)| draft.is_cut).count();
         let mut dropped = protocol.dropped.list();
         // Worlds end before an entity leaves its road, which may be earlier

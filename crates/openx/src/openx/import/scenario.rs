@@ -359,6 +359,9 @@ impl Protocol {
             let help = "change the frictionScaleFactor, or the friction of the material";
             blockers.add(init.refused(what, help));
         }
+        // Grades have slopes, and a step has none.
+        let steps = roads.all().filter(|(_, road)| road.has_steps());
+        steps.for_each(|(_, road)| self.dropped.note("steps of the elevation", &road.node));
         if drive.is_none() {
             // A trajectory has no heights of its own.
             let heights = roads.all().filter(|(_, road)| road.rises());
@@ -494,6 +497,13 @@ impl Protocol {
         let help = format!("name the ego with --ego: {}", names.join(", "));
         self.root
             .refused(format!("no agent is called `{name}`"), &help)
+    }
+
+    /// Returns the name of a given map that no point has used.
+    pub(super) fn unused_map(&self) -> Option<&str> {
+        let read = self.roads.borrow();
+        let unused = self.maps.iter().find(|(_, path)| !read.contains_key(path));
+        unused.map(|(name, _)| name.as_str())
     }
 
     fn road_map(

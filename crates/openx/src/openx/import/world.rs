@@ -96,6 +96,24 @@ pub(super) fn seen_scenario(concrete: &Concrete) -> Result<SeenScenario<'_>, Imp
     })
 }
 
+/// Checks that the name of an ado is that of an agent besides the ego.
+fn check_ado(concrete: &Concrete, all: &[EntityInFrame], name: &str) -> Result<(), ImportError> {
+    let is_named = |it: &&EntityInFrame| it.entity.name == name || it.name == name;
+    let what = match all.iter().find(is_named) {
+        Some(it) if !it.entity.is_ego => return Ok(()),
+        Some(_) => format!("`{name}` is the ego, so it cannot be an ado"),
+        None => format!("no agent is called `{name}`"),
+    };
+    let others = all.iter().filter(|it| !it.entity.is_ego);
+    let names: Vec<&str> = others.map(|it| it.entity.name.as_str()).collect();
+    let help = if names.is_empty() {
+        "leave --ado out: the file has no agent besides the ego".to_owned()
+    } else {
+        format!("name the ado with --ado: {}", names.join(", "))
+    };
+    Err(concrete.ego_at.error(what).helped(&help))
+}
+
 /// Returns the world of a point.
 ///
 /// # Errors
@@ -109,6 +127,9 @@ pub(super) fn draft(
     ado: Option<&str>,
 ) -> Result<Draft, ImportError> {
     let SeenScenario { all, ego, duration } = seen;
+    if let Some(name) = ado {
+        check_ado(concrete, all, name)?;
+    }
     let until_s = duration.until_s;
     let top = ValuePath::top();
     let mut origins = vec![
