@@ -149,8 +149,8 @@ impl<'a> EvaluationTable<'a> {
         }
         check_repeatability(ego, starts, &mut rows, watch);
         let relation = Relation::of(ego, evaluation.run, evaluation.nominal);
-        let void = rows.iter().find(|row| row.is_unrepeatable());
-        let void = void.and_then(|row| row.faults.first()).cloned();
+        let mut voided = rows.iter().filter(|row| row.is_unrepeatable());
+        let void = voided.find_map(|row| row.faults.first().cloned());
         let (mut reused, mut alone) = reused_with_coasting(ego, relation, starts, rows, watch);
         for row in &mut reused.rows {
             // On its own plant, the nominal ego fails alone exactly from the trivial
