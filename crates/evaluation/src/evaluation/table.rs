@@ -161,9 +161,9 @@ impl<'a> EvaluationTable<'a> {
             row.fails_alone = alone.map(|it| FailsAlone { left_out, ..it });
         }
         for cell in found.iter_mut().chain([&mut alone]) {
-            if let Some(found) = &void {
+            if let Some(finding) = &void {
                 // In front, since the first fault is that of the whole row.
-                cell.row.faults.insert(0, found.clone());
+                cell.row.faults.insert(0, finding.clone());
             }
         }
         self.egos.push(reused);

@@ -130,6 +130,13 @@ impl DrivingLoss {
                 Measure::Violations(formula.map_err(|error| in_measure(name, error))?)
             }
         };
+        // Only the mean of an expression can be below 0, so the trainings would be in vain.
+        let is_below_0 = matches!(limit, LossLimit::Below(value) if value < 0.0);
+        if is_below_0 && !matches!(measure, Measure::Mean(_)) {
+            return Err(HardenError::NoLimit {
+                text: text.to_owned(),
+            });
+        }
         let name = name.to_owned();
         Ok(DrivingLoss {
             name,

@@ -18,6 +18,7 @@ fn a_limit_is_a_value_a_share_of_the_ego_or_more_than_it() {
         "braking=",
         "braking=x",
         "braking=-5%",
+        "braking=-5",
         "x >= 3",
         "(=1",
     ] {
