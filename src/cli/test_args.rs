@@ -12,7 +12,7 @@ use super::headings::{ADOS, TEST};
 use super::keep::KeepArgs;
 use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count, switch_count};
-use super::terminal::Common;
+use super::terminal::{self, Common};
 use super::traffic_args::TrafficArgs;
 use crate::adversary::{ADO_GROUPS, AdoGroup};
 use crate::ego::Process;
@@ -43,7 +43,18 @@ pub(super) struct EgoArgs {
 impl EgoArgs {
     /// Returns the egos in a world.
     pub(super) fn find(&self, world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
-        EgoUnderTest::find_or_program(world, &self.ego, &self.program)
+        let egos = EgoUnderTest::find_or_program(world, &self.ego, &self.program)?;
+        // A comparison with itself would look like an answer.
+        for ego in egos
+            .iter()
+            .filter(|it| it.is_nominal() && it.name() != "nominal")
+        {
+            terminal::note(&format!(
+                "warning: `{}` changes nothing, so it is the world's own ego",
+                ego.name()
+            ));
+        }
+        Ok(egos)
     }
 }
 

@@ -223,3 +223,17 @@ fn a_gate_and_a_sweep_require_a_run_and_their_option() {
         refused(args, says);
     }
 }
+
+#[test]
+fn an_ego_that_changes_nothing_is_named() {
+    let dir = scratch();
+    let same = path(&dir, "same.ron");
+    std::fs::write(&same, "Change()").expect("written");
+    for (ego, is_named) in [(same.as_str(), true), ("nominal", false)] {
+        let asked = ["search", "acc", "--starts", "1", "--plant", "kinematic"];
+        let output = brakecheck(&[&asked[..], &["--ego", ego]].concat());
+        let message = stderr(&output);
+        assert_eq!(code(&output), 0, "{message}");
+        assert_eq!(message.contains("changes nothing"), is_named, "{message}");
+    }
+}
