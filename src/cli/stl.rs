@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::common::{finite_or_word, print_json};
+use super::common::print_json;
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::input;
 use super::output_path::new_file;
 use super::terminal::{self, Common};
 use crate::ron_file::{Problem, ScenarioError};
-use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
+use crate::run_dir::{ReadTrace, TraceOptions, number_or_word, read_trace, write_file};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -209,11 +209,11 @@ struct FormulaResult {
 impl FormulaResult {
     fn json(&self) -> serde_json::Value {
         let mut object = json!({
-            "robustness": finite_or_word(self.robustness),
+            "robustness": number_or_word(self.robustness),
             "satisfied": self.satisfied,
         });
         if let Some(all) = &self.all {
-            object["robustness_all"] = all.iter().map(|&value| finite_or_word(value)).collect();
+            object["robustness_all"] = all.iter().map(|&value| number_or_word(value)).collect();
         }
         if let Some(explanation) = &self.explanation {
             object["explain"] = json!(explanation);

@@ -29,6 +29,7 @@ pub mod counterexample;
 mod differences;
 mod failure_cell;
 mod manifest;
+mod number_or_word;
 mod opening;
 mod program_content;
 mod progress;
@@ -72,6 +73,7 @@ pub use failure_cell::{
 };
 pub use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
+pub use number_or_word::number_or_word;
 pub use program_content::FILE as PROGRAMS;
 pub use program_content::ProgramContent;
 pub use program_content::{ProgramContents, bind_programs, joined_programs, stored_programs};
