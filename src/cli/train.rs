@@ -15,6 +15,7 @@ use super::failure::{Exit, Failure};
 use super::headings::{EGO, LEARNING, TEST};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
+use super::output_path::new_dir;
 use super::terminal::{self, Common};
 use super::test_args::temperature;
 use super::traffic_args::TrafficArgs;
@@ -35,7 +36,7 @@ pub(super) struct TrainArgs {
     /// The world: a file, or the name of a shipped one.
     world: PathBuf,
     /// The run directory to make [default: runs/WORLD-SEED].
-    #[arg(short, long, value_name = "RUN")]
+    #[arg(short, long, value_name = "RUN", value_parser = new_dir())]
     output: Option<PathBuf>,
     /// Decisions to train for, instead of the world's number.
     #[arg(long, value_name = "N", value_parser = count(1..=u64::MAX))]

@@ -48,9 +48,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 pub use crate::run_files::append_log::Grown;
-pub use crate::run_files::disk::write_file;
 pub use crate::run_files::disk::{
-    WholeFile, file_name, is_unfinished, make_dir, read_text, remove_empty_dir,
+    WholeFile, file_name, is_unfinished, make_dir, read_text, remove_empty_dir, write_file,
+    write_output,
 };
 pub use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
 pub use crate::run_files::{OtherProgram, RunDifference, RunError};
