@@ -14,6 +14,7 @@ use super::{examples, progress};
 use crate::campaign::{
     COLUMNS, Merged, PIECE_S, Partition, PieceDone, Plan, PlanCost, PlanDir, SummaryRow, UnitGate,
 };
+use crate::run_dir::counted;
 
 /// Rows that are printed, at most, and rows and gates of the details.
 const SHOWN: usize = 8;
@@ -183,8 +184,10 @@ fn in_words(cost: &PlanCost) -> String {
     };
     let megabytes = cost.bytes / 1e6;
     format!(
-        "{pieces} pieces, {trainings} of them trainings; {starts} starts; about {hours} of \
-         processor time ({by}), {megabytes:.1} MB on the disk"
+        "{}, {trainings} of them trainings; {}; about {hours} of processor time ({by}), \
+         {megabytes:.1} MB on the disk",
+        counted(*pieces, "piece"),
+        counted(*starts, "start")
     )
 }
 
@@ -226,7 +229,9 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
             Some(partition) => format!(" of partition {partition}"),
             None => String::new(),
         };
-        terminal::data(&format!("{done} of {all} pieces{of} are there"))?;
+        let are = if all == 1 { "is" } else { "are" };
+        let pieces = counted(all, "piece");
+        terminal::data(&format!("{done} of {pieces}{of} {are} there"))?;
     }
     // Pieces often fail for the same reason, so one error is printed in full.
     let more = ran.failed.len().saturating_sub(1);
@@ -235,7 +240,7 @@ fn all(args: &RunArgs) -> Result<Exit, Failure> {
             "piece {piece} cannot be made{}; the same command makes what is not there",
             match more {
                 0 => String::new(),
-                more => format!(", nor can {more} others"),
+                more => format!(", nor can {}", counted(more, "other")),
             }
         ));
         return Err(error.into());
@@ -319,8 +324,10 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
 /// Returns the numbers of closed gates and of failing egos, with the worst rates.
 fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
     let (rows, all) = (&merged.summary.rows, &merged.summary.gates);
+    // A row without a valid start has no rate.
+    let rated = rows.iter().filter(|row| row.starts > 0);
     // Strictly greater, so that of equal rates the first in plan order is named.
-    let worst = rows.iter().reduce(|a, b| {
+    let worst = rated.reduce(|a, b| {
         if b.success_rate > a.success_rate {
             b
         } else {
@@ -329,8 +336,12 @@ fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
     });
     let worst = worst.map(|row| {
         format!(
-            "highest rate: `{}` fails from {} of {} starts of {} against {}",
-            row.ego, row.successes, row.starts, row.world, row.ado
+            "highest rate: `{}` fails from {} of {} of {} against {}",
+            row.ego,
+            row.successes,
+            counted(row.starts, "start"),
+            row.world,
+            row.ado
         )
     });
     let mut details = rates(rows, SHOWN_IN_DETAILS);
@@ -341,9 +352,9 @@ fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
     PrintedAnswer {
         verdict: verdict.into_iter().chain(worst).collect(),
         table: format!(
-            "{}{} rows in {}\npage: {}",
+            "{}{} in {}\npage: {}",
             rates(rows, SHOWN),
-            merged.rows,
+            counted(merged.rows, "row"),
             merged.path.display(),
             page.display()
         ),
@@ -388,6 +399,7 @@ fn rates(rows: &[SummaryRow], most: usize) -> String {
     }
     match rows.len().saturating_sub(most) {
         0 => text,
+        1 => format!("{text}1 more row is in the page and in summary.json\n"),
         more => format!("{text}{more} more rows are in the page and in summary.json\n"),
     }
 }
@@ -400,13 +412,15 @@ fn remarks(rows: &[SummaryRow]) -> String {
     let trivial = rows.iter().map(|row| row.trivial).max().unwrap_or(0);
     if trivial > 0 {
         text.push_str(&format!(
-            "left out: {trivial} starts from which the nominal ego fails without an adversary\n"
+            "left out: {} from which the nominal ego fails without an adversary\n",
+            counted(trivial, "start")
         ));
     }
     for row in rows.iter().filter(|row| row.invalid > 0) {
         let (ego, ado, invalid) = (&row.ego, &row.ado, row.invalid);
         text.push_str(&format!(
-            "invalid: {ego}, {ado}: {invalid} starts on which the ego or the physics failed to run\n"
+            "invalid: {ego}, {ado}: {} on which the ego or the physics failed to run\n",
+            counted(invalid, "start")
         ));
     }
     text

@@ -21,6 +21,7 @@ use crate::coverage::{
 };
 use crate::crashes::Regressions;
 use crate::population::{PopulationDir, PopulationError};
+use crate::run_dir::counted;
 use crate::sim::PlantKind;
 
 /// Lines of the table without `--details`, of a single world and of each of several.
@@ -117,7 +118,10 @@ fn measured(args: &CoverageArgs) -> Result<Option<MeasuredCoverage>, Failure> {
     let others = replayed.iter().filter(|one| !one.still_fails()).count();
     Ok(Some(MeasuredCoverage {
         worlds: coverage_of_kept(&replayed),
-        remark: (others > 0).then(|| format!("{others} files do not fail again and are left out")),
+        remark: (others > 0).then(|| {
+            let files = counted(others, "file");
+            format!("{files} left out, without a failure in the replay")
+        }),
     }))
 }
 
@@ -200,7 +204,12 @@ fn several_in_words(worlds: &[&Coverage]) -> Vec<String> {
         .collect();
     let of = worlds.len();
     vec![match names.len() {
-        0 => format!("no gap found in {of} worlds"),
-        some => format!("{gaps} gaps in {some} of {of} worlds: {}", names.join(", ")),
+        0 => format!("no gap found in {}", counted(of, "world")),
+        some => format!(
+            "{} in {some} of {}: {}",
+            counted(gaps, "gap"),
+            counted(of, "world"),
+            names.join(", ")
+        ),
     }]
 }

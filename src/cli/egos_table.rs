@@ -6,7 +6,7 @@ use super::table::{contacts, found, interval, legend, remarks, rows, success, wa
 use super::verdict::{ego, percent, severity, strongest, verdict};
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::report::TextTable;
-use crate::run_dir::Row;
+use crate::run_dir::{Row, counted};
 
 /// Egos in the table of many egos. The details have all of them.
 const EGOS_SHOWN: usize = 12;
@@ -78,6 +78,7 @@ fn by_ego(egos: &[ReusedOn]) -> String {
         .to_terminal(stdout_columns());
     match worst.len().saturating_sub(EGOS_SHOWN) {
         0 => table,
+        1 => format!("{table}\n1 more ego fails as rarely or more rarely"),
         more => format!("{table}\n{more} more egos fail as rarely or more rarely"),
     }
 }
@@ -149,14 +150,17 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
         [
             sum.ado.to_string(),
             sum.egos.to_string(),
-            percent(sum.success_rate),
+            match sum.egos {
+                0 => "–".to_owned(),
+                _ => percent(sum.success_rate),
+            },
             sum.reference_minus
                 .map_or("–".to_owned(), |(mean, [lo, hi])| {
                     let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);
                     format!("{mean:+.1} [{lo:+.1}, {hi:+.1}]")
                 }),
             sum.recall_mean.map_or("–".to_owned(), |recall| {
-                format!("{recall:.3} ({} egos)", sum.egos_with_recall)
+                format!("{recall:.3} ({})", counted(sum.egos_with_recall, "ego"))
             }),
             sum.recall_min
                 .as_ref()

@@ -8,6 +8,7 @@ use crate::evaluation::harden::{
     HardenReport, HardenVerdict, HardenedEgo, LossLimit, LossResult, StartCount,
 };
 use crate::experiment::EgoUnderTest;
+use crate::run_dir::counted;
 use crate::stats::at_most;
 use crate::visible::command_line;
 
@@ -40,9 +41,9 @@ pub(super) fn verdict(report: &HardenReport) -> Vec<String> {
         // No failure in a few starts is little evidence, so the bound is part of the
         // verdict.
         let bound = bound_in_words(at_most(report.searched.starts));
-        let starts = report.searched.starts;
+        let starts = counted(report.searched.starts, "start");
         return vec![format!(
-            "nothing to harden: `{ego}` fails from none of {starts} starts, so {bound}"
+            "nothing to harden: `{ego}` fails from none of {starts}, so {bound}"
         )];
     }
     let begins = if report.interrupted {
@@ -92,6 +93,11 @@ fn confirmed(report: &HardenReport, best: &HardenedEgo) -> Vec<String> {
     ]
 }
 
+/// Returns the mark of an unknown number.
+fn dash() -> String {
+    "–".to_owned()
+}
+
 fn of(count: &StartCount) -> String {
     format!("{} of {}", count.failing, count.starts)
 }
@@ -108,15 +114,13 @@ fn change(report: &HardenReport, values: &BTreeMap<String, f64>) -> String {
 
 /// Returns a loss in words, relative where its limit is.
 fn loss(it: &LossResult) -> String {
-    let LossResult {
-        measure,
-        own,
-        value,
-        ..
-    } = it;
+    let measure = &it.measure;
+    let Some((own, value)) = it.own.zip(it.value) else {
+        return format!("{measure} unknown");
+    };
     match it.limit {
         // A ratio to a loss of 0 does not exist, so both values are printed then.
-        LossLimit::TimesOwn(_) if *own > 0.0 => {
+        LossLimit::TimesOwn(_) if own > 0.0 => {
             let change = 100.0 * (value / own - 1.0);
             let between = it.ratio_ci95.map_or(String::new(), |ends| {
                 let [lo, hi] = ends.map(|ratio| 100.0 * (ratio - 1.0));
@@ -136,7 +140,6 @@ pub(super) fn table(report: &HardenReport) -> String {
     let header = [
         "change", "size", "search", "sealed", "new ado", "fewer", "verdict",
     ];
-    let dash = || "–".to_owned();
     let lines = report.candidates.iter().map(|one| {
         let it = one.confirmation.as_ref();
         [
@@ -165,8 +168,8 @@ pub(super) fn table(report: &HardenReport) -> String {
     }
     if let Some(crashes) = &report.crashes {
         text.push_str(&format!(
-            "\n{} starts still fail against an ado, the worst in {}",
-            crashes.found,
+            "\nan ado still makes it fail from {}, the worst in {}",
+            counted(crashes.found, "start"),
             crashes.dir.display()
         ));
     }
@@ -176,8 +179,11 @@ pub(super) fn table(report: &HardenReport) -> String {
 /// Returns what is behind the verdict: ranges, losses, the front of the search.
 pub(super) fn details(report: &HardenReport) -> String {
     let mut lines = vec![format!(
-        "{} on the {} plant, losses in traffic “{}”, {} egos played",
-        report.world, report.plant, report.traffic, report.played
+        "{} on the {} plant, losses in traffic “{}”, {} played",
+        report.world,
+        report.plant,
+        report.traffic,
+        counted(report.played, "ego")
     )];
     for one in &report.parameters {
         lines.push(format!(
@@ -195,21 +201,23 @@ pub(super) fn details(report: &HardenReport) -> String {
             continue;
         };
         for result in &it.losses {
+            let at_most = result.at_most.map_or_else(dash, |it| format!("{it:.3}"));
             lines.push(format!(
-                "  {}, at most {:.3}, in {} runs",
+                "  {}, at most {at_most}, in {}",
                 loss(result),
-                result.at_most,
-                result.runs
+                counted(result.runs, "run")
             ));
         }
         if let Some([solved, starts]) = it.new_ado.search {
             lines.push(format!(
-                "  {}: a search solves {solved} of {starts} starts of its training",
-                it.new_ado.ado
+                "  {}: a search solves {solved} of {} of its training",
+                it.new_ado.ado,
+                counted(starts, "start")
             ));
         }
         if let Some([failing, answered]) = it.kept {
-            lines.push(format!("  {failing} of {answered} kept crashes still fail"));
+            let crashes = counted(answered, "kept crash");
+            lines.push(format!("  it still fails in {failing} of {crashes}"));
         }
     }
     let front = report.front.iter().take(LISTED).map(|one| {

@@ -10,6 +10,7 @@ use super::progress;
 use super::terminal::{self, Common};
 use crate::experiment::Audience;
 use crate::population::{LeagueRequest, LeagueResponse, LeagueRound, PopulationDir, train_league};
+use crate::run_dir::counted;
 use crate::world::Scenario;
 
 /// Trains a league, or continues one.
@@ -28,9 +29,9 @@ pub(super) fn train(
     // Round 0 precedes the requested rounds, so a whole league has one more.
     if rounds.len() <= request.rounds {
         terminal::note(&format!(
-            "stopped after {} of {} rounds; go on with the same command and `--resume` in {}",
+            "stopped after {} of {}; go on with the same command and `--resume` in {}",
             rounds.len().saturating_sub(1),
-            request.rounds,
+            counted(request.rounds, "round"),
             path.display(),
         ));
         // Without an interruption only faults of an ego end a league early.

@@ -9,6 +9,8 @@ use super::headings::OUTPUT;
 use super::terminal;
 use crate::experiment::Audience;
 #[cfg(feature = "rerun")]
+use crate::run_dir::counted;
+#[cfg(feature = "rerun")]
 use crate::view::{EpisodeStream, LiveEnd, LiveView, ShownShare, ViewError};
 
 /// Name of standard output as a place.
@@ -199,21 +201,12 @@ fn check_file(file: &Path) -> Result<(), Failure> {
 #[cfg(feature = "rerun")]
 fn in_words(end: &LiveEnd) -> String {
     let all = end.shown + end.left_out;
-    let episodes = format!("streamed {} of {}", end.shown, episodes(all));
+    let episodes = format!("streamed {} of {}", end.shown, counted(all, "episode"));
     match &end.error {
         None => episodes,
         // A closed viewer is the user's choice, so there is nothing to mend.
         Some(ViewError::Closed) => format!("{episodes}; then the viewer was closed"),
         Some(error) => format!("{episodes}; {error}\n  help: {}", error.help()),
-    }
-}
-
-/// Number of episodes in words.
-#[cfg(feature = "rerun")]
-pub(super) fn episodes(count: u64) -> String {
-    match count {
-        1 => "1 episode".to_owned(),
-        _ => format!("{count} episodes"),
     }
 }
 

@@ -17,9 +17,13 @@ use super::headings::{INPUT, OUTPUT};
 use super::input::{self, Opened};
 use super::log_reading;
 use super::terminal::{self, Common};
-use crate::openx::import::driven_lanes;
+use crate::openx::import::{DrivenLanes, driven_lanes};
 use crate::ron_file::file_text;
-use crate::run_dir::write_file;
+use crate::run_dir::{counted, write_file};
+
+/// Least distance of the points of a mapped lane.
+// Close points would turn small errors of a map into large ones of headings.
+const LEAST_PIECE_M: f64 = 0.5;
 
 #[derive(Args, Debug)]
 pub(super) struct LogArgs {
@@ -210,18 +214,26 @@ struct MappedRoad<'a> {
 }
 
 fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
-    let lanes = driven_lanes(file, &file_text)?.into_iter();
-    let carriageways = lanes.filter_map(|lanes| {
-        Some(MappedCarriageway {
-            // Close points would turn small errors of a map into large ones of headings.
-            path: brakecheck_traffic::Path::through(lanes.right_lane_m, 0.5)?,
-            offsets_m: lanes.offsets_m,
-        })
-    });
-    Ok(MappedRoad {
-        file,
-        carriageways: carriageways.collect(),
-    })
+    let mut carriageways = Vec::new();
+    let mut too_short = 0;
+    for lanes in driven_lanes(file, &file_text)? {
+        let DrivenLanes {
+            right_lane_m,
+            offsets_m,
+            ..
+        } = lanes;
+        match brakecheck_traffic::Path::through(right_lane_m, LEAST_PIECE_M) {
+            Some(path) => carriageways.push(MappedCarriageway { path, offsets_m }),
+            None => too_short += offsets_m.len(),
+        }
+    }
+    if too_short > 0 {
+        terminal::note(&format!(
+            "left out: {too_short} driving lanes of `{}` shorter than {LEAST_PIECE_M} m",
+            file.display()
+        ));
+    }
+    Ok(MappedRoad { file, carriageways })
 }
 
 fn lanelets_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
@@ -353,10 +365,10 @@ fn open(file: &Path) -> Result<Opened, Failure> {
 fn show(analysis: &Analysis, map: &str) -> Result<(), Failure> {
     let recording = &analysis.recording;
     terminal::data(&format!(
-        "{}, format {map}: {} rows, {} road users, {:.1} s at {:.3} s, {:.1} km",
+        "{}, format {map}: {}, {}, {:.1} s at {:.3} s, {:.1} km",
         recording.name,
-        recording.counts.rows,
-        recording.road_users(),
+        counted(recording.counts.rows, "row"),
+        counted(recording.road_users(), "road user"),
         recording.duration_s(),
         recording.dt_s,
         recording.distance_km(),

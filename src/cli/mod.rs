@@ -68,6 +68,7 @@ mod test_args;
 mod theorems;
 mod traffic_args;
 mod train;
+mod training_again;
 mod usage_error;
 mod verb_groups;
 mod verdict;
@@ -331,6 +332,14 @@ mod tests {
             }
         }
         command.get_subcommands().for_each(assert_unique);
+    }
+
+    #[test]
+    fn an_unknown_number_is_null_and_an_infinite_one_a_word() {
+        let words =
+            [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.5].map(super::common::finite_or_word);
+        let expect = serde_json::json!([null, "inf", "-inf", -0.5]);
+        assert_eq!(serde_json::json!(words), expect);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use crate::openx::import::{
     DroppedElements, EgoEvent, Files, Import, ImportError, Imported, ImportedWorld,
 };
 use crate::ron_file::{ScenarioError, file_text};
-use crate::run_dir::write_file;
+use crate::run_dir::{counted, write_file};
 use crate::world::Scenario;
 
 /// Help of a problem without one of its own.
@@ -277,12 +277,15 @@ fn print_import(files: &[PathBuf], imported: &Imported) -> Result<(), Failure> {
     }
     let written = files.iter().zip(&imported.worlds);
     let mut lines: Vec<String> = written
-        .map(|(path, world)| format!("wrote {}: {} points", path.display(), world.points.len()))
+        .map(|(path, world)| {
+            let points = counted(world.points.len(), "point");
+            format!("wrote {}: {points}", path.display())
+        })
         .collect();
     if imported.broken > 0 {
         lines.push(format!(
-            "left out {} points that the file itself does not allow",
-            imported.broken
+            "left out {} that the file itself does not allow",
+            counted(imported.broken, "point")
         ));
     }
     if let Some(path) = files.first() {
@@ -327,7 +330,7 @@ impl From<ImportError> for Failure {
             .collect();
         let further = error.all().count() - notes.len();
         if further > 0 {
-            let what = format!("{further} further problems");
+            let what = counted(further, "further problem");
             notes.push(Note::new(&what, Some("mend those above first")));
         }
         // A reader that stopped early knows only a part of the problems.

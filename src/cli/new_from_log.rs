@@ -16,7 +16,7 @@ use super::new_world;
 use super::terminal;
 use super::{log, log_reading};
 use crate::recorded_world;
-use crate::run_dir::{make_dir, write_file};
+use crate::run_dir::{counted, make_dir, write_file};
 use crate::world::Scenario;
 
 /// Options of worlds from recordings.
@@ -225,16 +225,13 @@ fn show(recorded: &RecordedWorlds, files: &[NewFile]) -> Result<(), Failure> {
 
 /// Number of situations, and the body, place and side that they share.
 fn in_words(world: &RecordedWorld) -> String {
-    let count = match world.situations.len() {
-        1 => "1 situation".to_owned(),
-        count => format!("{count} situations"),
-    };
+    let count = counted(world.situations.len(), "situation");
     let Some(first) = world.situations.first() else {
         return count;
     };
     let others = match first.others.len() {
         0 => String::new(),
-        others => format!(", {others} others"),
+        others => format!(", {}", counted(others, "other")),
     };
     if let SituationRoad::Crossing(roads) = &first.road {
         let (pet_s, angle_deg) = (roads.pet_s, roads.angle_rad.to_degrees());

@@ -17,6 +17,7 @@ use super::{progress, table};
 use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::TextTable;
+use crate::run_dir::counted;
 use crate::world::Scenario;
 
 /// Points in the printed table. The details have all of them.
@@ -129,9 +130,10 @@ fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> PrintedA
         }
     };
     let origin = format!(
-        "{} on the {} plant, {points} points, each played by the ego under test",
+        "{} on the {} plant, {}, each played by the ego under test",
         world.name(),
         world.plant(),
+        counted(points, "point"),
     );
     let mut text = String::new();
     for table in tables {

@@ -18,7 +18,7 @@ use crate::population::{
     train_distinct,
 };
 use crate::report::TextTable;
-use crate::run_dir::{Row, RunDir};
+use crate::run_dir::{Row, RunDir, counted};
 use crate::world::Scenario;
 
 /// Most cells that a table lists.
@@ -67,8 +67,10 @@ fn print_trained(trained: &DistinctOutcome) {
     for (number, member) in trained.members.iter().enumerate() {
         let done = &member.done;
         terminal::note(&format!(
-            "member {number:03} trained for {} decisions in {} episodes: {:.1} s of processor time",
-            done.decisions, done.episodes, done.cpu_s,
+            "member {number:03} trained for {} in {}: {:.1} s of processor time",
+            counted(done.decisions, "decision"),
+            counted(done.episodes, "episode"),
+            done.cpu_s,
         ));
         if let Some(warning) = done.calibration.and_then(|c| c.warning()) {
             terminal::note(&format!("warning: {}", warning.what));
@@ -76,8 +78,11 @@ fn print_trained(trained: &DistinctOutcome) {
     }
     if let Some(archive) = &trained.archive {
         terminal::note(&format!(
-            "the archive has {} cells of {} failures in {} simulations: {:.1} s of processor time",
-            archive.cells, archive.failures, archive.simulations, trained.search_cpu_s,
+            "the archive has {} of {} in {}: {:.1} s of processor time",
+            counted(archive.cells, "cell"),
+            counted(archive.failures, "failure"),
+            counted(archive.simulations, "simulation"),
+            trained.search_cpu_s,
         ));
     }
 }
@@ -188,8 +193,11 @@ fn text(results: &PopulationResults) -> Vec<String> {
     let mut lines = Vec::new();
     for member in &results.members {
         lines.push(format!(
-            "{}: {} cells, {} of them new, {:.0} per second of processor time",
-            member.member, member.cells, member.new_cells, member.cells_per_cpu_s,
+            "{}: {}, {} of them new, {:.0} per second of processor time",
+            member.member,
+            counted(member.cells, "cell"),
+            member.new_cells,
+            member.cells_per_cpu_s,
         ));
     }
     let union = &results.union;
@@ -199,20 +207,20 @@ fn text(results: &PopulationResults) -> Vec<String> {
     });
     let recall = union.recall.map(|recall| format!(", recall {recall:.2}"));
     lines.push(format!(
-        "union: {} of {} starts, {:.0} % {interval}{}, {} cells in {} runs, {:.0} per \
+        "union: {} of {}, {:.0} % {interval}{}, {} in {}, {:.0} per \
          second of processor time",
         union.successes,
-        union.starts,
+        counted(union.starts, "start"),
         100.0 * union.success_rate,
         recall.unwrap_or_default(),
-        union.cells,
-        union.runs,
+        counted(union.cells, "cell"),
+        counted(union.runs, "run"),
         union.cells_per_cpu_s,
     ));
     if let Some(search) = &results.search {
         lines.push(format!(
-            "search: {} cells, {} of them in no member's",
-            search.cells.len(),
+            "search: {}, {} of them in no member's",
+            counted(search.cells.len(), "cell"),
             search.beyond_members,
         ));
     }
@@ -230,8 +238,9 @@ fn text(results: &PopulationResults) -> Vec<String> {
     let new = &results.next.new_cells;
     let [lo, hi] = new.interval95;
     lines.push(format!(
-        "next {} runs: {:.1} new cells expected [{lo:.0}, {hi:.0}]",
-        results.next.runs, new.expected,
+        "next {}: {:.1} new cells expected [{lo:.0}, {hi:.0}]",
+        counted(results.next.runs, "run"),
+        new.expected,
     ));
     lines
 }
@@ -245,7 +254,7 @@ fn cell_table(results: &PopulationResults, world: &Scenario) -> String {
         .to_terminal(stdout_columns());
     let more = results.cells.len().saturating_sub(LISTED);
     if more > 0 {
-        return format!("{table}\n{more} more cells are in `--json`");
+        return format!("{table}\n`--json` has {}", counted(more, "further cell"));
     }
     table
 }

@@ -21,7 +21,7 @@ use crate::crashes::{
 };
 use crate::report::{TextTable, junit};
 use crate::rulebook::RulesUntilContact;
-use crate::run_dir::{About, StartRepeated, write_file};
+use crate::run_dir::{About, StartRepeated, counted, write_file};
 use crate::stats::wilson;
 use crate::testbench::Episode;
 
@@ -267,7 +267,8 @@ fn faults(replayed: &[Replayed], compares: bool) -> String {
             let (failing, ran) = repeated.failing();
             let [lo, hi] = wilson(failing, ran).map(|share| 100.0 * share);
             text.push_str(&format!(
-                "\n{file}: the ego fails in {failing} of {ran} runs [{lo:.0}–{hi:.0} %]{}",
+                "\n{file}: the ego fails in {failing} of {} [{lo:.0}–{hi:.0} %]{}",
+                counted(ran, "run"),
                 if repeated.differs() {
                     "; its commands differ between them"
                 } else {
@@ -357,7 +358,7 @@ impl ReplayTable {
         let table = TextTable::new(header, lines).to_terminal(stdout_columns());
         let more = match shown.len().saturating_sub(most) {
             0 => String::new(),
-            more => format!("\n{more} more files"),
+            more => format!("\n{}", counted(more, "more file")),
         };
         format!("{place}{table}{more}")
     }

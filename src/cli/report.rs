@@ -6,17 +6,19 @@ use super::common::{finished, interrupted_early, load_world, open_run};
 use super::failure::{Exit, Failure};
 use super::points::check_answers;
 use super::progress;
-use super::report_args::{ReportArgs, quoted, shown};
+use super::report_args::{ReportArgs, shown};
 use super::report_results;
 use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use super::run_under_test::is_world;
 use super::terminal;
+use super::training_again::training_again;
 use super::verdict::verdict;
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::Report;
-use crate::run_dir::{RunDir, make_dir};
+use crate::run_dir::{RunDir, counted, make_dir};
+use crate::visible::shell_word;
 use crate::world::Scenario;
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
@@ -176,7 +178,7 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
 fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     // JUnit without a test would pass.
     if report.tested.is_empty() {
-        let run = quoted(&shown(&args.run));
+        let run = shell_word(&shown(&args.run));
         return Some(Failure::input(
             format!("{run} has no policy yet, so nothing was evaluated"),
             format!(
@@ -190,9 +192,9 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
     let row = rows.find(|row| is_unheeded(row.invalid_share()))?;
     Some(Failure::fault(
         format!(
-            "{} of {} starts of `{}`, {} are invalid: its ego failed to run",
+            "{} of {} of `{}`, {} are invalid: its ego failed to run",
             row.invalid,
-            row.starts + row.invalid,
+            counted(row.starts + row.invalid, "start"),
             row.ego,
             row.ado
         ),
@@ -204,39 +206,15 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
 ///
 /// They use the world file in the run.
 fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
-    let manifest = run.manifest();
-    let here = quoted(&shown(run.path()));
-    let world = quoted(&shown(&run.path().join("world.ron")));
-    let mut train = format!(
-        "brakecheck train {world} -o runs/{}-again --seed {} --decisions {}",
-        manifest.world, manifest.seed, manifest.decisions
-    );
-    // Stated even if it is the world's, because a `brakecheck.toml` may name another.
-    if let Some(plant) = manifest.plant.plant() {
-        train.push_str(&format!(" --plant {}", <&str>::from(plant)));
-    }
-    if !manifest.against.is_nominal() {
-        train.push_str(&format!(" --against {}", manifest.against));
-    }
-    if let Some(ego) = &manifest.ego {
-        train.push_str(&format!(" --ego {}", quoted(&ego.name)));
-    }
-    if let Some(learner) = &manifest.learner {
-        train.push_str(&format!(" --learner {}", quoted(learner)));
-    }
-    if let Some(structure) = &manifest.left_out {
-        train.push_str(&format!(" --leave-out {}", quoted(structure)));
-    }
-    for goal in &manifest.goals {
-        train.push_str(&format!(" --goal {goal}"));
-    }
-    vec![
-        train,
+    let here = shell_word(&shown(run.path()));
+    let mut commands = training_again(run);
+    commands.extend([
         format!(
             "brakecheck eval {here} --seed {} --starts {} --ego all --ado all",
             args.seed, args.starts
         ),
         format!("brakecheck replay {here} --expect recorded"),
         args.this_page(true),
-    ]
+    ]);
+    commands
 }

@@ -8,6 +8,7 @@ use super::headings::{INPUT, OUTPUT, TEST};
 use super::number_args::{STARTS, count, start_count};
 use super::output_path::new_file;
 use super::terminal::Common;
+use crate::visible::shell_word;
 
 #[derive(Args, Debug)]
 pub(super) struct ReportArgs {
@@ -52,10 +53,10 @@ impl ReportArgs {
     ///
     /// Pages of kept crashes and of results have no test starts of their own.
     pub(super) fn this_page(&self, has_starts: bool) -> String {
-        let mut words = vec![quoted(&shown(&self.run))];
+        let mut words = vec![shell_word(&shown(&self.run))];
         let mut option = |name: &str, values: Vec<String>| {
             words.push(name.to_owned());
-            words.extend(values.iter().map(|value| quoted(value)));
+            words.extend(values.iter().map(|value| shell_word(value)));
         };
         if let Some(output) = &self.output {
             option("-o", vec![shown(output)]);
@@ -96,20 +97,9 @@ impl ReportArgs {
         }
         if !self.program.is_empty() {
             words.push("--".to_owned());
-            words.extend(self.program.iter().map(|word| quoted(word)));
+            words.extend(self.program.iter().map(|word| shell_word(word)));
         }
         format!("brakecheck report {}", words.join(" "))
-    }
-}
-
-/// A word as a shell takes it.
-pub(super) fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        // A shell ends the quotes at an apostrophe, so it is escaped outside of them.
-        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 

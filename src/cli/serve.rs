@@ -10,6 +10,7 @@ use super::failure::{Exit, Failure};
 use super::output_path::new_dir;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
+use crate::run_dir::counted;
 use crate::search::AdoPlayer;
 use crate::serving::{NotServed, ServeError, ServedAdo};
 
@@ -73,13 +74,16 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
     ));
     let served = ado.serve(&mut io::stdin().lock(), &mut io::stdout().lock())?;
     terminal::note(&format!(
-        "{} decisions, {} messages answered with an error",
-        served.decisions, served.errors
+        "{}, {} answered with an error",
+        counted(served.decisions, "decision"),
+        counted(served.errors, "message")
     ));
     if served.episodes > 0 {
         terminal::note(&format!(
-            "{} judged episodes, the ego failed in {} of them, {} kept",
-            served.episodes, served.successes, served.kept
+            "{}, the ego failed in {} of them, {} kept",
+            counted(served.episodes, "judged episode"),
+            served.successes,
+            served.kept
         ));
     }
     Ok(Exit::Done)

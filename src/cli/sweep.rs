@@ -105,8 +105,9 @@ fn answer(swept: &Swept) -> PrintedAnswer {
 /// From where on, or up to where, no start fails.
 fn safety(swept: &Swept) -> String {
     let parameter = &swept.parameter;
-    let whole = swept.points.iter().filter(|it| it.partial.is_none());
-    let starts = whole.map(|point| point.starts);
+    // A value without any result is not among the safe ones.
+    let whole = |it: &&SweepPoint| it.partial.is_none() && it.starts > 0;
+    let starts = swept.points.iter().filter(whole).map(|it| it.starts);
     // The value with the fewest starts has the weakest bound.
     let bound = 100.0 * at_most(starts.min().unwrap_or(0));
     let safe = match (swept.safe_from, swept.safe_up_to) {
@@ -114,9 +115,49 @@ fn safety(swept: &Swept) -> String {
         (Some(from), _) => format!("no failure from {parameter} = {from} on"),
         (None, Some(to)) => format!("no failure up to {parameter} = {to}"),
         // Safe values in the middle only are no useful bound.
-        (None, None) => return "starts fail at both ends of the range".to_owned(),
+        (None, None) => return no_safe_end(swept),
     };
     format!(
         "{safe}: at each such value at most {bound:.1} % (one-sided 95 % bound), for these ados and starts"
     )
+}
+
+/// Tells a range whose ends fail from one whose ends have no result.
+fn no_safe_end(swept: &Swept) -> String {
+    let ends = [swept.points.first(), swept.points.last()];
+    match ends.into_iter().flatten().find(|point| point.failing == 0) {
+        Some(open) => format!(
+            "no end of the range is known to be safe: {} = {} lacks results",
+            swept.parameter, open.value
+        ),
+        None => "starts fail at both ends of the range".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_without_a_result_is_not_said_to_fail() {
+        let said = |counts: [[usize; 2]; 2]| {
+            let points = counts.into_iter().enumerate();
+            let points = points.map(|(at, [failing, starts])| SweepPoint {
+                value: at as f64,
+                starts,
+                failing,
+                partial: None,
+            });
+            safety(&Swept::of("gap_m", points.collect()))
+        };
+        assert_eq!(
+            said([[3, 9], [1, 9]]),
+            "starts fail at both ends of the range"
+        );
+        assert_eq!(
+            said([[3, 9], [0, 0]]),
+            "no end of the range is known to be safe: gap_m = 1 lacks results"
+        );
+        assert!(said([[3, 9], [0, 9]]).starts_with("no failure from gap_m = 1 on"));
+    }
 }

@@ -5,7 +5,7 @@ use super::display::stdout_columns;
 use super::verdict::{bound_in_words, ego, percent, severity, verdict};
 use crate::evaluation::{AdoEffect, AdoFinding};
 use crate::report::TextTable;
-use crate::run_dir::{AdversaryId, Row};
+use crate::run_dir::{AdversaryId, Row, counted};
 
 /// Legend of the columns of rows, after the line on successes.
 const ROWS_EXPLAINED: &str = "
@@ -111,18 +111,18 @@ pub(super) fn warnings(rows: &[Row]) -> String {
         if let Some(repeats) = &row.repeats {
             let [lo, hi] = repeats.ci95.map(|share| 100.0 * share);
             text.push_str(&format!(
-                "\n{}, {}: {} runs per start, solved if {} fail; the ego fails in {:.1} % of all \
+                "\n{}, {}: {} per start, solved if {} fail; the ego fails in {:.1} % of all \
                  runs [{lo:.1}, {hi:.1}]",
                 row.ego,
                 row.ado,
-                repeats.runs,
+                counted(repeats.runs, "run"),
                 repeats.gate,
                 100.0 * repeats.failing_share
             ));
             if repeats.differing > 0 {
                 text.push_str(&format!(
-                    "; on {} starts its commands differ between the runs",
-                    repeats.differing
+                    "; on {} its commands differ between the runs",
+                    counted(repeats.differing, "start")
                 ));
             }
         }
@@ -145,9 +145,9 @@ pub(super) fn remarks(rows: &[Row]) -> String {
             // A success that no driver can judge must not be taken for unavoidable.
             let partly = row.success_contacts.as_ref().filter(|it| it.not_judged > 0);
             let unjudged = partly.map_or(String::new(), |of| {
-                let sample = of.judged + of.not_judged;
+                let sample = counted(of.judged + of.not_judged, "success");
                 let unjudged = of.not_judged;
-                format!("; reference drivers cannot judge {unjudged} of {sample} successes")
+                format!("; reference drivers cannot judge {unjudged} of {sample}")
             });
             text.push_str(&format!(
                 "\ncontacts: {}, {}: {severity}{late}{unjudged}",
@@ -167,10 +167,7 @@ pub(super) fn remarks(rows: &[Row]) -> String {
         if let Some(natural) = &row.naturalness {
             text.push_str(&format!("\ntraffic: {}, {}: {natural}", ego(row), row.ado));
         }
-        let groups = row.distinct.map(|groups| match groups {
-            1 => "1 group".to_owned(),
-            _ => format!("{groups} groups"),
-        });
+        let groups = row.distinct.map(|groups| counted(groups, "group"));
         // With a single kind there is nothing to distinguish.
         let kinds = row
             .kinds
@@ -268,7 +265,7 @@ pub(super) fn contacts(rows: &[Row]) -> String {
             sides,
             without_fault,
             avoided,
-            percent(row.foul_rate),
+            fouls(row),
             format!("{:.1}", row.cpu_s),
         ]
     });
@@ -285,6 +282,15 @@ pub(super) fn contacts(rows: &[Row]) -> String {
     named_once(table, rows).to_terminal(stdout_columns())
 }
 
+/// Formats the share of starts on which a rule was broken.
+fn fouls(row: &Row) -> String {
+    match row.starts {
+        // As for the successes, a share of no starts is unknown.
+        0 => "–".to_owned(),
+        _ => percent(row.foul_rate),
+    }
+}
+
 /// Bounds of interrupted rows, a line for each.
 fn partials(rows: &[Row]) -> String {
     let lines = rows.iter().filter_map(|row| {
@@ -292,12 +298,12 @@ fn partials(rows: &[Row]) -> String {
         // Undecided starts may all succeed or none, which gives both bounds.
         let open = partial.of - partial.decided;
         Some(format!(
-            "\npartial: {}, {}: {} of {} starts decided. Starts with a success are decided sooner, so \
+            "\npartial: {}, {}: {} of {} decided. Starts with a success are decided sooner, so \
              there is no interval: at least {} succeed, at most {}",
             row.ego,
             row.ado,
             partial.decided,
-            partial.of,
+            counted(partial.of, "start"),
             row.successes,
             row.successes + open
         ))
@@ -422,9 +428,12 @@ mod tests {
     fn an_ego_without_a_result_is_counted_apart() {
         let mut broken = row("broken", "search", 0, 0);
         broken.invalid = 50;
-        let text = text(&[row("nominal", "search", 3, 50), broken]);
+        let text = text(&[row("nominal", "search", 3, 50), broken.clone()]);
         let verdict = "1 of 2 egos fail, 1 without a result, the worst of them: `nominal` fails";
         assert!(text.starts_with(verdict), "{text}");
+        // Its share of rule violations is unknown, and 0.0 % would look safe.
+        assert_eq!(fouls(&broken), "–");
+        assert_eq!(fouls(&row("nominal", "search", 3, 50)), "0.0 %");
     }
 
     #[test]

@@ -18,7 +18,7 @@ use crate::adversary::{ADO_GROUPS, AdoGroup};
 use crate::ego::Process;
 use crate::evaluation::{Evaluation, Sampling};
 use crate::experiment::{EgoError, EgoUnderTest, Watch};
-use crate::run_dir::RunDir;
+use crate::run_dir::{RunDir, counted};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -61,14 +61,14 @@ pub(super) fn note_program_costs(egos: &[EgoUnderTest], watch: &Watch<'_>) {
         // A mean over no command would be 0/0.
         if cost.steps > 0 {
             watch.note(&format!(
-                "`{}` gave {} commands in {} episodes, also in trivial starts and checks; \
-                 waiting for them took {:.1} s in all, {:.2} ms each, on {} processes",
+                "`{}` gave {} in {}, also in trivial starts and checks; \
+                 waiting for them took {:.1} s in all, {:.2} ms each, on {}",
                 program.command.join(" "),
-                cost.steps,
-                cost.episodes,
+                counted(cost.steps, "command"),
+                counted(cost.episodes, "episode"),
                 cost.waited_s,
                 1e3 * cost.waited_s / cost.steps as f64,
-                cost.starts
+                counted(cost.starts, "process")
             ));
         }
         // Repetitions cost processes that a user did not ask for, so they are stated.

@@ -311,9 +311,21 @@ fn forecast_row(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [St
 /// Formats three decimals, or the order of magnitude of a smaller number.
 fn number(value: f64) -> String {
     match value.abs() {
-        size if size.is_infinite() => "∞".to_owned(),
+        size if size.is_nan() => "–".to_owned(),
+        size if size.is_infinite() => if value > 0.0 { "∞" } else { "−∞" }.to_owned(),
         // Three decimals would print such a number as 0.
         size if size > 0.0 && size < 5e-4 => format!("{value:.0e}"),
         _ => format!("{value:.3}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn an_unknown_number_and_both_infinities_are_told_apart() {
+        let shown = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.5, 1e-5].map(number);
+        assert_eq!(shown, ["–", "∞", "−∞", "-0.500", "1e-5"]);
     }
 }

@@ -23,7 +23,7 @@ use super::{league, population, progress, table};
 use crate::population::{DistinctRequest, LeagueRequest};
 use crate::risk::RiskTraffic;
 use crate::rulebook::TrainingGoal;
-use crate::run_dir::{AdversaryId, CalibrationWarning, RunDir, TrainingEnd};
+use crate::run_dir::{AdversaryId, CalibrationWarning, RunDir, TrainingEnd, counted};
 use crate::sim::PlantKind;
 use crate::training::{
     Closing, OptionClash, PerAdoMode, SessionError, TrainRequest, TrainSession, TrainingOutcome,
@@ -149,7 +149,7 @@ fn train_one(given: Given<'_>, world: &Scenario) -> Result<Exit, Failure> {
         let of = if done > requested {
             format!("decisions, of which {requested} were requested")
         } else {
-            format!("of {requested} decisions")
+            format!("of {}", counted(requested, "decision"))
         };
         terminal::note(&format!(
             "stopped after {done} {of}; go on with `brakecheck train {} -o {path} --resume`",
@@ -252,9 +252,9 @@ fn session(given: Given<'_>, world: &Scenario) -> Result<TrainSession, Failure> 
 fn print_trained(trained: &TrainingOutcome) {
     let done = &trained.done;
     terminal::note(&format!(
-        "trained for {} decisions in {} episodes: {:.1} s of processor time, {:.0} decisions/s",
-        done.decisions,
-        done.episodes,
+        "trained for {} in {}: {:.1} s of processor time, {:.0} decisions/s",
+        counted(done.decisions, "decision"),
+        counted(done.episodes, "episode"),
         done.cpu_s,
         rate(trained)
     ));
@@ -264,8 +264,8 @@ fn print_trained(trained: &TrainingOutcome) {
 fn note_end(trained: &TrainingOutcome, closing: &Closing) {
     if trained.aborted > 0 {
         terminal::note(&format!(
-            "{} episodes were dropped for faults of the ego or the physics",
-            trained.aborted
+            "dropped {} for faults of the ego or the physics",
+            counted(trained.aborted, "episode")
         ));
     }
     // The usual end, after the requested decisions, needs no remark.

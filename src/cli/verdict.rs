@@ -1,6 +1,6 @@
 //! Rows in one to three sentences: the strongest adversary, and the starts.
 
-use crate::run_dir::{AdversaryId, Row};
+use crate::run_dir::{AdversaryId, Row, counted};
 
 /// Returns the verdict of rows on their egos, of which the strongest adversary decides.
 pub(super) fn verdict(rows: &[Row]) -> Vec<String> {
@@ -60,15 +60,16 @@ fn sentence(row: &Row) -> String {
     // Such an ego is given up, which is no interruption.
     if row.starts == 0 && row.invalid > 0 {
         return format!(
-            "no result: `{ego}` did not run from any of {} starts",
-            row.invalid
+            "no result: `{ego}` did not run from any of {}",
+            counted(row.invalid, "start")
         );
     }
     // Solved starts end sooner, so a rate of the decided ones would be too high.
     if let Some(partial) = row.partial {
         return format!(
-            "interrupted: `{ego}` fails from at least {} of {} starts against {against}",
-            row.successes, partial.of
+            "interrupted: `{ego}` fails from at least {} of {} against {against}",
+            row.successes,
+            counted(partial.of, "start")
         );
     }
     match (row.starts, row.successes) {
@@ -77,7 +78,7 @@ fn sentence(row: &Row) -> String {
             let bound = row.at_most.map(bound_in_words);
             format!(
                 "`{ego}` fails from none of {} against {against}{}",
-                counted_starts(starts),
+                counted(starts, "start"),
                 bound.map_or(String::new(), |bound| format!(", so {bound}"))
             )
         }
@@ -88,17 +89,10 @@ fn sentence(row: &Row) -> String {
             let severity = severity(row).map_or(String::new(), |it| format!("; contact: {it}"));
             format!(
                 "`{ego}` fails from {successes} of {} against {against}: {}{interval}{severity}",
-                counted_starts(starts),
+                counted(starts, "start"),
                 percent(row.success_rate)
             )
         }
-    }
-}
-
-fn counted_starts(starts: usize) -> String {
-    match starts {
-        1 => "1 start".to_owned(),
-        many => format!("{many} starts"),
     }
 }
 
@@ -155,7 +149,7 @@ fn opening(rows: &[Row]) -> String {
         "{} on the {} plant, {} of seed {}",
         row.world,
         row.plant,
-        counted_starts(all),
+        counted(all, "start"),
         row.start_seed
     );
     let judged_itself = rows

@@ -22,7 +22,7 @@ use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
 use crate::experiment::ShownEpisode;
 use crate::experiment::{EgoUnderTest, consent_to};
-use crate::run_dir::{RunDir, write_file};
+use crate::run_dir::{RunDir, counted, write_file};
 #[cfg(feature = "rerun")]
 use crate::view::ViewError;
 
@@ -197,7 +197,7 @@ fn stream(args: &ViewArgs, replayed: &[Replayed]) -> Result<(), Failure> {
     if args.json {
         return print_json(&json!({ "episodes": replayed.len() }));
     }
-    let episodes = live::episodes(replayed.len() as u64);
+    let episodes = counted(replayed.len(), "episode");
     terminal::note(&format!("streamed {episodes}"));
     Ok(())
 }
@@ -264,7 +264,8 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
         print_json(&json!({ "file": file, "bytes": bytes, "samples": samples }))
     } else {
         terminal::data(&format!(
-            "{file}: {samples} samples, {} kB; open it with `rerun {file}`",
+            "{file}: {}, {} kB; open it with `rerun {file}`",
+            counted(samples, "sample"),
             bytes.div_ceil(1000)
         ))
     }

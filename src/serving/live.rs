@@ -55,6 +55,10 @@ struct GivenState {
 
 /// Speed of a vehicle that is taken for a mistake.
 const MOST_MPS: f64 = 150.0;
+/// Acceleration that is taken for a mistake: 100 g, more than the body of a car in a crash.
+const MOST_MPS2: f64 = 1000.0;
+/// Yaw rate that is taken for a mistake: almost five turns per second.
+const MOST_RAD_PER_S: f64 = 30.0;
 /// Distance between the motion of a sample and the one that its speeds and headings say:
 /// a constant part, and a share of the way.
 const OFF_M: f64 = 0.2;
@@ -251,8 +255,8 @@ impl LiveEpisode {
     /// Takes the states at the end of the next sample.
     ///
     /// # Errors
-    /// The episode is over, an agent is unknown, the ego is missing, or a position
-    /// contradicts the speeds and headings.
+    /// The episode is over, an agent is unknown, the ego is missing, a rate is impossible,
+    /// or a position contradicts the speeds and headings.
     pub(super) fn sample(&mut self, request: &Value) -> Result<(), String> {
         if self.bench.is_done() {
             return Err("the episode is over: reset".to_owned());
@@ -267,6 +271,9 @@ impl LiveEpisode {
                 return Err(format!("`sample`: unknown agent `{name}`"));
             };
             // A simulator need not report an acceleration, but signals may read it.
+            given
+                .possible()
+                .map_err(|why| format!("`sample`: `{name}` {why}"))?;
             let last = &before[agent].state;
             let state = given.state((given.speed_mps - last.speed_mps) / sample_s);
             states[agent] = Some(state);
@@ -377,6 +384,30 @@ impl LiveEpisode {
 }
 
 impl GivenState {
+    /// Returns why no body has these rates, which the motion of a sample does not show.
+    ///
+    /// An acceleration that follows from two speeds is as possible as they are. A contact
+    /// within a short step makes it large.
+    fn possible(&self) -> Result<(), String> {
+        let rates = [
+            ("accel_mps2", self.accel_mps2, MOST_MPS2, "m/s²"),
+            (
+                "yaw_rate_rad_per_s",
+                Some(self.yaw_rate_rad_per_s),
+                MOST_RAD_PER_S,
+                "rad/s",
+            ),
+        ];
+        for (field, value, most, unit) in rates {
+            if let Some(value) = value.filter(|value| value.abs() > most) {
+                return Err(format!(
+                    "has `{field}` = {value}: give {unit}, from -{most} to {most}"
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// Returns the state, whose acceleration is `gained_mps2` if it is not given.
     fn state(&self, gained_mps2: f64) -> BodyState {
         BodyState {

@@ -385,6 +385,20 @@ fn a_world_whose_own_ego_is_broken_neither_trains_nor_reports() {
     );
     let page = std::fs::read_to_string(dir.path().join("sound/report.html")).expect("it");
     assert!(page.contains("exit status: 7"), "the page tells of it");
+
+    // On a page of the broken ego alone, no share is known and nothing was kept.
+    let file = path(&dir, "broken.html");
+    let asked = ["report", &run, "--ego", "broken", "--allow-programs"];
+    let starts = ["--starts", "3", "--reuse-starts", "3", "-o", &file];
+    let report = brakecheck(&[&asked[..], &starts].concat());
+    assert_eq!(code(&report), 3, "{}", stderr(&report));
+    let page = std::fs::read_to_string(&file).expect("it");
+    assert!(page.contains("No test start has a result."), "{page}");
+    assert!(!page.contains("on none of the test starts"), "{page}");
+    let tiles = page.split("class=\"tiles\"").nth(1).expect("tiles");
+    let shares = tiles.split("<h2>").next().unwrap_or_default();
+    assert_eq!(shares.matches("<b>–</b>").count(), 4, "{shares}");
+    assert!(!shares.contains("0.0 %"), "{shares}");
 }
 
 #[test]

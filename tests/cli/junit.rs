@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use quick_junit::{NonSuccessKind, Report, TestCaseStatus};
 
 use super::replayed::keep;
-use super::{brakecheck, code, json, path, refused, scratch, small_run, stderr};
+use super::{brakecheck, code, json, path, refused, root, scratch, small_run, stderr};
 
 /// The cases of a file by name, each with its outcome and reason.
 #[track_caller]
@@ -112,6 +112,41 @@ fn a_search_has_a_case_per_start_named_as_the_file_of_its_crash() {
         stems.iter().all(|stem| failed.contains(&stem)),
         "{stems:?} {failed:?}"
     );
+}
+
+/// A space and a hyphen are the same character of a file name.
+#[test]
+fn egos_whose_files_would_have_one_name_keep_cases_and_files_of_their_own() {
+    let dir = scratch();
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
+    let rest = text.find("reuse: {").expect("reuse");
+    let egos = r#"reuse: {
+        "weak brakes": Change(ego: (max_brake_mps2: 4.0)),
+        "weak-brakes": Change(ego: (max_brake_mps2: 3.0)),
+    })"#;
+    let [world, xml, kept] = ["acc.ron", "search.xml", "kept"].map(|name| path(&dir, name));
+    std::fs::write(&world, format!("{}{egos}\n", &text[..rest])).expect("written");
+    let plain = ["search", &world, "--plant", "kinematic", "--starts", "12"];
+    let more = ["--ego", "all", "--junit", &xml, "--keep", &kept];
+    let output = brakecheck(&[&plain[..], &more].concat());
+    let said = stderr(&output);
+    assert_eq!(code(&output), 0, "{said}");
+    let names: Vec<String> = cases(&xml).into_keys().collect();
+    assert_eq!(names.len(), 36, "{names:?}");
+    for ego in ["weak brakes", "weak-brakes"] {
+        let ending = format!(" of {ego}");
+        let of_ego = names.iter().filter(|name| name.ends_with(&ending));
+        assert_eq!(of_ego.count(), 12, "{names:?}");
+        assert!(
+            said.contains(&format!("counterexamples of `{ego}`")),
+            "{said}"
+        );
+    }
+    // Both have kept the same starts, and neither counts a file of the other.
+    assert!(!said.contains("from earlier commands"), "{said}");
+    let files = std::fs::read_dir(&kept).expect("kept").flatten();
+    let second = files.filter(|file| file.file_name().to_string_lossy().ends_with("-2.ron"));
+    assert!(second.count() > 0, "no start is kept of both");
 }
 
 #[test]

@@ -266,6 +266,26 @@ fn a_motion_that_contradicts_its_speeds_is_not_played() {
         let error = answer["error"].to_string();
         assert!(error.contains(says), "{message}: {answer}");
     }
+    let rated = |field: &str, value: f64| {
+        let mut message = moved(way_m, 0.0, speed_mps);
+        message["sample"]["ego"][field] = json!(value);
+        message
+    };
+    for (message, says) in [
+        (
+            rated("accel_mps2", 1000.5),
+            "`sample`: `ego` has `accel_mps2` = 1000.5: give m/s², from -1000 to 1000",
+        ),
+        (rated("accel_mps2", -1e300), "from -1000 to 1000"),
+        (
+            rated("yaw_rate_rad_per_s", -30.5),
+            "has `yaw_rate_rad_per_s` = -30.5: give rad/s, from -30 to 30",
+        ),
+    ] {
+        let answer = served.ask(&message);
+        let error = answer["error"].to_string();
+        assert!(error.contains(says), "{message}: {answer}");
+    }
     // The refused samples left the episode where it was.
     let answer = served.ask(&moved(way_m, 0.0, speed_mps));
     assert_eq!(answer["time_s"], 0.05, "{answer}");

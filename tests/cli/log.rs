@@ -391,6 +391,29 @@ fn lanes_may_come_from_a_map() {
     assert_eq!(lanes[1]["offset_m"], 3.5);
     assert_eq!(lanes[0]["share"], 1.0);
     assert_eq!(recording["followings"], 1);
+    assert_eq!(stderr(&output).matches("left out").count(), 0);
+    // A connector of 0.3 m has no direction that counts, and its lanes are not lost silently.
+    let start = r#"  <road id="1" length="1000""#;
+    let long = road(5.25);
+    let at = long.find(start).expect("a road");
+    let short = long[at..].replace("</OpenDRIVE>", "");
+    let short = short
+        .replace("1000", "0.3")
+        .replace(r#"id="1""#, r#"id="2""#);
+    let both = folder.path().join("both.xodr");
+    write(
+        &both,
+        format!("{}{short}{}", &long[..at], &long[at..]).as_bytes(),
+    );
+    let both = both.display().to_string();
+    let output = brakecheck(&["log", &file, "--road", &both, "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("left out: 2 driving lanes of `"),
+        "{}",
+        stderr(&output)
+    );
+    assert_eq!(json(&output)["recordings"][0]["followings"], 1);
     let far = folder.path().join("far.xodr");
     write(&far, road(500.0).as_bytes());
     let far = far.display().to_string();

@@ -115,6 +115,63 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     assert!(!junit.contains("ado hold") && junit.contains("headway &gt;= d_safe"));
 }
 
+/// The lines of a run's page from the command that trains it again.
+fn training_lines(dir: &tempfile::TempDir, run: &str) -> Vec<String> {
+    let page = path(dir, "again.html");
+    let output = brakecheck(&["report", run, "-o", &page, "--starts", "5"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let html = read(&page);
+    let begin = format!("brakecheck train {run}/world.ron ");
+    let at = html.find(&begin).expect("the command");
+    let lines = html[at..].lines().map(str::to_owned);
+    lines
+        .take_while(|line| !line.starts_with("brakecheck eval"))
+        .collect()
+}
+
+#[test]
+fn the_training_of_a_page_is_repeated_by_its_command_or_the_page_says_what_is_missing() {
+    let dir = scratch();
+    let train = |run: &str, more: &[&str]| {
+        let head = ["train", "worlds/acc.ron", "-o", run, "--plant", "kinematic"];
+        let short = ["--decisions", "600", "--starts", "5"];
+        let output = brakecheck(&[&head[..], &short[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    };
+    let policy = |run: &str| std::fs::read(Path::new(run).join("policy.safetensors"));
+    let (limited, again) = (path(&dir, "limited"), path(&dir, "again"));
+    train(&limited, &["--natural", "20", "--goal", "severe"]);
+    let lines = training_lines(&dir, &limited);
+    assert_eq!(lines.len(), 1, "{lines:?}");
+    assert!(
+        lines[0].ends_with("--goal severe --traffic motorway --natural 20"),
+        "{lines:?}"
+    );
+    let mut words: Vec<&str> = lines[0].split_whitespace().skip(1).collect();
+    let at = words.iter().position(|word| *word == "-o").expect("a run");
+    words[at + 1] = &again;
+    let output = brakecheck(&words);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(
+        policy(&again).expect("a policy"),
+        policy(&limited).expect("a policy")
+    );
+
+    let tuned = path(&dir, "tuned");
+    train(&tuned, &["--from", &limited, "--ego", "softer brakes"]);
+    let lines = training_lines(&dir, &tuned);
+    assert!(lines[0].contains("--ego 'softer brakes'"), "{lines:?}");
+    let said = lines.join("\n");
+    for part in [
+        "# This command alone does not repeat the training",
+        "--from RUN",
+        "tuned/from.safetensors (SHA-256 ",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    assert_eq!(lines.len(), 3, "{said}");
+}
+
 /// The numbers after a word, wherever it stands on a page.
 fn numbers_after(html: &str, word: &str) -> Vec<f64> {
     let after = html.split(word).skip(1);

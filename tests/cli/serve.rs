@@ -146,7 +146,7 @@ fn hello_tells_what_to_give_and_mistakes_are_answered() {
     assert_eq!(answers[2]["id"], 7);
     assert!(answers[5]["action"].is_u64() && answers[5].get("id").is_none());
     assert!(
-        stderr(&output).contains("1 decisions, 4 messages"),
+        stderr(&output).contains("1 decision, 4 messages"),
         "{}",
         stderr(&output)
     );

@@ -152,7 +152,7 @@ fn back(trace: &Trace) {
         .signals()
         .iter()
         .map(|signal| signal.name.as_str());
-    let plain = |name: &str| !name.contains([',', '"', '\n', '\r', '#']) && name.trim() == name;
+    let plain = |name: &str| !name.contains(['\n', '\r', '#']) && name.trim() == name;
     // Time is written to the nanosecond.
     let told = (trace.dt_s() * 1e9).round() == trace.dt_s() * 1e9;
     if !told || trace.len() < 2 || !names.clone().all(plain) || names.clone().any(timed) {

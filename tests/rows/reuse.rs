@@ -127,6 +127,23 @@ fn means_recalls_and_differences_are_those_on_paper() {
     assert!(one.iter().all(|s| s.relation == Relation::Inside));
 }
 
+/// An ego that never ran says nothing about an ado, although its rows have a rate of 0.
+#[test]
+fn egos_without_a_valid_start_are_in_no_mean() {
+    let near_by = ("near", "1100000000", "1111000000");
+    let broken = ("broken", "1100000000", "xxxxxxxxxx");
+    let egos = [near_by, broken]
+        .map(|(name, search, solved)| ego(name, Relation::Inside, search, &[("trained", solved)]));
+    assert_eq!(egos[1].rows[1].starts, 0);
+    let all = summarise(&egos, &AdversaryId::Trained);
+    let inside = of(&all, Relation::Inside, "trained");
+    assert_eq!((inside.egos, inside.egos_with_recall), (1, 1));
+    near(inside.success_rate, 0.4);
+    near(inside.recall_mean.expect("recall"), 1.0);
+    let none = summarise(&egos[1..], &AdversaryId::Trained);
+    assert_eq!(of(&none, Relation::Inside, "trained").egos, 0);
+}
+
 /// A row in which everything that a table prints of its adversary is reworded.
 fn reworded(row: &Row) -> Row {
     let mut keys = serde_json::to_value(row).expect("JSON");

@@ -3,9 +3,9 @@
 use brakecheck::ego::{FaultKind, Process, exercise};
 use brakecheck::rulebook::Verdict;
 use brakecheck::scene::Start;
-use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
-use brakecheck::world::Scenario;
+use brakecheck::world::PlantKind;
+use brakecheck::world::{Change, Scenario};
 
 /// The ACC world with a shell script as the ego; no one consented to it.
 fn named_world(script: &str, timeout_s: f64) -> Scenario {
@@ -100,6 +100,19 @@ fn members_of_a_family_begin_every_episode_anew_in_a_world_that_does() {
     };
     assert!(!is_fresh(&world));
     assert!(is_fresh(&world.with_fresh_egos()));
+}
+
+#[test]
+fn another_program_is_no_member_of_a_family_of_one() {
+    let fields = "train_against: Family(friction: (0.6, 1.0)),";
+    let world = ended_world("exit 0", 60.0, fields);
+    let family = world.family().expect("a family");
+    let with = |other: &Scenario| Change {
+        controller: other.controller(),
+        ..Change::default()
+    };
+    assert!(family.covers(&with(&world)));
+    assert!(!family.covers(&with(&named_world("exit 1", 60.0))));
 }
 
 #[test]

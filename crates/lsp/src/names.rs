@@ -1,5 +1,7 @@
 //! Names that a text declares, even if it is no valid world.
 
+use std::collections::BTreeSet;
+
 use crate::outline::{Scanner, Visit};
 
 /// Fields that contain formulas or signals.
@@ -43,6 +45,8 @@ impl NameKind {
 /// Returns the declared names of a kind, each once.
 pub fn declared(text: &str, kind: NameKind) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
+    // A search of the list per name would be quadratic in a text of names alone.
+    let mut seen: BTreeSet<&str> = BTreeSet::new();
     let mut scanner = Scanner::new(text);
     loop {
         // Taking a colon may close lists around it, so the depth is that before the
@@ -58,9 +62,10 @@ pub fn declared(text: &str, kind: NameKind) -> Vec<String> {
                 Visit::Other => None,
             }
         };
-        let found = place.map(|name| text[name].to_owned());
-        if let Some(name) = found.filter(|name| !names.contains(name)) {
-            names.push(name);
+        if let Some(name) = place.map(|name| &text[name])
+            && seen.insert(name)
+        {
+            names.push(name.to_owned());
         }
     }
 }
@@ -116,5 +121,7 @@ mod tests {
         }
         assert_eq!(declared(&whole, NameKind::Signal), ["gap", "rate"]);
         assert_eq!(declared(text, NameKind::Agent), ["ego", "lamp"]);
+        let twice = r#"Scenario(bodies: { "van": Box(), "bus": Box(), "van": Box() })"#;
+        assert_eq!(declared(twice, NameKind::KeyOf("bodies")), ["van", "bus"]);
     }
 }

@@ -26,6 +26,8 @@ const READ_AHEAD: usize = 4;
 const MAX_OPEN_BYTES: usize = 64 << 20;
 /// Greatest number of open documents.
 const MAX_DOCUMENTS: usize = 10_000;
+/// Most bytes that the edits of one notification may go through, about a second of work.
+const MAX_EDITED_BYTES: u64 = 1 << 30;
 /// Greatest number of problems of a document, of which a person reads a few.
 const MOST_DIAGNOSTICS: usize = 200;
 
@@ -316,8 +318,17 @@ impl<W: Write> Session<'_, W> {
         };
         world.version = params.text_document.version;
         world.is_changed = true;
-        // In order: each edit's places are those of the text after the edit
-        // before it.
+        // Each edit goes through the whole text, because its places are those of the text
+        // after the edit before it. Many edits of a large text would take hours.
+        let changes = || params.content_changes.iter();
+        let edits = changes().filter(|it| it.range.is_some()).count();
+        let added: usize = changes().map(|it| it.text.len()).sum();
+        let bytes = world.document.text().len() + added;
+        if edits as u64 * bytes as u64 > MAX_EDITED_BYTES {
+            self.end(&uri)?;
+            let what = format!("{edits} edits of a world of {bytes} bytes at once: open it again");
+            return self.send(&shown_warning(&what));
+        }
         for change in params.content_changes {
             world.document.apply(change);
         }

@@ -168,6 +168,30 @@ fn edits_hover_and_completion_follow_the_text() {
 }
 
 #[test]
+fn edits_that_would_take_hours_close_the_document() {
+    let large = "good\n".repeat(200_000);
+    let edit = json!({ "range": { "start": { "line": 9, "character": 0 },
+        "end": { "line": 9, "character": 1 } }, "text": "b" });
+    let edits = |count: usize| {
+        let document = json!({ "uri": "file:///w.ron", "version": 2 });
+        let changes = json!({ "textDocument": document, "contentChanges": vec![&edit; count] });
+        notification("textDocument/didChange", changes)
+    };
+    let warned = |count: usize| -> Vec<String> {
+        let (replies, _) = replies_to(framed(&[begin(), opened(&large), edits(count)]));
+        let shown = replies
+            .iter()
+            .filter_map(|it| it["params"]["message"].as_str());
+        shown.map(str::to_owned).collect()
+    };
+    assert_eq!(
+        warned(2000),
+        ["2000 edits of a world of 1002000 bytes at once: open it again"]
+    );
+    assert_eq!(warned(2), [""; 0]);
+}
+
+#[test]
 fn problems_disappear_with_their_cause() {
     let document = json!({ "textDocument": { "uri": "file:///w.ron" } });
     let whole = |text: &str| {

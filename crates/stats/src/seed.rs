@@ -103,6 +103,16 @@ pub struct StartKey {
     pub index: u64,
 }
 
+/// Distance between the seeds that are derived from one seed.
+const STRIDE: u64 = 1_000_000;
+
+/// Returns the seed of a training or of starts, among those of a request with a seed.
+///
+/// Number 0 has the seed of the request. Requests of neighbouring seeds share no other one.
+pub fn derived_seed(seed: u64, number: u64) -> u64 {
+    seed.wrapping_add(number.wrapping_mul(STRIDE))
+}
+
 /// Returns the generator of a key, with equal streams on any machine.
 pub fn generator(name: &str, key: &[u64]) -> ChaCha8Rng {
     // "brakeche" in ASCII, an arbitrary but fixed initial state.
@@ -192,6 +202,15 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn requests_of_neighbouring_seeds_share_no_seed() {
+        assert_eq!(derived_seed(7, 0), 7);
+        let mut seen = std::collections::HashSet::new();
+        for seed in 0..200 {
+            assert!((0..20).all(|number| seen.insert(derived_seed(seed, number))));
         }
     }
 

@@ -6,7 +6,7 @@
 //! a comma where commas do not separate fields.
 
 use std::cell::Cell;
-use std::io::{BufRead, Chain, Read};
+use std::io::{BufRead, Chain, Cursor, Read};
 
 use csv::{ByteRecord, Terminator};
 
@@ -37,8 +37,11 @@ pub enum TableError {
     Csv(String),
 }
 
-/// Text from which a mark before the first line is removed.
-type Unmarked<R> = Chain<&'static [u8], R>;
+/// Largest number of bytes that are read for the notation.
+const MOST_HEAD: usize = 1 << 20;
+
+/// Text whose first bytes are already read, without a mark before the first line.
+type Unmarked<R> = Chain<Cursor<Vec<u8>>, R>;
 
 /// Table of text with its names.
 #[derive(Debug)]
@@ -54,15 +57,21 @@ impl<R: BufRead> DelimitedTable<R> {
     /// # Errors
     /// The text cannot be read, or is UTF-16.
     pub fn open(mut text: R, delimiter: Option<char>) -> Result<DelimitedTable<R>, TableError> {
+        let mut head = read_head(&mut text)?;
         let Notation {
-            skipped,
-            before,
+            mark,
+            is_announced,
             delimiter,
             has_comments,
             terminator,
             names,
-        } = Notation::of(text.fill_buf()?, delimiter)?;
-        text.consume(skipped);
+        } = Notation::of(&head, delimiter)?;
+        head.drain(..mark);
+        if is_announced {
+            // A `#` replaces the first letter of `sep=`, so the reader counts the line
+            // as a comment.
+            head[0] = b'#';
+        }
         let mut reader = csv::ReaderBuilder::new()
             .buffer_capacity(1 << 18)
             // Rows of other lengths reach `read`, which cuts a last separator or names
@@ -73,7 +82,7 @@ impl<R: BufRead> DelimitedTable<R> {
             .delimiter(delimiter)
             .comment(has_comments.then_some(b'#'))
             .has_headers(names.is_none())
-            .from_reader(before.chain(text));
+            .from_reader(Cursor::new(head).chain(text));
         let mut names = match names {
             Some(names) => names,
             None => names_of(reader.byte_headers().map_err(csv_error)?.iter()),
@@ -159,12 +168,54 @@ impl Decimals {
     }
 }
 
+/// Byte order mark of UTF-8.
+const MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Reads the lines that show the notation: up to the names and the beginning of a row.
+///
+/// A read of a pipe returns the bytes that were written so far, so it may end inside the
+/// names.
+fn read_head(text: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
+    let mut head = Vec::new();
+    while head.len() < MOST_HEAD && !shows_notation(&head) {
+        let read = text.fill_buf()?;
+        if read.is_empty() {
+            break;
+        }
+        head.extend_from_slice(read);
+        let length = read.len();
+        text.consume(length);
+    }
+    Ok(head)
+}
+
+/// Returns true if the names are there as a whole, and enough of the line after them.
+fn shows_notation(head: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(head.strip_prefix(MARK).unwrap_or(head));
+    let is_before_names = |line: &&str| {
+        let line = line.trim_start();
+        line.starts_with('#') || line.starts_with("sep=")
+    };
+    let mut lines = lines_of(&text).skip_while(is_before_names);
+    // The names are complete where another line begins.
+    lines.nth(1).is_some_and(|row| {
+        // Only its values distinguish a row that begins with `#` from a comment.
+        let is_complete = lines.next().is_some() || text.ends_with(['\n', '\r']);
+        is_complete || !row.starts_with('#')
+    })
+}
+
+/// Returns the lines that are not blank.
+fn lines_of(text: &str) -> impl Iterator<Item = &str> {
+    text.split(['\n', '\r']).filter(|it| !it.trim().is_empty())
+}
+
 /// Notation of a table, from its first lines.
 struct Notation {
     /// Bytes of a mark before the first line.
-    skipped: usize,
-    /// Text in place of the mark.
-    before: &'static [u8],
+    mark: usize,
+    /// True if the first line announces the separator.
+    is_announced: bool,
     delimiter: u8,
     has_comments: bool,
     terminator: Terminator,
@@ -177,13 +228,13 @@ impl Notation {
         if start.starts_with(b"\xff\xfe") || start.starts_with(b"\xfe\xff") {
             return Err(TableError::Utf16);
         }
-        let mark = if start.starts_with(b"\xef\xbb\xbf") {
-            3
+        let mark = if start.starts_with(MARK) {
+            MARK.len()
         } else {
             0
         };
         let text = String::from_utf8_lossy(&start[mark..]);
-        let mut lines = text.split(['\n', '\r']).filter(|it| !it.trim().is_empty());
+        let mut lines = lines_of(&text);
         // Spreadsheets announce the separator: `sep=;`. As a comment the line is counted.
         let announced = announced(&text);
         if announced.is_some() {
@@ -211,10 +262,8 @@ impl Notation {
             line.starts_with('#') && is_long && values.iter().skip(1).any(|it| is_value(it))
         };
         Ok(Notation {
-            // A `#` replaces the first letter of `sep=`, so the reader counts the line
-            // as a comment.
-            skipped: mark + usize::from(announced.is_some()),
-            before: if announced.is_some() { b"#" } else { b"" },
+            mark,
+            is_announced: announced.is_some(),
             delimiter,
             has_comments: !lines.next().is_some_and(is_row),
             // The usual terminator counts lines of files with `\r\n` one too low.
@@ -269,7 +318,11 @@ fn announced(text: &str) -> Option<u8> {
 }
 
 fn usual_delimiter(line: &str) -> u8 {
-    let count = |sign: &u8| line.bytes().filter(|byte| byte == sign).count();
+    let parts: Vec<&str> = line.split('"').collect();
+    // An odd number of quotes leaves an even number of parts, and quotes nothing.
+    let step = if parts.len().is_multiple_of(2) { 1 } else { 2 };
+    let outside = || parts.iter().step_by(step).flat_map(|part| part.bytes());
+    let count = |sign: &u8| outside().filter(|byte| byte == sign).count();
     // Of signs that are equally frequent the last one.
     let known = [b'\t', b';', b','].into_iter().max_by_key(count);
     known.unwrap_or(b',')
@@ -290,9 +343,11 @@ fn csv_error(error: csv::Error) -> TableError {
 
 #[cfg(test)]
 mod tests {
+    use std::io::BufReader;
+
     use super::*;
 
-    fn read(text: &[u8]) -> Result<(Vec<String>, Vec<Vec<f64>>), TableError> {
+    fn read(text: impl BufRead) -> Result<(Vec<String>, Vec<Vec<f64>>), TableError> {
         let mut table = DelimitedTable::open(text, None)?;
         let decimals = table.decimals();
         let (mut row, mut rows) = (ByteRecord::new(), Vec::new());
@@ -330,6 +385,25 @@ mod tests {
     }
 
     #[test]
+    fn a_pipe_that_gives_few_bytes_is_the_same_table() {
+        for text in [
+            "t;x, m;y\n0;1,5;2\n1;2,5;3\n",
+            "\u{feff}sep=;\r\nt;x, m;y\r\n0;1,5;2\r\n1;2,5;3\r\n",
+            "# made, by, a logger\n# t;x, m;y\n0;1,5;2\n1;2,5;3\n",
+            "t\tx, m\ty\r0\t1.5\t2\r1\t2.5\t3\r",
+        ] {
+            for bytes in 1..text.len() {
+                let pipe = BufReader::with_capacity(bytes, text.as_bytes());
+                let (names, rows) = read(pipe).expect(text);
+                assert_eq!(names, ["t", "x, m", "y"], "{text:?} in reads of {bytes}");
+                assert_eq!(rows, [[0.0, 1.5, 2.0], [1.0, 2.5, 3.0]], "{text:?}");
+            }
+        }
+        let pipe = BufReader::with_capacity(1, &b"id,x\n#1,2\n#2,3\n"[..]);
+        assert_eq!(read(pipe).expect("rows").1.len(), 2);
+    }
+
+    #[test]
     fn unclear_notations_are_refused() {
         let error = |text: &[u8]| read(text).expect_err("refused").to_string();
         assert_eq!(error(b"t,x\n0,1\n1\n"), "line 3: 1 values for 2 columns");
@@ -340,15 +414,25 @@ mod tests {
         assert_eq!(error(b"sep=;\nt;x\n0\n"), "line 3: 1 values for 2 columns");
         assert!(error(b"\xff\xfet\0,\0x\0").contains("UTF-16"));
         // One of both signs separates thousands.
-        let (_, rows) = read(b"t;x\n0;1,500\n1;2.5\n").expect("rows");
+        let (_, rows) = read(&b"t;x\n0;1,500\n1;2.5\n"[..]).expect("rows");
         assert!(rows[1][1].is_nan(), "{rows:?}");
-        let (_, rows) = read(b"t;x\n0;1.500,5\n").expect("rows");
+        let (_, rows) = read(&b"t;x\n0;1.500,5\n"[..]).expect("rows");
         assert!(rows[0][1].is_nan(), "{rows:?}");
     }
 
     #[test]
+    fn separators_in_quotes_separate_nothing() {
+        let (names, rows) = read(&b"t,\"x; m; \"\"y\"\"\"\n0,1.5\n"[..]).expect("rows");
+        assert_eq!(names, ["t", "x; m; \"y\""]);
+        assert_eq!(rows, [[0.0, 1.5]]);
+        // An inch is no quote.
+        let (names, _) = read(&b"t;x in \";y\n0;1;2\n"[..]).expect("rows");
+        assert_eq!(names.len(), 3);
+    }
+
+    #[test]
     fn identities_with_a_number_sign_are_rows() {
-        let (names, rows) = read(b"id,x\n#1,2\n#2,3\n").expect("rows");
+        let (names, rows) = read(&b"id,x\n#1,2\n#2,3\n"[..]).expect("rows");
         assert_eq!((names.len(), rows.len()), (2, 2));
     }
 }

@@ -88,8 +88,8 @@ impl RecordingMeta {
     /// Adds the contents of `NN_tracksMeta.csv`. Errors call it by `name`.
     ///
     /// # Errors
-    /// It has no column of identities, or a value is not a finite number, or first frame,
-    /// last frame and number of frames of a track contradict each other.
+    /// It has no column of identities, or a value is not a finite number, or a track has two
+    /// rows, or first frame, last frame and number of frames of a track contradict each other.
     pub fn with_tracks(self, rows: impl Read, name: &str) -> Result<RecordingMeta, ReadError> {
         let mut table = CsvTable::open(rows, name)?;
         // inD and its successors call the column `trackId`, and highD calls it
@@ -99,7 +99,7 @@ impl RecordingMeta {
         } else {
             "id"
         };
-        let mut by_id = HashMap::new();
+        let mut by_id: HashMap<Vec<u8>, TrackLine> = HashMap::new();
         while let Some(row) = table.next()? {
             let id = table.field(&row, id_column)?.to_vec();
             let mut track = TrackLine {
@@ -125,6 +125,16 @@ impl RecordingMeta {
                     said: format!("`numFrames` is {count}"),
                     other: name.to_owned(),
                     other_said: format!("`initialFrame` is {first} and `finalFrame` is {last}"),
+                });
+            }
+            // Of two rows, nothing shows which one has the class and the box.
+            if let Some(other) = by_id.get(&id) {
+                let shown = String::from_utf8_lossy(&id);
+                return Err(ReadError::Contradiction {
+                    file: format!("{name}:{}", track.line),
+                    said: format!("`{id_column}` is {shown}"),
+                    other: format!("{name}:{}", other.line),
+                    other_said: format!("`{id_column}` is {shown}, too"),
                 });
             }
             by_id.insert(id, track);

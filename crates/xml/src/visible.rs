@@ -86,23 +86,28 @@ fn is_blank(c: char) -> bool {
 
 /// A program and its arguments as a shell would take them, on one line.
 ///
-/// It shows what consent is given to. Characters without ink are escaped, and long runs of
-/// a character are counted, since they could push the rest out of sight.
+/// It shows what consent is given to, and what a report repeats.
 pub fn command_line(command: &[String]) -> String {
-    let words = command.iter().map(|word| {
-        let plain = |c: char| {
-            (c.is_alphanumeric() || "/._-+=:,@%".contains(c)) && !is_hidden(c) && !is_blank(c)
-        };
-        if !word.is_empty() && word.chars().all(plain) {
-            without_runs(word)
-        } else {
-            // Counted before escaping, because an escaped run would be as long again.
-            let short = without_runs(word);
-            let shown = escaped(&short, |c| is_hidden(c) || is_blank(c));
-            format!("'{}'", shown.replace('\'', "'\\''"))
-        }
-    });
+    let words = command.iter().map(|word| shell_word(word));
     words.collect::<Vec<_>>().join(" ")
+}
+
+/// A word of a command as a shell would take it, in quotes where it needs them.
+///
+/// Characters without ink are escaped, and long runs of a character are counted, since they
+/// could push the rest out of sight.
+pub fn shell_word(word: &str) -> String {
+    let plain = |c: char| {
+        (c.is_alphanumeric() || "/._-+=:,@%".contains(c)) && !is_hidden(c) && !is_blank(c)
+    };
+    // Counted before escaping, because an escaped run would be as long again.
+    let short = without_runs(word);
+    if !word.is_empty() && word.chars().all(plain) {
+        return short;
+    }
+    let shown = escaped(&short, |c| is_hidden(c) || is_blank(c));
+    // A shell ends the quotes at an apostrophe, so it is escaped outside of them.
+    format!("'{}'", shown.replace('\'', "'\\''"))
 }
 
 /// The text with long runs of a character as that character and its number.
@@ -177,6 +182,8 @@ mod tests {
 
     #[test]
     fn a_program_is_shown_as_a_shell_would_take_it() {
+        assert_eq!(shell_word("runs/über@2%,a"), "runs/über@2%,a");
+        assert_eq!(shell_word("wet road\u{202e}"), r"'wet road\u{202e}'");
         let command = ["python3", "ego.py", "a b", "", "it's", "\u{1b}[2K"];
         let shown = command_line(&command.map(str::to_owned));
         assert_eq!(shown, r"python3 ego.py 'a b' '' 'it'\''s' '\u{1b}[2K'");

@@ -19,6 +19,7 @@ use super::world_input;
 use crate::experiment::NeutralRule;
 use crate::risk::{RiskTraffic, RiskTrafficError};
 use crate::ron_file::LoadError;
+use crate::run_dir::counted;
 use crate::world::Scenario;
 use crate::world_file;
 
@@ -253,21 +254,17 @@ fn rounded(value: f64) -> f64 {
 }
 
 fn answer(scenario: &Scenario) -> PrintedAnswer {
-    let count = |number: usize, word: &str| match number {
-        1 => format!("1 {word}"),
-        _ => format!("{number} {word}s"),
-    };
     let counts = [
-        count(scenario.rules.len(), "rule"),
-        count(scenario.world().spaces().actions, "action"),
+        counted(scenario.rules.len(), "rule"),
+        counted(scenario.world().spaces().actions, "action"),
         // The world's own ego is one more than those under `reuse`.
-        count(1 + scenario.reuse.len(), "ego"),
-        count(scenario.signals().len(), "signal"),
+        counted(1 + scenario.reuse.len(), "ego"),
+        counted(scenario.signals().len(), "signal"),
     ];
     let neutral = usize::from(NeutralRule::of(scenario).is_some());
     let warnings = match scenario.warnings.len() + neutral {
         0 => String::new(),
-        some => format!(", with {}", count(some, "warning")),
+        some => format!(", with {}", counted(some, "warning")),
     };
     let mut out = String::new();
     let clock = scenario.world().clock();
@@ -276,7 +273,7 @@ fn answer(scenario: &Scenario) -> PrintedAnswer {
         format!("judged {}", scenario.rulebook().judge),
         format!("{} s in samples of {} s", clock.horizon_s, clock.sample_s),
         format!("a decision every {} s", clock.decision_s),
-        format!("{} physics steps per sample", clock.substeps),
+        format!("{} per sample", counted(clock.substeps, "physics step")),
     ];
     out.push_str(&listed("plays on", &plant));
     out.push_str(&format!("the ego must   {}\n", scenario.ego_spec));

@@ -127,6 +127,22 @@ fn rain_that_begins_on_the_way_makes_the_road_slippery() {
 }
 
 #[test]
+fn executions_that_no_world_counts_are_listed() {
+    let found = |times: &str| {
+        let from = r#"name="first" priority="override" maximumExecutionCount="1""#;
+        let to = from.replace("\"1\"", &format!("\"{times}\""));
+        // The event is also one that another overrides, which is listed beside it.
+        let edits = [edit(from, to), second(&time(3.0, "none", 0.0), FASTER)];
+        let mut kinds = dropped(&imported(&edits));
+        kinds.retain(|kind| kind.starts_with("executions"));
+        kinds
+    };
+    let repeated = "executions left of an event that another overrides";
+    assert_eq!(found("10000"), [repeated]);
+    assert_eq!(found("10001"), [repeated, "executions after the 10,000th"]);
+}
+
+#[test]
 fn differences_from_esmini_are_listed() {
     let often = |event: &str| {
         let count = |times: u32| {

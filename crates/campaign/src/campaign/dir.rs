@@ -152,12 +152,17 @@ impl PlanDir {
     ///
     /// The content of a program is part of it, as bound in this directory.
     pub(super) fn question(&self, work: &Work) -> String {
+        // A poisoned lock has complete contents, because each write is a single call.
+        let programs = self.programs.lock().unwrap_or_else(PoisonError::into_inner);
+        self.question_with(work, &programs)
+    }
+
+    /// Returns the hash as in [`PlanDir::question`], with the contents of other programs.
+    pub(super) fn question_with(&self, work: &Work, programs: &ProgramContents) -> String {
         let question = self.plan.question(work);
         let Work::Starts { unit, .. } = work else {
             return question;
         };
-        // A poisoned lock has complete contents, because each write is a single call.
-        let programs = self.programs.lock().unwrap_or_else(PoisonError::into_inner);
         let unit = self.plan.units.get(*unit);
         match unit.and_then(|unit| programs.get(&self.program_name(unit))) {
             Some(program) => sha256(format!("{question}{}", program.sha256).as_bytes()),

@@ -6,7 +6,7 @@ use crate::evaluation::SweepError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
 use crate::ron_file::LoadError;
-use crate::run_dir::RunError;
+use crate::run_dir::{RunError, counted};
 use crate::search::SearchError;
 use crate::testbench::Complaint;
 use crate::training::SessionError;
@@ -70,7 +70,7 @@ pub enum CampaignError {
         files: String,
     },
     /// Pieces that are missing, damaged, foreign or there twice.
-    #[error("{wrong} of {pieces} pieces cannot be merged:\n{listed}")]
+    #[error("{wrong} of {} cannot be merged:\n{listed}", counted(*.pieces, "piece"))]
     Unmergeable {
         /// Number of such pieces.
         wrong: usize,
@@ -136,7 +136,7 @@ impl CampaignError {
                 "run it with that version, or plan it again in another directory"
             }
             CampaignError::NoPiece { pieces, .. } => {
-                return Some(format!("its {pieces} pieces count from 0"));
+                return Some(format!("its {} count from 0", counted(*pieces, "piece")));
             }
             CampaignError::Untrained { training, .. } => {
                 return Some(format!(

@@ -16,7 +16,10 @@ use super::row::SummaryFields;
 use super::summary::CampaignSummary;
 use super::unit_counts::UnitCounts;
 use crate::experiment::Watch;
-use crate::run_dir::{RunError, WholeFile, bind_programs, make_dir, stored_programs, write_file};
+use crate::run_dir::{
+    ProgramContents, RunError, WholeFile, bind_programs, joined_programs, make_dir,
+    remove_empty_dir, stored_programs, write_file,
+};
 
 /// Directory of the merged file and its summary.
 const MERGED: &str = "merged";
@@ -50,22 +53,43 @@ impl PlanDir {
     ///
     /// # Errors
     /// Returns an error that names all missing, damaged, foreign or contradictory pieces.
-    /// No file is written then.
+    /// Nothing is written then, and an earlier merge stays.
     pub fn merge(&self, others: &[PathBuf], watch: &Watch<'_>) -> Result<Merged, CampaignError> {
         refuse_places_without_pieces(others)?;
         self.refuse_strangers()?;
-        // All places must have pieces of the same programs.
-        for place in others {
-            if let Some(programs) = stored_programs(place)? {
-                bind_programs(&self.dir, &programs, false)?;
-                let known = self.programs.lock();
-                known
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .extend(programs);
-            }
-        }
+        let programs = self.joined_programs(others)?;
         let dir = self.dir.join(MERGED);
         make_dir(&dir)?;
+        let merged = self.merge_into(&dir, &programs, others, watch);
+        if merged.is_err() {
+            // The reason of the refusal matters more than an empty directory that stays.
+            let _ = remove_empty_dir(&dir);
+        }
+        merged
+    }
+
+    /// Returns the programs of the pieces in all places.
+    ///
+    /// The plan is bound to them after the merge only. Bound before, it would keep programs
+    /// of pieces that are refused, and run no other ones.
+    fn joined_programs(&self, others: &[PathBuf]) -> Result<ProgramContents, RunError> {
+        let known = self.programs.lock();
+        let mut programs = known.unwrap_or_else(PoisonError::into_inner).clone();
+        for place in others {
+            if let Some(theirs) = stored_programs(place)? {
+                programs = joined_programs(&self.dir, &programs, &theirs)?;
+            }
+        }
+        Ok(programs)
+    }
+
+    fn merge_into(
+        &self,
+        dir: &Path,
+        programs: &ProgramContents,
+        others: &[PathBuf],
+        watch: &Watch<'_>,
+    ) -> Result<Merged, CampaignError> {
         let path = dir.join(ROWS);
         // The file appears under its name only after `finish`, so a failed merge leaves none.
         let mut file = WholeFile::begin(&path)?;
@@ -84,7 +108,7 @@ impl PlanDir {
             // file depends.
             let checked: Result<Vec<_>, RunError> = batch
                 .par_iter()
-                .map(|piece| self.checked(piece, others))
+                .map(|piece| self.checked(piece, programs, others))
                 .collect();
             for (piece, checked) in batch.iter().zip(checked?) {
                 let (text, starts) = match checked {
@@ -126,6 +150,11 @@ impl PlanDir {
         });
         let text = format!("{summary_file:#}\n");
         write_file(&dir.join("summary.json"), text.as_bytes())?;
+        bind_programs(&self.dir, programs, false)?;
+        let known = self.programs.lock();
+        known
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone_from(programs);
         Ok(Merged {
             path,
             sha256,
@@ -138,9 +167,10 @@ impl PlanDir {
     fn checked(
         &self,
         piece: &CampaignPiece,
+        programs: &ProgramContents,
         others: &[PathBuf],
     ) -> Result<Result<(PieceText, Vec<SummaryFields>), String>, RunError> {
-        let question = self.question(&piece.work);
+        let question = self.question_with(&piece.work, programs);
         let mut found: Option<PieceText> = None;
         let places = std::iter::once(self.dir.as_path()).chain(others.iter().map(PathBuf::as_path));
         for place in places {
@@ -317,4 +347,56 @@ fn listed(all: &[String]) -> String {
 /// Returns the path of the page of a merged campaign.
 pub(super) fn page_of(dir: &Path) -> PathBuf {
     dir.join(MERGED).join("report.html")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Plan;
+    use crate::run_dir::{PROGRAMS, ProgramContent};
+
+    /// Every path below a directory, in order.
+    fn paths(dir: &Path) -> Vec<PathBuf> {
+        let mut all = Vec::new();
+        for entry in fs::read_dir(dir).expect("a directory").flatten() {
+            all.push(entry.path());
+            if entry.path().is_dir() {
+                all.extend(paths(&entry.path()));
+            }
+        }
+        all.sort();
+        all
+    }
+
+    #[test]
+    fn a_merge_that_is_refused_changes_nothing() {
+        let scratch = tempfile::tempdir().expect("scratch");
+        let file = scratch.path().join("small.ron");
+        let text = r#"Campaign(name: "small", worlds: [(file: "acc")], ados: [Neutral], starts: Drawn(count: 4, seed: 9))"#;
+        fs::write(&file, text).expect("written");
+        let (ours, theirs) = (scratch.path().join("ours"), scratch.path().join("theirs"));
+        let watch = Watch::unwatched();
+        let cut = Plan::make(&file, Some(1000.0), false, &watch).expect("sound");
+        cut.expect("not stopped").write(&ours).expect("planned");
+        // Another machine has the programs of pieces that are not copied yet.
+        fs::create_dir(&theirs).expect("made");
+        let content = ProgramContent {
+            sha256: "0".repeat(64),
+            command: vec!["ego".to_owned()],
+            files: Default::default(),
+            not_covered: Vec::new(),
+        };
+        let programs = [("nominal in acc".to_owned(), content)].into();
+        bind_programs(&theirs, &programs, false).expect("bound");
+        let before = paths(&ours);
+        let plan = PlanDir::open(&ours, false, 0.0).expect("planned");
+        let error = plan.merge(&[theirs], &watch).expect_err("no pieces");
+        assert!(error.to_string().contains("cannot be merged"), "{error}");
+        assert_eq!(paths(&ours), before);
+        assert!(!ours.join(PROGRAMS).exists());
+        assert_eq!(
+            *plan.programs.lock().expect("unpoisoned"),
+            ProgramContents::new()
+        );
+    }
 }

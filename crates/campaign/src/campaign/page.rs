@@ -10,7 +10,7 @@ use super::plan::Unit;
 use super::regulation_boundary;
 use super::summary::SummaryRow;
 use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable};
-use crate::run_dir::write_file;
+use crate::run_dir::{counted, write_file};
 use crate::stats::StartOutcome;
 
 /// Headings of the columns of [`SummaryRow::cells`].
@@ -31,10 +31,10 @@ impl PlanDir {
         let page = CampaignPage {
             name: plan.name.clone(),
             about: format!(
-                "{} worlds, {} pairs of an ego and an ado, {} rows.",
-                plan.worlds.len(),
-                plan.units.len(),
-                merged.rows
+                "{}, {} of an ego and an ado, {}.",
+                counted(plan.worlds.len(), "world"),
+                counted(plan.units.len(), "pair"),
+                counted(merged.rows, "row")
             ),
             rates: TextTable::new(
                 std::iter::once("world").chain(COLUMNS),
@@ -146,11 +146,18 @@ fn state(map: &CellMap, nth: usize) -> CellState {
     if outcomes().all(|outcome| outcome == StartOutcome::Trivial) {
         return CellState::Trivial;
     }
-    // A cell without any valid episode is unknown and not held.
-    if outcomes().all(|outcome| outcome == StartOutcome::Invalid) {
-        CellState::Unknown
-    } else {
+    // Trivial and invalid starts say nothing about an ado, so a cell of such starts alone
+    // is unknown.
+    let is_judged = |outcome| {
+        matches!(
+            outcome,
+            StartOutcome::Held | StartOutcome::RuleViolation | StartOutcome::Uncounted
+        )
+    };
+    if outcomes().any(is_judged) {
         CellState::Holds
+    } else {
+        CellState::Unknown
     }
 }
 
@@ -159,19 +166,27 @@ impl SummaryRow {
     pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
-            (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),
+            (None, 2..) => {
+                let left_out = match self.unrated {
+                    0 => String::new(),
+                    some => format!(", {some} without a valid start"),
+                };
+                format!("{}, mean of {}{left_out}", self.ado, self.trainings)
+            }
             _ => self.ado.to_string(),
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
         let dash = || "–".to_owned();
+        // A rate over no start is unknown, and its 0 would look safe.
+        let known = |text: String| if self.starts > 0 { text } else { dash() };
         // The row keeps rates, and readers of a table compare whole starts.
-        let count = |rate: f64| format!("{:.0}", rate * self.starts as f64);
+        let count = |rate: f64| known(format!("{:.0}", rate * self.starts as f64));
         [
             self.ego.clone(),
             who,
             self.starts.to_string(),
-            format!("{:.1}", 100.0 * self.success_rate),
-            format!("{lo:.1}–{hi:.1}"),
+            known(format!("{:.1}", 100.0 * self.success_rate)),
+            known(format!("{lo:.1}–{hi:.1}")),
             self.recall
                 .map_or_else(dash, |recall| format!("{recall:.2}")),
             count(self.foul_rate),
@@ -181,5 +196,41 @@ impl SummaryRow {
             self.success_closing_mps
                 .map_or_else(dash, |speed| format!("{:.1}", speed.median)),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Dynamics;
+
+    #[test]
+    fn a_cell_holds_only_where_a_start_was_judged() {
+        use StartOutcome::{Held, Invalid, RuleViolation, Solved, Trivial, Uncounted};
+        let axis = || (String::new(), String::new(), vec![0.0]);
+        let cases = [
+            (vec![Trivial, Trivial], CellState::Trivial),
+            (vec![Trivial, Invalid], CellState::Unknown),
+            (vec![Invalid, Invalid], CellState::Unknown),
+            (vec![Trivial, Held], CellState::Holds),
+            (vec![Invalid, RuleViolation], CellState::Holds),
+            (vec![Uncounted, Invalid], CellState::Holds),
+            (vec![Held, Solved], CellState::Fails),
+        ];
+        for (outcomes, expect) in cases {
+            let map = CellMap {
+                world: String::new(),
+                plant: Dynamics::Kinematic,
+                ego: String::new(),
+                x: axis(),
+                y: axis(),
+                at: Vec::new(),
+                first: 0,
+                ados: vec![String::new(); outcomes.len()],
+                preventable: vec![vec![None]; outcomes.len()],
+                outcomes: outcomes.iter().map(|outcome| vec![*outcome]).collect(),
+            };
+            assert_eq!(state(&map, 0), expect, "{outcomes:?}");
+        }
     }
 }

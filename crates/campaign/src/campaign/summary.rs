@@ -28,8 +28,10 @@ pub struct SummaryRow {
     ///
     /// `None`: no training, or several ([`SummaryRow::trainings`]).
     pub train_seed: Option<u64>,
-    /// Number of trainings that the row averages.
+    /// Number of trainings of the row.
     pub trainings: usize,
+    /// Trainings without a valid start, left out of the mean rate and recall.
+    pub unrated: usize,
     /// Valid starts that are not trivial.
     pub starts: usize,
     /// Starts left out, because the nominal ego fails there by itself.
@@ -183,6 +185,7 @@ fn row(
         ado: unit.ado.id.clone(),
         train_seed,
         trainings: usize::from(train_seed.is_some()),
+        unrated: 0,
         starts,
         trivial: tally.of_kind(StartOutcome::Trivial),
         successes: fails,
@@ -208,29 +211,36 @@ fn row(
 /// Returns the mean over trainings on the same starts.
 fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
     let sum = |of: fn(&SummaryRow) -> usize| rows.iter().map(of).sum::<usize>();
-    let marks: Vec<&Outcomes> = marks.iter().collect();
+    // A training without a valid start has no rate, and its 0 would lower the mean.
+    let (rated, rated_marks): (Vec<&SummaryRow>, Vec<&Outcomes>) = rows
+        .iter()
+        .zip(marks)
+        .filter(|(row, _)| row.starts > 0)
+        .unzip();
     // Trainings play the same starts, of which some may be invalid for one of them only.
     let mean = |of: fn(&SummaryRow) -> f64| {
         let weighted = rows.iter().map(|row| row.starts as f64 * of(row));
         weighted.sum::<f64>() / sum(|row| row.starts).max(1) as f64
     };
-    let rates = rows.iter().map(|row| row.success_rate);
+    let rates = rated.iter().map(|row| row.success_rate);
     SummaryRow {
         train_seed: None,
         trainings: rows.len(),
+        unrated: rows.len() - rated.len(),
         starts: sum(|row| row.starts),
         // Trivial starts depend on the world only, so they are equal in all rows.
         trivial: rows[0].trivial,
         successes: sum(|row| row.successes),
-        success_rate: rates.sum::<f64>() / rows.len().max(1) as f64,
+        success_rate: rates.sum::<f64>() / rated.len().max(1) as f64,
         // The interval covers both the starts and the seeds of the trainings.
-        ci95: seeds_interval(&marks),
+        ci95: seeds_interval(&rated_marks),
         // The exact bound is for one policy, and a mean has several.
         at_most: None,
         recall: {
             // A mean over some trainings only would compare different ados.
-            let all: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
-            all.map(|all| all.iter().sum::<f64>() / all.len().max(1) as f64)
+            let all: Option<Vec<f64>> = rated.iter().map(|row| row.recall).collect();
+            all.filter(|all| !all.is_empty())
+                .map(|all| all.iter().sum::<f64>() / all.len() as f64)
         },
         foul_rate: mean(|row| row.foul_rate),
         uncounted: sum(|row| row.uncounted),
@@ -244,5 +254,69 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
         sims_per_start: mean(|row| row.sims_per_start),
         physics_steps: rows.iter().map(|row| row.physics_steps).sum(),
         ..rows[0].clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn training(starts: usize, successes: usize) -> SummaryRow {
+        SummaryRow {
+            world: String::new(),
+            plant: Dynamics::Kinematic,
+            ego: String::new(),
+            ado: AdversaryId::Hold,
+            train_seed: Some(1),
+            trainings: 1,
+            unrated: 0,
+            starts,
+            trivial: 0,
+            successes,
+            success_rate: successes as f64 / starts.max(1) as f64,
+            ci95: wilson(successes, starts),
+            at_most: None,
+            recall: Some(if starts > 0 { 0.5 } else { 0.0 }),
+            foul_rate: 0.0,
+            uncounted: 0,
+            contact_rate: 0.0,
+            preventable: None,
+            success_closing_mps: None,
+            invalid: 4 - starts,
+            sims_per_start: 1.0,
+            physics_steps: 0,
+        }
+    }
+
+    fn marks(text: &str) -> Outcomes {
+        text.parse().expect("marks")
+    }
+
+    #[test]
+    fn a_training_without_a_valid_start_does_not_lower_the_mean() {
+        let rows = [training(4, 4), training(0, 0), training(4, 2)];
+        let mean_row = mean(&rows, &[marks("1111"), marks("xxxx"), marks("1010")]);
+        assert_eq!((mean_row.trainings, mean_row.unrated), (3, 1));
+        assert_eq!((mean_row.starts, mean_row.invalid), (8, 4));
+        assert_eq!((mean_row.success_rate, mean_row.recall), (0.75, Some(0.5)));
+        let of_rated = mean(
+            &[training(4, 4), training(4, 2)],
+            &[marks("1111"), marks("1010")],
+        );
+        assert_eq!(mean_row.ci95, of_rated.ci95);
+        assert!(mean_row.cells()[1].ends_with("mean of 3, 1 without a valid start"));
+        let none = mean(
+            &[training(0, 0), training(0, 0)],
+            &[marks("xxxx"), marks("xxxx")],
+        );
+        assert_eq!(
+            (none.unrated, none.recall, none.ci95),
+            (2, None, [0.0, 1.0])
+        );
+        assert_eq!(of_rated.cells()[1].matches("without").count(), 0);
+        let dashes = |row: &SummaryRow| row.cells().iter().filter(|cell| *cell == "–").count();
+        // Rate, interval, fouls and contacts are unknown, beside what is not recorded.
+        assert_eq!(dashes(&none), 7);
+        assert_eq!(dashes(&of_rated), 2);
     }
 }

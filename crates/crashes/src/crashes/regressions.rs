@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::replay::{ReplayCounts, Replayed, SavedCounterexample, replay};
 use crate::ego::{Fault, Transcripts};
 use crate::experiment::{Watch, unrepeatable};
-use crate::run_dir::{Counterexample, KeptError, RunError};
+use crate::run_dir::{Counterexample, KeptError, RunError, counted};
 use crate::scene::drive::ControllerFactory;
 use crate::testbench::FaultLog;
 use crate::visible::command_line;
@@ -56,7 +56,7 @@ pub enum RegressionError {
         known: Vec<String>,
     },
     /// Replays differ from their records.
-    #[error("{} of {total} replays differ from what was recorded:\n{}", .differ.len(), .differ.join("\n"))]
+    #[error("{} of {} differ from what was recorded:\n{}", .differ.len(), counted(*.total, "replay"), .differ.join("\n"))]
     Differ {
         /// One line per replay that differs.
         differ: Vec<String>,
@@ -64,7 +64,7 @@ pub enum RegressionError {
         total: usize,
     },
     /// The ego failed to run, so its result is unknown.
-    #[error("the ego failed to run in {} of {replayed} replays, of {total} asked for:\n{}", .invalid.len(), .invalid.join("\n"))]
+    #[error("the ego failed to run in {} of {}, of {total} asked for:\n{}", .invalid.len(), counted(*.replayed, "replay"), .invalid.join("\n"))]
     Invalid {
         /// One line per invalid replay.
         invalid: Vec<String>,
@@ -90,7 +90,7 @@ pub enum RegressionError {
         command: Vec<String>,
     },
     /// The ego still fails.
-    #[error("the ego still fails {} of {total} kept counterexamples:\n{}", .failing.len(), .failing.join("\n"))]
+    #[error("the ego still fails {} of {}:\n{}", .failing.len(), counted(*.total, "kept counterexample"), .failing.join("\n"))]
     StillFails {
         /// One line per counterexample that it fails.
         failing: Vec<String>,

@@ -17,7 +17,8 @@ use crate::experiment::{CrashFeatures, badness, clusters, descending, worse_firs
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rulebook::Verdict;
 use crate::run_dir::{
-    About, AdversaryId, Counterexample, KeptError, NoAnswer, Severity, Why, file_name, make_dir,
+    About, AdversaryId, Counterexample, KeptError, NoAnswer, Severity, Why, counted, file_name,
+    make_dir,
 };
 use crate::search::ExperimentCell;
 use crate::testbench::{Episode, Testbench, film_beyond};
@@ -128,12 +129,15 @@ impl KeptFiles {
         };
         let runs = match self.runs {
             0 => String::new(),
-            some => format!("; minimized and labelled with {some} runs of it"),
+            some => format!(
+                "; minimized and labelled with {} of it",
+                counted(some, "run")
+            ),
         };
         watch.note(&format!(
-            "kept {} of {} counterexamples of `{ego}` in {}: {} of them are distinct{passed_over}{older}{runs}",
+            "kept {} of {} of `{ego}` in {}: {} of them are distinct{passed_over}{older}{runs}",
             self.files.len(),
-            self.found,
+            counted(self.found, "counterexample"),
             dir.display(),
             self.distinct,
         ));
@@ -279,6 +283,11 @@ impl CrashWriter<'_> {
     /// Returns the number of files of this ego that were in the directory before.
     fn older(&self, dir: &Path, kept: &KeptFiles) -> usize {
         let of_ego = stem_of_ego(self.scenario, self.ego);
+        // Egos such as `a b` and `a-b` have one stem, so the content decides.
+        let is_of_ego = |path: &Path| {
+            let kept = Counterexample::load(path);
+            kept.is_ok_and(|kept| kept.ego == self.ego && kept.world == self.scenario.name())
+        };
         let is_older = |path: &PathBuf| {
             let stem = path.file_stem().and_then(|stem| stem.to_str());
             let is_kept = path.extension().is_some_and(|extension| extension == "ron");
@@ -287,6 +296,7 @@ impl CrashWriter<'_> {
                 // comparison.
                 && stem.is_some_and(|stem| stem.starts_with(&of_ego))
                 && !kept.files.iter().any(|(file, _)| file == path)
+                && is_of_ego(path)
         };
         // The directory was just written to. If it cannot be listed, nothing is reported.
         let files = std::fs::read_dir(dir).into_iter().flatten().flatten();

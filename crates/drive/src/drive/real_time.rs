@@ -357,13 +357,8 @@ impl<'a> RealTime<'a> {
 
     fn reload(&mut self, world: Scenario) -> Result<(), String> {
         let sandbox = self.sandbox.in_world(world).map_err(|it| it.to_string())?;
-        let kept = kept_setup(&self.sandbox, self.episode.setup(), &sandbox);
-        let setup = match kept {
-            Some(setup) => setup,
-            None => sandbox
-                .first_setup(self.settings.seed, self.settings.index)
-                .map_err(|it| it.to_string())?,
-        };
+        let setup = kept_setup(&self.sandbox, self.episode.setup(), &sandbox)
+            .map_err(|it| it.to_string())?;
         self.episode = DrivenEpisode::begin(&sandbox, &setup).map_err(|it| it.to_string())?;
         self.cause = None;
         // Last, so that a world that cannot begin leaves the old one running.
@@ -375,10 +370,12 @@ impl<'a> RealTime<'a> {
 
 /// Returns the setup in an edited world: each axis keeps its value where it still may have it.
 ///
-/// `None`: nothing of the start can be kept.
-fn kept_setup(before: &Sandbox, setup: &Setup, after: &Sandbox) -> Option<Setup> {
+/// # Errors
+/// The edited world has no start.
+fn kept_setup(before: &Sandbox, setup: &Setup, after: &Sandbox) -> Result<Setup, DriveError> {
     let old = before.world().axes();
-    let first = after.first_setup(0, 0).ok()?;
+    // Its values are those of axes that the world did not have before.
+    let first = after.first_setup(0, 0)?;
     let value = |name: &str| {
         let at = old.iter().position(|axis| axis.name == name)?;
         setup.start.get(at).copied()
@@ -399,7 +396,7 @@ fn kept_setup(before: &Sandbox, setup: &Setup, after: &Sandbox) -> Option<Setup>
     } else {
         first.ado
     };
-    Some(Setup {
+    Ok(Setup {
         ego,
         ado,
         start: start.collect(),

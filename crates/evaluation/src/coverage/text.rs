@@ -4,6 +4,7 @@ use super::measure::{
     AXIS_BINS, CellCoverage, Coverage, CoverageState, PartCoverage, RuleCoverage,
 };
 use crate::report::TextTable;
+use crate::run_dir::counted;
 
 /// Most gaps in the verdict. The table has more.
 const NAMED: usize = 3;
@@ -137,18 +138,16 @@ impl Coverage {
         let mut parts = Vec::new();
         if self.tries > 0 {
             parts.push(format!(
-                "{} of {} tries fail",
-                self.failing_tries, self.tries
+                "{} of {} fail",
+                self.failing_tries,
+                counted(self.tries, "try")
             ));
         }
         if self.stored > 0 {
-            parts.push(format!("{} stored failures", self.stored));
+            parts.push(counted(self.stored, "stored failure"));
         }
-        let seen = self.kinds.len();
-        parts.push(format!(
-            "{seen} {} of failure",
-            plural(seen, "kind", "kinds")
-        ));
+        let kinds = counted(self.kinds.len(), "kind");
+        parts.push(format!("{kinds} of failure"));
         match &self.all_kinds {
             Some(all) => {
                 let [lo, hi] = all.ci95;
@@ -169,13 +168,9 @@ impl Coverage {
             let rules = self.rules.iter().filter(|it| is(it.state)).count();
             let parts = self.parts.iter().filter(|it| is(it.state)).count();
             let cells = self.cells.iter().filter(|it| is(it.state)).count();
-            let counts = [
-                (rules, plural(rules, "rule", "rules")),
-                (parts, plural(parts, "part", "parts")),
-                (cells, plural(cells, "cell", "cells")),
-            ];
+            let counts = [(rules, "rule"), (parts, "part"), (cells, "cell")];
             let some = counts.into_iter().filter(|(count, _)| *count > 0);
-            let words: Vec<String> = some.map(|(n, word)| format!("{n} {word}")).collect();
+            let words: Vec<String> = some.map(|(n, word)| counted(n, word)).collect();
             (!words.is_empty()).then(|| format!("{}: {}", state.words(), words.join(", ")))
         };
         let open: Vec<String> = [CoverageState::TooFew, CoverageState::Untried]
@@ -276,9 +271,10 @@ impl Coverage {
             .collect();
         if let Some(rule) = without.first() {
             remarks.push(format!(
-                "other actions were tried in {} of {} episodes: not for programs, rules that \
-                 look ahead, runs judged at their end, and rows of a campaign without a failure",
-                rule.others_tried, rule.episodes
+                "other actions were tried in {} of {}: not for programs, rules that look ahead, \
+                 runs judged at their end, and rows of a campaign without a failure",
+                rule.others_tried,
+                counted(rule.episodes, "episode")
             ));
         }
         if self.tries == 0 && !self.is_empty() {
@@ -289,10 +285,6 @@ impl Coverage {
         }
         remarks
     }
-}
-
-fn plural(count: usize, one: &'static str, many: &'static str) -> &'static str {
-    if count == 1 { one } else { many }
 }
 
 fn table_of(lines: Vec<(CoverageState, [String; 5])>) -> TextTable {

@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
-use crate::run_dir::{AdversaryId, Row};
+use crate::run_dir::{AdversaryId, Row, counted};
 use crate::stats::{StartOutcome, mcnemar, paired_difference};
 
 /// Probability of an error at or below which a difference counts as shown.
@@ -118,7 +118,7 @@ fn effect(all: &Row, some: &Row, group: FewerAdos<'_>, comparisons: usize) -> Ad
 
 impl Display for AdoEffect {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (ado, starts) = (&self.ado, self.starts);
+        let (ado, starts) = (&self.ado, counted(self.starts, "start"));
         match (self.finding, self.alone) {
             (AdoFinding::Helps, false) => write!(f, "`{ado}` helps the other ados"),
             (AdoFinding::Hinders, false) => write!(f, "`{ado}` makes the other ados worse"),
@@ -133,7 +133,7 @@ impl Display for AdoEffect {
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
         write!(
             f,
-            ": `{}` fails from {} of {starts} starts {some} and from {} against all, {:+.1} points \
+            ": `{}` fails from {} of {starts} {some} and from {} against all, {:+.1} points \
              [{lo:+.1}, {hi:+.1}], exact McNemar p = {:.2e}",
             self.ego,
             self.some,

@@ -11,6 +11,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::run_dir::counted;
 use crate::search::{Adversary, Cem, Search};
 use crate::world::Scenario;
 
@@ -96,23 +97,16 @@ pub(super) fn in_the_way(
     (!watch.stopped()).then_some(found)
 }
 
-fn switches_in_words(switches: usize) -> String {
-    match switches {
-        1 => "1 switch".to_owned(),
-        _ => format!("{switches} switches"),
-    }
-}
-
 impl fmt::Display for RuleAblation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (starts, all) = (self.starts, self.without_all);
-        let switches = switches_in_words(self.switches);
+        let (starts, all) = (counted(self.starts, "start"), self.without_all);
+        let switches = counted(self.switches, "switch");
         write!(f, "{}: ", self.ego)?;
         if self.within_rules > 0 {
             return write!(
                 f,
                 "no sequence with at most {switches} succeeds, but a search with `--method cem` \
-                 and {SIMULATIONS} simulations succeeds on {} of {starts} starts, with every rule \
+                 and {SIMULATIONS} simulations succeeds on {} of {starts}, with every rule \
                  kept: search further, no rule is in the way",
                 self.within_rules
             );
@@ -121,7 +115,7 @@ impl fmt::Display for RuleAblation {
             write!(
                 f,
                 "no sequence of actions with at most {switches} makes the ego violate its \
-                 specification on any of {starts} starts, with the rules or without them"
+                 specification on any of {starts}, with the rules or without them"
             )?;
             return match self.uncounted {
                 None | Some(0) => write!(
@@ -139,7 +133,7 @@ impl fmt::Display for RuleAblation {
         write!(
             f,
             "no sequence with at most {switches} succeeds within the rules; without them the ego \
-             violates its specification on {all} of {starts} starts"
+             violates its specification on {all} of {starts}"
         )?;
         let mut blocking: Vec<&(String, usize)> = self
             .without

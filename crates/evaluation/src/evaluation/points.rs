@@ -20,7 +20,7 @@ use crate::experiment::{
 };
 use crate::report::{Example, PointsPage};
 use crate::rulebook::Verdict;
-use crate::run_dir::{KeptError, Row};
+use crate::run_dir::{KeptError, Row, counted};
 use crate::search::{Adversary, ExperimentCell, SWITCHES, SWITCHES_OF_PROGRAMS, Search};
 use crate::stats::StartOutcome;
 use crate::testbench::{Episode, Film, Testbench, film_beyond};
@@ -400,9 +400,9 @@ impl PointsTable {
     /// Returns the numbers of passed points and variations, in a sentence.
     pub fn summary(&self) -> String {
         let mut text = format!(
-            "{} of {} points passed, {} failed, {} did not run",
+            "{} of {} passed, {} failed, {} did not run",
             self.passed,
-            self.points.len(),
+            counted(self.points.len(), "point"),
             self.failed,
             self.invalid
         );

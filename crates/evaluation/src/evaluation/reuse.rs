@@ -131,12 +131,13 @@ pub(super) fn reused_with_coasting(
     let search = rows
         .iter()
         .find(|row| row.ado.is_search())
-        // An interrupted search has not tried all starts, so its share is unknown.
-        .filter(|row| row.partial.is_none());
+        // An interrupted search has not tried all starts, so its share is unknown. So is
+        // that of an ego that never ran.
+        .filter(|row| row.partial.is_none() && row.starts > 0);
     let reused = ReusedOn {
         ego: ego.name().to_owned(),
         relation,
-        fails_without_adversary: whole.then_some(coasting.success_rate),
+        fails_without_adversary: (whole && coasting.starts > 0).then_some(coasting.success_rate),
         reachable: search.map(|row| row.success_rate),
         union: union(&rows),
         rows,
@@ -144,21 +145,21 @@ pub(super) fn reused_with_coasting(
     (reused, alone)
 }
 
-/// Share of the starts that any row solves. `None`: a row was interrupted.
+/// Share of the starts with a result in some row that any row solves.
+///
+/// Rows may have different numbers of starts. `None`: a row was interrupted.
 fn union(rows: &[Row]) -> Option<f64> {
     if rows.iter().any(|row| row.partial.is_some()) {
         return None;
     }
-    let Some(first) = rows.first() else {
-        return Some(0.0);
-    };
-    let solved = |index: usize| {
-        rows.iter()
-            .any(|row| row.solved[index] == StartOutcome::Solved)
-    };
-    let any = (0..first.solved.len()).filter(|&index| solved(index));
+    let most = rows.iter().map(|row| row.solved.len()).max().unwrap_or(0);
+    let outcomes = |start: usize| rows.iter().filter_map(move |row| row.solved.get(start));
+    let is_solved = |start: &usize| outcomes(*start).any(|it| *it == StartOutcome::Solved);
+    let has_result = |start: &usize| outcomes(*start).any(|it| it.score().is_some());
+    let solved = (0..most).filter(is_solved).count();
+    let evaluated = (0..most).filter(has_result).count();
     // Without starts the share is 0, not NaN.
-    Some(any.count() as f64 / first.starts.max(1) as f64)
+    Some(solved as f64 / evaluated.max(1) as f64)
 }
 
 /// Summary of an ado on the egos of a block.
@@ -231,11 +232,11 @@ fn summary(
     reference: &AdversaryId,
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
-        // Interrupted rows have no rate to average.
+        // Interrupted rows, and rows without a valid start, have no rate to average.
         let rows = ego
             .rows
             .iter()
-            .filter(|row| row.partial.is_none())
+            .filter(|row| row.partial.is_none() && row.starts > 0)
             .filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };
@@ -286,4 +287,34 @@ fn solved(rows: &[Row]) -> Vec<&Outcomes> {
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let values: Vec<f64> = values.collect();
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(solved: &str) -> Row {
+        let json = serde_json::json!({
+            "world": "acc", "plant": "Kinematic", "judge": "UntilViolation", "ego": "nominal",
+            "ado": "hold", "method": "some", "train_seed": null, "start_seed": 0,
+            "starts": solved.len(), "trivial": 0, "successes": 0, "success_rate": 0.0,
+            "ci95": [0.0, 1.0], "foul_rate": 0.0, "contact_rate": 0.0, "invalid": 0,
+            "sims_per_start": 1.0, "physics_steps": 0, "cpu_s": 0.0, "solved": solved,
+        });
+        serde_json::from_value(json).expect("a row")
+    }
+
+    #[test]
+    fn a_union_counts_every_start_of_rows_of_any_length() {
+        let union = |solved: &[&str]| {
+            let rows: Vec<Row> = solved.iter().map(|it| row(it)).collect();
+            super::union(&rows)
+        };
+        assert_eq!(union(&["1000", "0100"]), Some(0.5));
+        assert_eq!(union(&["1000", "01"]), Some(0.5));
+        assert_eq!(union(&["01", "1000"]), Some(0.5));
+        // A trivial start has no result, and an invalid one may have one in another row.
+        assert_eq!(union(&["t1x0", "t010"]), Some(2.0 / 3.0));
+        assert_eq!(union(&[]), Some(0.0));
+    }
 }

@@ -15,7 +15,7 @@ use crate::experiment::{
 use crate::report::{CoverageSection, Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::rl::Policy;
 use crate::ron_file::file_text;
-use crate::run_dir::{Row, RunDir, RunError, Swept};
+use crate::run_dir::{Row, RunDir, RunError, Swept, counted};
 use crate::scene::drive::EgoDrive;
 use crate::search::{Adversary, ExperimentCell};
 use crate::testbench::{FaultLog, Film, film_beyond};
@@ -310,11 +310,11 @@ impl<'a> ReportRequest<'a> {
         }
         report.about_tested = format!(
             "The trained ado and random actions held for five decisions, one simulation per \
-             start: on the ego {} the trained ado from {} starts, all else from the \
+             start: on the ego {} the trained ado from {}, all else from the \
              first {} of them. More ados, recall and searches can stand here: give what \
              eval and search print with --json by --rows.",
             self.name(),
-            drawn.starts.len(),
+            counted(drawn.starts.len(), "start"),
             few.starts.len(),
         );
         Ok(Some(()))

@@ -68,10 +68,20 @@ impl SearchTable {
                 let closing_mps = result.and_then(|it| it.closing_speed_mps);
                 closing_mps.map_or(String::new(), |speed| format!("closing at {speed:.1} m/s"))
             };
-            row.cases(
-                |start| file_stem(scenario, ego, cell.starts.seed, start),
-                closing,
-            )
+            // Egos such as `a b` and `a-b` have one stem, and cases of one name hide each other.
+            let shares_stem = self.cells.iter().any(|other| {
+                let stem_of_other = file_stem(other.ego.scenario(), other.ego.name(), 0, 0);
+                other.ego.name() != ego && stem_of_other == file_stem(scenario, ego, 0, 0)
+            });
+            let name = |start: usize| {
+                let stem = file_stem(scenario, ego, cell.starts.seed, start);
+                if shares_stem {
+                    format!("{stem} of {ego}")
+                } else {
+                    stem
+                }
+            };
+            row.cases(name, closing)
         });
         TestSuite {
             name: "search".to_owned(),

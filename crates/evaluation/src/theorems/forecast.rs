@@ -157,10 +157,11 @@ fn numbers_or_words<S: Serializer>(values: &[f64], serializer: S) -> Result<S::O
 }
 
 pub(super) fn word(value: f64) -> serde_json::Value {
-    if value.is_finite() {
-        value.into()
-    } else {
+    if value.is_infinite() {
         if value > 0.0 { "inf" } else { "-inf" }.into()
+    } else {
+        // NaN becomes `null`, which is unknown.
+        value.into()
     }
 }
 
@@ -277,8 +278,12 @@ mod tests {
         let json = serde_json::to_value(&found).expect("words");
         assert_eq!(json["quantiles"], serde_json::json!(["inf"]));
         assert_eq!(
-            [word(-f64::INFINITY), word(1.5)],
-            [serde_json::json!("-inf"), serde_json::json!(1.5)]
+            [f64::NEG_INFINITY, 1.5, f64::NAN].map(word),
+            [
+                serde_json::json!("-inf"),
+                serde_json::json!(1.5),
+                serde_json::Value::Null
+            ]
         );
         // A bound that covers everything cannot miss anything.
         assert_eq!(chance_of_at_most(3, 4, 5, 0), 0.0);

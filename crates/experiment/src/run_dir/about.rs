@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
+use super::counted;
 use crate::natural::Naturalness;
 use crate::preventability::Preventability;
 use crate::scene::AfterContact;
@@ -221,8 +222,7 @@ impl Display for NotAsked {
 
 impl Display for EgoRuns {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let plural = if self.runs == 1 { "" } else { "s" };
-        write!(f, "{} run{plural} of the ego", self.runs)?;
+        write!(f, "{} of the ego", counted(self.runs, "run"))?;
         if self.copied {
             f.write_str(", most of them begun from a copy of it")?;
         }
@@ -307,9 +307,8 @@ impl Effort {
 
 impl Display for Effort {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (switches, deviation) = (self.switches, self.deviation);
-        let plural = if switches == 1 { "" } else { "es" };
-        write!(f, "{switches} switch{plural}, Σ {deviation:.2}")?;
+        let switches = counted(self.switches, "switch");
+        write!(f, "{switches}, Σ {:.2}", self.deviation)?;
         match self.first {
             Some(first) => write!(f, " from decision {first} on"),
             None => Ok(()),

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::counted;
 use crate::stats::wilson;
 use crate::testbench::Sampling;
 
@@ -79,14 +80,14 @@ impl Calibration {
 
     /// Returns the search in words.
     fn search(&self) -> String {
-        let switches = match self.switches {
-            1 => "1 switch".to_owned(),
-            some => format!("{some} switches"),
-        };
+        let switches = counted(self.switches, "switch");
         // Calibrations of earlier versions have no cost of their search.
         match self.search_simulations {
             0 => format!("a search with at most {switches} of action"),
-            some => format!("a search with at most {switches} of action and {some} simulations"),
+            some => {
+                let simulations = counted(some, "simulation");
+                format!("a search with at most {switches} of action and {simulations}")
+            }
         }
     }
 

@@ -4,6 +4,7 @@
 //! world. `NAME.csv` beside `NAME.ron` has every sample, so a replay that
 //! differs can name the first differing signal.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -482,7 +483,8 @@ pub fn motion_after_contact(scenario: &Scenario, episode: &Episode) -> Option<St
     let mut text = String::from("time");
     for agent in &agents {
         for column in ["x", "y", "z", "qx", "qy", "qz", "qw"] {
-            text += &format!(",{}.{column}", agent.name);
+            text.push(',');
+            text += &csv_name(&format!("{}.{column}", agent.name));
         }
     }
     for (index, frame) in after.frames.iter().enumerate() {
@@ -519,6 +521,17 @@ pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
     text
 }
 
+/// Returns a name as a field of CSV, in quotes where it contains a separator (RFC 4180).
+///
+/// Semicolons and tabs separate the fields of tables, too.
+fn csv_name(name: &str) -> Cow<'_, str> {
+    if name.contains([',', ';', '\t', '"', '\n', '\r']) {
+        Cow::Owned(format!("\"{}\"", name.replace('"', "\"\"")))
+    } else {
+        Cow::Borrowed(name)
+    }
+}
+
 /// Trace as CSV: a time column, then all other signals, exactly.
 pub fn csv_of(trace: &Trace) -> String {
     let mut text = String::from(TIME);
@@ -527,7 +540,7 @@ pub fn csv_of(trace: &Trace) -> String {
         .filter(|(_, signal)| signal.name != TIME)
         .map(|(column, signal)| {
             text.push(',');
-            text.push_str(&signal.name);
+            text.push_str(&csv_name(&signal.name));
             column
         })
         .collect();

@@ -24,6 +24,7 @@ mod adversary_id;
 pub mod cached_result;
 mod calibration;
 mod contact_severity;
+mod counted;
 pub mod counterexample;
 mod differences;
 mod failure_cell;
@@ -47,7 +48,9 @@ use std::sync::{Arc, OnceLock};
 
 pub use crate::run_files::append_log::Grown;
 pub use crate::run_files::disk::write_file;
-pub use crate::run_files::disk::{WholeFile, file_name, is_unfinished, make_dir, read_text};
+pub use crate::run_files::disk::{
+    WholeFile, file_name, is_unfinished, make_dir, read_text, remove_empty_dir,
+};
 pub use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
 pub use crate::run_files::{OtherProgram, RunDifference, RunError};
 pub use crate::world::RunsOnDisk;
@@ -60,6 +63,7 @@ pub use adversary_id::{AdversaryId, SearchSettings};
 pub use cached_result::CachedResult;
 pub use calibration::{Calibration, CalibrationWarning, TrainingEnd};
 pub use contact_severity::{ClosingSpeed, ContactSeverity};
+pub use counted::counted;
 pub use counterexample::{Counterexample, KeptError};
 pub use counterexample::{digests_of, motion_after_contact};
 pub use differences::RequestedTraining;
@@ -70,7 +74,7 @@ pub use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
 pub use program_content::FILE as PROGRAMS;
 pub use program_content::ProgramContent;
-pub use program_content::{ProgramContents, bind_programs, stored_programs};
+pub use program_content::{ProgramContents, bind_programs, joined_programs, stored_programs};
 pub use progress::Progress;
 pub use repeated_runs::{Repeated, StartRepeated};
 pub use row::{Anytime, BrokenRule, FailsAlone, FailureCount, Partial, Row, Unconfirmed};

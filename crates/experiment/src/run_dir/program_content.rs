@@ -259,42 +259,59 @@ pub fn bind_programs(
     if programs.is_empty() {
         return Ok(());
     }
-    let before = stored_programs(dir)?;
-    let other = |ego: &str, was: Option<String>, changed: Vec<String>| {
-        RunError::OtherProgram(Box::new(OtherProgram {
-            path: dir.into(),
-            ego: ego.to_owned(),
-            command: command_line(&programs[ego].command),
-            was,
-            is: programs[ego].sha256.clone(),
-            changed,
-        }))
-    };
-    let Some(before) = before else {
-        return match programs.keys().next() {
+    let Some(before) = stored_programs(dir)? else {
+        return match programs.iter().next() {
             // Nothing shows which program made the results, so they cannot be continued.
-            Some(ego) if has_results => Err(other(ego, None, Vec::new())),
+            Some((ego, program)) if has_results => Err(other_program(dir, ego, program, None)),
             _ => write_file(&dir.join(FILE), text_of(programs).as_bytes()),
         };
     };
-    let mut merged = before.clone();
+    let joined = joined_programs(dir, &before, programs)?;
+    // An unchanged file needs no write, which a full disk could refuse.
+    if joined == before {
+        return Ok(());
+    }
+    write_file(&dir.join(FILE), text_of(&joined).as_bytes())
+}
+
+/// Returns the programs of a directory together with further ones. Nothing is written.
+///
+/// # Errors
+/// A program has another content than in `before`.
+pub fn joined_programs(
+    dir: &Path,
+    before: &ProgramContents,
+    programs: &ProgramContents,
+) -> Result<ProgramContents, RunError> {
+    let mut joined = before.clone();
     for (ego, program) in programs {
         match before.get(ego) {
             Some(was) if was.sha256 != program.sha256 => {
-                let changed = program.changed_since(was);
-                return Err(other(ego, Some(was.sha256.clone()), changed));
+                return Err(other_program(dir, ego, program, Some(was)));
             }
             Some(_) => {}
             None => {
-                merged.insert(ego.clone(), program.clone());
+                joined.insert(ego.clone(), program.clone());
             }
         }
     }
-    // An unchanged file needs no write, which a full disk could refuse.
-    if merged == before {
-        return Ok(());
-    }
-    write_file(&dir.join(FILE), text_of(&merged).as_bytes())
+    Ok(joined)
+}
+
+fn other_program(
+    dir: &Path,
+    ego: &str,
+    program: &ProgramContent,
+    was: Option<&ProgramContent>,
+) -> RunError {
+    RunError::OtherProgram(Box::new(OtherProgram {
+        path: dir.into(),
+        ego: ego.to_owned(),
+        command: command_line(&program.command),
+        was: was.map(|it| it.sha256.clone()),
+        is: program.sha256.clone(),
+        changed: was.map_or_else(Vec::new, |it| program.changed_since(it)),
+    }))
 }
 
 /// Returns the contents of programs that a directory's results are bound to, if any.

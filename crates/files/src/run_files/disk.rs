@@ -252,6 +252,26 @@ pub fn remove(path: &Path) -> io::Result<()> {
     }
 }
 
+/// Removes a directory without content. Another directory, or a missing one, is no error.
+///
+/// # Errors
+///
+/// Returns an error if the disk refuses.
+pub fn remove_empty_dir(path: &Path) -> io::Result<()> {
+    step(path)?;
+    match fs::remove_dir(path) {
+        Err(error)
+            if !matches!(
+                error.kind(),
+                io::ErrorKind::NotFound | io::ErrorKind::DirectoryNotEmpty
+            ) =>
+        {
+            Err(error)
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Removes leftovers of killed writers from a directory, as far as possible.
 ///
 /// A file that is still being written is locked.

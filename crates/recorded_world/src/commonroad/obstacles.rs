@@ -1,6 +1,6 @@
 //! Obstacles of a scenario: their boxes, their states and what cannot be right about them.
 
-use super::elements::{exact, identity, needed, number_in, point, points, position, positive_in};
+use super::elements::{exact, identity, needed, number, point, points, position, positive_in};
 use crate::opendrive::ImportError;
 use crate::opendrive::error::{At, Blockers};
 use crate::opendrive::tree::XmlNode;
@@ -221,17 +221,24 @@ fn bounds(node: &XmlNode) -> Result<ObstacleBox, ImportError> {
         let what = format!("a shape of {length_m} m by {width_m} m");
         return Err(shape.refused(what, "write a shape with an extent"));
     }
-    let is_turned = |it: &XmlNode| {
-        it.child("orientation")
-            .is_some_and(|it| it.words != "0.0" && it.words != "0")
+    let is_box = match &parts[..] {
+        [part] if part.name == "rectangle" => turn_rad(part)? == 0.0,
+        _ => false,
     };
-    let is_box = matches!(&parts[..], [part] if part.name == "rectangle" && !is_turned(part));
     Ok(ObstacleBox {
         length_m,
         width_m,
         centre_m: [0.5 * (front_m + rear_m), 0.5 * (left_m + right_m)],
         is_rough: !is_box,
     })
+}
+
+/// Returns the orientation of a rectangle, 0 without one.
+fn turn_rad(rectangle: &XmlNode) -> Result<f64, ImportError> {
+    match rectangle.child("orientation") {
+        Some(turn) => number(turn),
+        None => Ok(0.0),
+    }
 }
 
 /// Returns the corners of a shape.
@@ -247,11 +254,7 @@ pub(super) fn outline(shape: &XmlNode) -> Result<Vec<[f64; 2]>, ImportError> {
                 0.5 * positive_in(shape, "length")?,
                 0.5 * positive_in(shape, "width")?,
             ];
-            let turn_rad = match shape.child("orientation") {
-                Some(_) => number_in(shape, "orientation")?,
-                None => 0.0,
-            };
-            let (sin, cos) = libm::sincos(turn_rad);
+            let (sin, cos) = libm::sincos(turn_rad(shape)?);
             let corner = |[ahead, left]: [f64; 2]| {
                 let (x, y) = (ahead * half_m[0], left * half_m[1]);
                 [

@@ -246,6 +246,21 @@ fn a_recorded_motion_is_repeated_and_its_end_is_listed() {
     }
 }
 
+#[test]
+fn a_rectangle_is_turned_by_a_number_however_it_is_written() {
+    let kinds = |turn: &str| -> Vec<&str> {
+        let width = "<width>2.0</width>";
+        let turned = format!("{width}<orientation>{turn}</orientation>");
+        let text = sound().replacen(width, &turned, 1);
+        let read = read_as(&text, None, None).unwrap_or_else(|it| panic!("{it}"));
+        read.dropped.iter().map(|it| it.kind).collect()
+    };
+    for straight in ["0", "0.0", "0.00", "-0.0", "0e0"] {
+        assert_eq!(kinds(straight), Vec::<&str>::new(), "{straight}");
+    }
+    assert_eq!(kinds("0.3"), ["shapes, in place of which are their boxes"]);
+}
+
 /// Returns the line of the first mention of a text.
 fn line_of(text: &str, part: &str) -> usize {
     let at = text.find(part).expect(part);

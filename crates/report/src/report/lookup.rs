@@ -6,7 +6,7 @@
 use maud::{Markup, html};
 
 use super::plot::{Chart, Curve, Estimate, HeatMap, chart, heat_map};
-use crate::run_dir::{SweepPoint, Swept};
+use crate::run_dir::{SweepPoint, Swept, counted};
 use crate::stats::wilson;
 
 /// Script that reads the sliders. It loads nothing.
@@ -26,7 +26,9 @@ struct CellSlider<'a> {
 pub(super) fn share_in_words(failing: usize, starts: usize) -> String {
     let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
     let share = 100.0 * failing as f64 / starts.max(1) as f64;
-    format!("{failing} of {starts} starts fail, {share:.0} % [{lo:.0}, {hi:.0}]")
+    let of = counted(starts, "start");
+    let verb = if starts == 1 { "fails" } else { "fail" };
+    format!("{failing} of {of} {verb}, {share:.0} % [{lo:.0}, {hi:.0}]")
 }
 
 /// Card of a map over two quantities of the start: picture, sliders and table.

@@ -82,12 +82,12 @@ fn opening(report: &Report<'_>) -> Markup {
         }
         @if let Some(nominal) = &report.nominal {
             @let row = &nominal.row;
-            @let all = (row.starts + row.trivial).max(1);
+            @let all = row.starts + row.trivial;
             div class="tiles" {
                 div class="tile" { b { (results::success(row)) } span { "starts on which the ego violates its specification, every rule kept [" (results::interval(row)) "]" } }
-                div class="tile" { b { (percent(row.trivial as f64 / all as f64)) } span { "of " (all) " starts fail without an adversary; left out" } }
-                div class="tile" { b { (percent(row.foul_rate)) } span { "fouls: the ado broke a rule" } }
-                div class="tile" { b { (percent(row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median), " (format!("{:.1}", speed.p90)) " m/s (90 %)" } @if let Some(late) = row.foul_before_contact_rate { "; on " (percent(late)) " of the starts the ado broke a rule between the failure and the contact" } } }
+                div class="tile" { b { (results::share_of(all, row.trivial as f64 / all as f64)) } span { "of " (all) " starts fail without an adversary; left out" } }
+                div class="tile" { b { (results::share_of(row.starts, row.foul_rate)) } span { "fouls: the ado broke a rule" } }
+                div class="tile" { b { (results::share_of(row.starts, row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median), " (format!("{:.1}", speed.p90)) " m/s (90 %)" } @if let Some(late) = row.foul_before_contact_rate.filter(|_| row.starts > 0) { "; on " (percent(late)) " of the starts the ado broke a rule between the failure and the contact" } } }
                 div class="tile" { b { (format!("{:.0} s", report.manifest.cpu_s)) } span { "of processor time trained the ado, " (report.manifest.decisions_done) " decisions" } }
                 div class="tile" { b { (row.plant) } span { "plant; judged " (row.judge) } }
             }
@@ -99,7 +99,9 @@ fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
     let all = nominal.highlights.len();
     html! {
         h2 { "Most informative counterexamples, the worst first" }
-        @if nominal.highlights.is_empty() {
+        @if nominal.row.starts == 0 {
+            p { "No test start has a result." }
+        } @else if nominal.highlights.is_empty() {
             p { "The ego violates its specification on none of the test starts." }
         } @else {
             p class="dim" { "Seen from above, at their true sizes, forward to the right. Each plays its last four seconds; press play, drag the slider or choose a still for the rest. Dashed outlines: where they were when the requirement was broken. Red lamps: braking." }

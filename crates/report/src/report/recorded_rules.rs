@@ -3,6 +3,7 @@
 use brakecheck_driver_model::RuleResult;
 
 use super::junit_suite::{TestCase, TestMessage, TestOutcome, TestSuite, junit};
+use crate::run_dir::counted;
 
 /// Returns JUnit XML: a suite per recording, and a case per rule.
 ///
@@ -22,7 +23,11 @@ pub fn recorded_rules_junit<'a>(
 fn case_of(recording: &str, rule: &RuleResult) -> TestCase {
     let violated = TestMessage {
         kind: "rule violation",
-        message: format!("{} episodes of {} vehicles", rule.episodes, rule.vehicles),
+        message: format!(
+            "{} of {}",
+            counted(rule.episodes, "episode"),
+            counted(rule.vehicles, "vehicle")
+        ),
         words: in_words(rule),
     };
     TestCase {
@@ -38,7 +43,8 @@ fn case_of(recording: &str, rule: &RuleResult) -> TestCase {
             }
             (0, 0) => TestOutcome::Passed,
             (0, some) => TestOutcome::Skipped(format!(
-                "no answer: {some} episodes are left out, whose rows are interpolated or overlap"
+                "no answer: without {}, whose rows are interpolated or overlap",
+                counted(some, "episode")
             )),
             _ => TestOutcome::Failed(violated),
         },
@@ -55,10 +61,10 @@ fn in_words(rule: &RuleResult) -> String {
         )
     });
     format!(
-        "{:.1} per 1,000 km, {:.4} % of the time, {} episodes left out{worst}",
+        "{:.1} per 1,000 km, {:.4} % of the time, {} left out{worst}",
         rule.per_1000_km(),
         100.0 * rule.share(),
-        rule.doubtful
+        counted(rule.doubtful, "episode")
     )
 }
 

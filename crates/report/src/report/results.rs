@@ -25,6 +25,15 @@ pub(super) fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
+/// Returns a share of some starts in percent, which is unknown without any.
+pub(super) fn share_of(starts: usize, share: f64) -> String {
+    match starts {
+        // 0 % over no starts would look safe.
+        0 => "–".to_owned(),
+        _ => percent(share),
+    }
+}
+
 /// Share of training episodes that were solved, and the mean return.
 pub(super) fn training(trainings: &[Training]) -> Markup {
     let curve = |nth: usize, training: &Training, y: fn(&crate::run_dir::Progress) -> f64| {

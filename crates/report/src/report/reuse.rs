@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::results::{interval, percent, success};
+use super::results::{interval, percent, share_of, success};
 use super::{Tested, Training};
 use crate::run_dir::{AdversaryId, Row};
 use crate::stats::StartOutcome;
@@ -24,7 +24,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
                 td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate)) {} }
                 td data-l="95 %" { (interval(row)) }
                 td class="n" data-l="recall" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
-                td class="n" data-l="fouls" { (percent(row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" data-l="contact" { (cells[0]) }
+                td class="n" data-l="fouls" { (share_of(row.starts, row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), |share| share_of(row.starts, share))) } td class="n" data-l="contact" { (cells[0]) }
                 td class="n" data-l="front / side / rear" { (cells[1]) }
                 td class="n" data-l="closing m/s, median / 90 %" { (row.success_closing_mps.or(row.closing_speed_mps).map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
                 td class="n" data-l="at rest, hit behind" { (cells[2]) } td class="n" data-l="avoided" { (cells[3]) }
@@ -49,8 +49,8 @@ pub(super) fn which_rate(row: &Row, trainings: &[Training]) -> Markup {
     let closing = trainings.first().and_then(|it| it.closing.first());
     // Equal seeds and numbers mean equal starts, so both rates would be equal.
     let same = |other: &Row| other.starts == row.starts && other.start_seed == row.start_seed;
-    // A rate of another ego is no other rate of this one.
-    let own = closing.filter(|closing| closing.ego == row.ego);
+    // A rate of another ego is no other rate of this one, and no start gives no rate.
+    let own = closing.filter(|closing| closing.ego == row.ego && row.starts > 0);
     let Some(closing) = own.filter(|closing| !same(closing)) else {
         return html! {};
     };
@@ -111,9 +111,12 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
         // is the common part.
         let both = trained.solved.len().min(best.solved.len());
         let ([ado, starts], [baseline, _]) = (counts(trained, both), counts(best, both));
+        // Two zeros are no equality worth mentioning, and no victory either.
+        if ado == 0 && baseline == 0 {
+            continue;
+        }
         compared += 1;
-        // Two zeros are no equality worth mentioning.
-        if ado < baseline || (ado == baseline && ado > 0) {
+        if ado <= baseline {
             let verb = if ado < baseline { "beats" } else { "equals" };
             beaten.push(format!(
                 "On {} the baseline {} ({}) {verb} the trained ado: {baseline} of {starts} starts against {ado}.",
@@ -126,8 +129,8 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
         beaten.push(format!(
             "On {} no baseline of this table is as good as the trained ado.",
             match compared {
-                1 => "the only ego that both played against".to_owned(),
-                some => format!("all {some} egos that both played against"),
+                1 => "the only ego that either makes fail".to_owned(),
+                some => format!("all {some} egos that either makes fail"),
             }
         ));
     }
@@ -153,7 +156,7 @@ mod tests {
             "world": "acc", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego,
             "ado": ado, "method": "some", "train_seed": trained.then_some(0), "start_seed": 0,
             "starts": solved.len(), "trivial": 0, "successes": successes,
-            "success_rate": successes as f64 / solved.len() as f64, "ci95": [0.0, 1.0],
+            "success_rate": successes as f64 / solved.len().max(1) as f64, "ci95": [0.0, 1.0],
             "foul_rate": 0.0, "contact_rate": 0.0, "invalid": 0, "sims_per_start": 1.0,
             "physics_steps": 0, "cpu_s": 0.0, "solved": solved,
         });
@@ -196,6 +199,8 @@ mod tests {
             "On wet the baseline hold (some) beats the trained ado: 2 of 4 starts against 1.";
         assert_eq!(words, [beaten]);
         assert!(in_words(&sorted[..2]).concat().contains("no baseline"));
+        let even = [tested("dry", "hold", "00"), tested("dry", "trained", "00")];
+        assert!(in_words(&super::sorted(&even)).is_empty());
         // Neither order nor verdict depends on the captions of the ados.
         let reworded = rows.each_ref().map(|Tested { row, .. }| {
             let mut keys = serde_json::to_value(row).expect("JSON");
@@ -210,5 +215,18 @@ mod tests {
         let again = super::sorted(&reworded);
         assert!(again.iter().zip(&sorted).all(|(a, b)| a.row == b.row));
         assert_eq!(in_words(&again), words);
+    }
+
+    #[test]
+    fn a_share_of_no_starts_is_unknown() {
+        let row = |solved: &str| rows(&[tested("wet", "trained", solved)]).into_string();
+        let fouls = |solved: &str| {
+            let table = row(solved);
+            let cell = table.split("data-l=\"fouls\">").nth(1).expect("a cell");
+            cell.split('<').next().unwrap_or_default().to_owned()
+        };
+        assert_eq!([fouls("10"), fouls("")], ["0.0 %", "–"]);
+        let unknown = [tested("wet", "hold", ""), tested("wet", "trained", "")];
+        assert!(in_words(&sorted(&unknown)).is_empty());
     }
 }

@@ -5,6 +5,7 @@ mod crashes;
 mod figures;
 mod grids;
 mod letter;
+mod named;
 mod near;
 mod pages;
 mod paper;
@@ -32,6 +33,7 @@ use brakecheck::seed::Seeds;
 use brakecheck::world::Scenario;
 use brakecheck_experiment::run_dir::cached_result::CachedResult;
 use brakecheck_files::run_files::disk::make_dir;
+use named::{know_worlds, world};
 
 /// First training and stream of test starts of the recorded rows.
 ///
@@ -383,34 +385,6 @@ impl Made {
             self.json.to_string().as_bytes(),
         )
     }
-}
-
-/// A shipped world, or one of that name in the directory that was named.
-fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
-    // Copies of worlds may differ, and their results are never recorded.
-    if let Some(dir) = &args.worlds {
-        return Ok(Scenario::load(&dir.join(format!("{name}.ron")))?);
-    }
-    match Scenario::shipped(name) {
-        Some(world) => Ok(world?),
-        None => {
-            let known: Vec<&str> = Scenario::shipped_names()
-                .chain(Scenario::protocol_names())
-                .collect();
-            Err(Failure::input(
-                format!("no shipped world is called `{name}`"),
-                format!("known: {}", known.join(", ")),
-            ))
-        }
-    }
-}
-
-/// Requires that each named world exists.
-fn know_worlds(args: &ReproduceArgs) -> Result<(), Failure> {
-    // Most studies skip names that they lack, and would be empty after a mistyped one.
-    args.world
-        .iter()
-        .try_for_each(|name| world(args, name).map(|_| ()))
 }
 
 fn save(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {

@@ -12,6 +12,7 @@ use super::pool::{
     RiskEstimate, Round, WeightTail, fault_share, greatest_share, pooled, weight_tail,
 };
 use super::record::RiskRun;
+use crate::run_dir::counted;
 use crate::stats::poisson_tail;
 
 /// Least effective number of failures.
@@ -111,8 +112,9 @@ impl Refusal {
     fn without_rounds(failures: usize, natural: usize) -> Refusal {
         Refusal::new(
             format!(
-                "{failures} failures of {natural} natural runs are too few to count, and no \
-                 weighted run was played"
+                "{} of {} are too few to count, and no weighted run was played",
+                counted(failures, "failure"),
+                counted(natural, "natural run")
             ),
             "raise `--budget`, which has the natural runs and all others",
         )
@@ -174,8 +176,8 @@ impl Checks {
         // A single round may be as blind as the earlier ones, and nothing would show it.
         if self.set_aside > 0 && self.rounds < 2 {
             let reason = format!(
-                "{} rounds hardly draw what the last one found, which no other confirms",
-                self.set_aside
+                "what the last round found is hardly drawn by {}, and no other round confirms it",
+                counted(self.set_aside, "earlier round")
             );
             let fix = "raise `--budget`, so that more rounds know all kinds of failure";
             self.refusals.push(Refusal::new(reason, fix));
@@ -196,7 +198,8 @@ impl Checks {
             return vec![Refusal::new(reason, learn)];
         }
         if self.hits < LEAST_HITS {
-            let reason = format!("{} failures, fewer than {LEAST_HITS}", self.hits);
+            let failures = counted(self.hits, "failure");
+            let reason = format!("{failures}, fewer than {LEAST_HITS}");
             all.push(Refusal::new(reason, more));
         }
         if self.ess < LEAST_ESS {
@@ -222,8 +225,9 @@ impl Checks {
             let missed = (probes - covered) as f64 / (*probes).max(1) as f64;
             if *probes >= LEAST_PROBES && missed > UNCOVERED {
                 let reason = format!(
-                    "the proposals play {} of {probes} known counterexamples too rarely ({mode})",
-                    probes - covered
+                    "the proposals play {} of {} too rarely ({mode})",
+                    probes - covered,
+                    counted(*probes, "known counterexample")
                 );
                 all.push(Refusal::new(reason, more));
             }
@@ -242,9 +246,11 @@ impl Checks {
         let too_many = |count, mean: f64| poisson_tail(count, mean) < FALSE_ALARM;
         let [natural, stored_of] = of.map(|n| n as f64);
         let reason = if too_many(beyond, stored_of * BEYOND * most) {
-            format!("{beyond} natural failures of kinds that the proposals play too rarely")
+            let failures = counted(beyond, "natural failure");
+            format!("{failures} of kinds that the proposals play too rarely")
         } else if too_many(all, natural * most) {
-            format!("{all} failures of {natural} natural runs, more than the estimate allows")
+            let failures = counted(all, "failure");
+            format!("{failures} of {natural} natural runs, more than the estimate allows")
         } else {
             return None;
         };
@@ -645,7 +651,7 @@ mod tests {
         };
         let early = [early];
         let one = after(std::slice::from_ref(&late), &early);
-        let says = "1 rounds hardly draw what the last one found";
+        let says = "what the last round found is hardly drawn by 1 earlier round";
         assert!(one.refusals[0].reason.starts_with(says), "{one:?}");
         let two = after(&[late.clone(), late.clone()], &early);
         assert_eq!((two.refusals.len(), two.rounds, two.set_aside), (0, 2, 1));

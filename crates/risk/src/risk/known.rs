@@ -11,7 +11,7 @@ use super::run::{EpisodeSource, Order, RiskWorld};
 use crate::crashes::{RegressionError, Regressions, description, picture};
 use crate::experiment::EgoUnderTest;
 use crate::run_dir::{
-    Counterexample, KeptError, RunDir, RunError, file_name, make_dir, write_file,
+    Counterexample, KeptError, RunDir, RunError, counted, file_name, make_dir, write_file,
 };
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Replay, play};
@@ -166,8 +166,8 @@ impl RiskRequest<'_> {
         let threads = rayon::current_num_threads();
         let all_s = settings.budget as f64 * seconds / threads as f64;
         format!(
-            "at most {} runs of {} s with {}, {:.1} ms each: at most {} on {threads} threads",
-            settings.budget,
+            "at most {} of {} s with {}, {:.1} ms each: at most {} on {}",
+            counted(settings.budget, "run"),
             self.egos[0].scenario().world().clock().horizon_s,
             match self.egos.len() {
                 1 => "the ego".to_owned(),
@@ -175,6 +175,7 @@ impl RiskRequest<'_> {
             },
             1e3 * seconds / self.egos.len() as f64,
             duration_in_words(all_s),
+            counted(threads, "thread"),
         )
     }
 

@@ -174,6 +174,12 @@ impl LawBinder<'_, '_> {
                 return refuse(what, "declare a `Markov` law for it");
             }
         };
+        // Each of two equal ones would get the whole share of their cell.
+        let mut each = accelerations.iter().enumerate();
+        if let Some((_, twice)) = each.find(|(i, it)| accelerations[..*i].contains(it)) {
+            let what = format!("`{name}` accelerates by {twice} m/s² in two actions");
+            return refuse(what, "leave one of the two out, or declare a `Markov` law");
+        }
         let Some(model) = &self.model else {
             let what = "a `Fitted` law requires a model".to_owned();
             return refuse(what, "add `model: \"motorway\"`, or a file of `log --fit`");
@@ -468,6 +474,9 @@ mod tests {
         use crate::world::{LoadError, Scenario};
         let [acc, cut_in, pedestrian] = ["acc", "cut_in", "pedestrian"]
             .map(|name| Scenario::shipped(name).expect("shipped").expect("sound"));
+        let text = include_str!("../../../../worlds/acc.ron");
+        let text = text.replace("0.0, 3.0]), neutral", "0.0, 3.0, 3.0]), neutral");
+        let twice = Scenario::parse("acc.ron", &text).expect("sound");
         let markov = |onset: &str| {
             format!(
                 "\"ado\": Markov(stay: [0.5, 0.5, 0.5], leave: [1, 1, 1], onsets: {{ \"on\": {onset} }})"
@@ -486,6 +495,12 @@ mod tests {
                 "motorway",
                 format!("\"ado\": Fitted({lateral})"),
                 "`ado` has no lateral moves",
+            ),
+            (
+                &twice,
+                "motorway",
+                "\"ado\": Fitted()".to_owned(),
+                "`ado` accelerates by 3 m/s² in two actions",
             ),
             (
                 &cut_in,

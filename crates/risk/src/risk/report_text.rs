@@ -9,6 +9,7 @@ use super::report::{EgoRisk, RiskBounds, RiskCost, RiskReadings, RiskReport};
 use super::run_faults::RunFaults;
 use crate::report::TextTable;
 use crate::rulebook::Counts;
+use crate::run_dir::counted;
 
 /// Most kinds of failure in the table, and in the claim.
 const LISTED: usize = 6;
@@ -34,8 +35,8 @@ impl RiskReport {
         }
         if let Some(others) = ego.modes.get(LISTED..).filter(|it| !it.is_empty()) {
             let share: f64 = others.iter().map(|it| it.share).sum();
-            let count = others.len();
-            writeln!(f, "{:5.1} %  of {count} other kinds", 100.0 * share)?;
+            let kinds = counted(others.len(), "other kind");
+            writeln!(f, "{:5.1} %  of {kinds}", 100.0 * share)?;
         }
         if let Some(share) = ego.known_share {
             let share = 100.0 * share;
@@ -94,16 +95,18 @@ impl RiskReport {
         };
         writeln!(
             f,
-            "rounds    {} count, {aside}, {} kinds found in rounds only; the upper bound is of {} \
+            "rounds    {} count, {aside}, {} found in rounds only; the upper bound is of {} \
              natural runs",
-            checks.rounds, checks.late_kinds, self.cost.natural
+            checks.rounds,
+            counted(checks.late_kinds, "kind"),
+            self.cost.natural
         )?;
         writeln!(
             f,
-            "checks    k̂ {k}, unseen weights {:.1} %, {} failures, largest {:.1} %, probes {covered} of {probes} \
+            "checks    k̂ {k}, unseen weights {:.1} %, {}, largest {:.1} %, probes {covered} of {probes} \
              covered, natural failures {}, beyond {}",
             100.0 * unseen,
-            checks.hits,
+            counted(checks.hits, "failure"),
             100.0 * checks.greatest_share,
             checks.natural_failures,
             checks.natural_beyond
@@ -215,10 +218,10 @@ impl RiskReport {
             }
             RiskReport::faults(f, ego)?;
             if ego.impossible > 0 {
-                let n = ego.impossible;
                 writeln!(
                     f,
-                    "warning: {n} known counterexamples have probability 0 here"
+                    "warning: the traffic excludes {}, with probability 0",
+                    counted(ego.impossible, "known counterexample")
                 )?;
             }
         }
@@ -532,7 +535,7 @@ fn if_all_kinds(ego: &EgoRisk) -> Option<String> {
         .map(|it| format!("{:.0} % {}", 100.0 * it.share, it.mode))
         .collect();
     if ego.modes.len() > NAMED {
-        kinds.push(format!("{} others", ego.modes.len() - NAMED));
+        kinds.push(counted(ego.modes.len() - NAMED, "other"));
     }
     let kinds = kinds.join("; ");
     Some(format!(

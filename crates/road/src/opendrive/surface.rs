@@ -104,7 +104,10 @@ fn limit_mps(
     Ok(Ok(known.flatten()))
 }
 
-/// Limit of a `speed` element. `no limit` and `undefined` are no limit.
+/// Limit of a `speed` element.
+///
+/// OpenDRIVE 1.8 has a number from 0 on, `no limit` or `undefined`. Tools also write 0
+/// where they know no limit.
 fn max_mps(speed: &XmlNode) -> Result<Option<f64>, ImportError> {
     if matches!(speed.raw("max"), None | Some("no limit" | "undefined")) {
         return Ok(None);
@@ -119,5 +122,34 @@ fn max_mps(speed: &XmlNode) -> Result<Option<f64>, ImportError> {
             return Err(speed.refused(what, "use m/s, km/h or mph"));
         }
     };
+    if value < 0.0 {
+        let what = format!("a speed limit of {value}");
+        return Err(speed.refused(what, "write a number from 0 on, `no limit` or `undefined`"));
+    }
     Ok((value > 0.0).then_some(value * per_mps))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn a_speed_limit_is_a_number_from_0_on_or_one_of_two_words() {
+        let limit = |attributes: &str| {
+            let text = format!("<speed {attributes}/>");
+            let speed = XmlNode::parse(Path::new("road.xodr"), &text).expect("XML");
+            max_mps(&speed)
+        };
+        let read = |attributes: &str| limit(attributes).expect(attributes);
+        assert_eq!(read(r#"max="20""#), Some(20.0));
+        assert_eq!(read(r#"max="36" unit="km/h""#), Some(10.0));
+        for none in ["", r#"max="0""#, r#"max="no limit""#, r#"max="undefined""#] {
+            assert_eq!(read(none), None, "{none}");
+        }
+        let error = limit(r#"max="-1""#).expect_err("no limit below 0");
+        assert!(error.to_string().contains("a speed limit of -1"), "{error}");
+        assert!(format!("{error:?}").contains("`no limit`"), "{error:?}");
+    }
 }

@@ -124,13 +124,16 @@ pub struct DriverOutcome {
     pub saved_mps: f64,
     /// Time of the first danger that the driver detected, since the episode's start.
     pub reacted_s: Option<f64>,
-    /// True if the ados' rules are kept in the replay, `None` if not evaluated.
+    /// True if the ados' rules are kept in the replay.
     ///
-    /// The ados of a replay do not react. Rules about plans and actions are not evaluated,
-    /// since a recorded motion holds neither.
+    /// The ados of a replay do not react. `None`: not evaluated, as for rules about plans or
+    /// actions, which a recorded motion does not hold, and in every world with traffic
+    /// lights, because the phases after the contact are unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_kept: Option<bool>,
     /// ρ(ψ_ego) of the replay, since a specification may demand more than no contact.
+    ///
+    /// `None` as for [`DriverOutcome::rules_kept`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robustness: Option<f64>,
 }

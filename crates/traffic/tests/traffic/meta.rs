@@ -100,7 +100,7 @@ fn rate_classes_and_sizes_are_those_of_the_files_beside() {
 fn contradictions_name_both_files_and_both_values() {
     let tracks_meta = |from: &str, to: &str| TRACKS_META.replace(from, to);
     let recording_meta = |from: &str, to: &str| RECORDING_META.replace(from, to);
-    let cases: [(String, String, &str, &str); 9] = [
+    let cases: [(String, String, &str, &str); 10] = [
         (
             tracks_meta("7,1,20,79,60", "7,1,20,89,70"),
             RECORDING_META.to_owned(),
@@ -130,6 +130,12 @@ fn contradictions_name_both_files_and_both_values() {
             RECORDING_META.to_owned(),
             "`07_tracks.csv`: track `2` has 60 rows",
             "`07_tracksMeta.csv`: there is no such track",
+        ),
+        (
+            tracks_meta("7,2,", "7,1,"),
+            RECORDING_META.to_owned(),
+            "`07_tracksMeta.csv:4`: `trackId` is 1",
+            "`07_tracksMeta.csv:3`: `trackId` is 1, too",
         ),
         (
             TRACKS_META.to_owned(),

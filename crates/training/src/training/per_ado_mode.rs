@@ -21,6 +21,21 @@ pub enum PerAdoMode {
 }
 
 impl PerAdoMode {
+    /// Returns the mode with which a learner per ado is trained.
+    ///
+    /// `None` for one policy of all ados, and for turns that only a world file states.
+    pub fn of(learner: &LearnerConfig) -> Option<PerAdoMode> {
+        let LearnerSettings::PerAdo(each) = learner.clone().into() else {
+            return None;
+        };
+        match each.training {
+            PerAdoTraining::Independent => Some(PerAdoMode::Independent),
+            PerAdoTraining::Alternating { rounds } => {
+                (rounds == ROUNDS).then_some(PerAdoMode::Alternating)
+            }
+        }
+    }
+
     /// Returns the world with a learner per ado, each the world's own.
     pub(super) fn in_world(self, world: &Scenario) -> Result<Scenario, ConfigError> {
         let training = match self {

@@ -270,6 +270,14 @@ impl Family {
         }
         // Parameters of another kind of controller have no nominal values.
         if controller.controller.kind() == base.controller.controller.kind() {
+            // Two programs are one kind, and only their commands distinguish them.
+            let command = |ego: &Actuated<ControllerSpec>| {
+                let program = ego.controller.program()?;
+                Some(program.command.clone())
+            };
+            if command(&controller) != command(&base.controller) {
+                return false;
+            }
             for own in controller.parameters() {
                 let nominal = parameter(&base.controller, own.name);
                 let varied = Varied::Ego(own.name.to_owned());

@@ -219,7 +219,7 @@ fn starts_without_an_answer_are_said_and_never_fixed() {
         "(1 of them fail on `old`",
         "1 of the newly failing have no answer on `old`",
         "1 of the newly fixed still violate the specification",
-        "`new` did not run from 1 starts, `old` from 0",
+        "`new` did not run from 1 start, `old` from 0",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }

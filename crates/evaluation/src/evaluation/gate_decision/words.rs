@@ -3,6 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::{DecidedGate, Flipped, Gate, GateOn, MoreSevere, NewlyFailingCounts, NotRun};
+use crate::run_dir::counted;
 use crate::stats::StartOutcome;
 
 impl Display for NewlyFailingCounts {
@@ -34,9 +35,10 @@ impl Gate {
             self.both_fail > 0 || !self.newly_failing.is_empty() || !self.newly_fixed.is_empty();
         if self.compared > 0 && !has_failures {
             remarks.push(format!(
-                "neither ego fails from any of {} starts, so this ado tests neither: look for \
+                "neither ego fails from any of {}, so this ado tests neither: look for \
                  crashes of `{}` with `brakecheck search`, or train an ado against it",
-                self.compared, self.baseline
+                counted(self.compared, "start"),
+                self.baseline
             ));
         }
         if !self.no_answer.is_empty() {
@@ -47,9 +49,9 @@ impl Gate {
                 .filter(|it| it.before != StartOutcome::Uncounted)
                 .count();
             remarks.push(format!(
-                "no answer from {} starts, on which an ado breaks its rule against `{}` ({failed} \
+                "no answer from {}, on which an ado breaks its rule against `{}` ({failed} \
                  of them fail on `{}` and count as neither failing nor fixed)",
-                self.no_answer.len(),
+                counted(self.no_answer.len(), "start"),
                 self.ego,
                 self.baseline
             ));
@@ -75,8 +77,10 @@ impl Gate {
         let NotRun { ego, baseline } = self.not_run;
         if ego + baseline > 0 {
             remarks.push(format!(
-                "not compared: `{}` did not run from {ego} starts, `{}` from {baseline}",
-                self.ego, self.baseline
+                "not compared: `{}` did not run from {}, `{}` from {baseline}",
+                self.ego,
+                counted(ego, "start"),
+                self.baseline
             ));
         }
         remarks
@@ -108,8 +112,8 @@ impl DecidedGate {
             (failing > 0).then(|| format!("{failing} newly failing ({})", self.newly_failing_by));
         let parts: Vec<String> = failing.into_iter().chain(severity).collect();
         (!parts.is_empty()).then(|| {
-            let (compared, parts) = (self.gate.compared, parts.join("; "));
-            format!("without an adversary, {compared} starts: {parts}")
+            let starts = counted(self.gate.compared, "start");
+            format!("without an adversary, {starts}: {}", parts.join("; "))
         })
     }
 
@@ -127,11 +131,11 @@ impl DecidedGate {
             _ => String::new(),
         };
         format!(
-            "`{}` against `{}`, {} starts: {failing}, {} newly fixed, {} fail on both{speeds}; \
+            "`{}` against `{}`, {}: {failing}, {} newly fixed, {} fail on both{speeds}; \
              exact McNemar p = {:.2e}",
             gate.ego,
             gate.baseline,
-            gate.compared,
+            counted(gate.compared, "start"),
             gate.newly_fixed.len(),
             gate.both_fail,
             gate.p_value
@@ -162,18 +166,22 @@ impl DecidedGate {
                 (some, 0) => some.to_string(),
                 (some, alone) => format!("{some}, and without an adversary {alone},"),
             };
+            let is_one = (self.gate.closing(*on), closing_alone) == (1, 0);
+            let noun = if is_one { "start" } else { "starts" };
+            let fail = if is_one { "fails" } else { "fail" };
             match on {
-                GateOn::UnlessUnavoidable => {
-                    format!("{starts} newly failing starts that are not shown to be unavoidable")
-                }
-                GateOn::Preventable => format!("{starts} preventable newly failing starts"),
+                GateOn::UnlessUnavoidable => format!(
+                    "{starts} newly failing {noun} that {} not shown to be unavoidable",
+                    if is_one { "is" } else { "are" }
+                ),
+                GateOn::Preventable => format!("{starts} preventable newly failing {noun}"),
                 // The baseline of one of the two comparisons leaves nothing else to see.
                 GateOn::Severity if self.gate.severity_decides() => format!(
-                    "{starts} starts that fail more severely, since no start is left to fail \
+                    "{starts} {noun} that {fail} more severely, since no start is left to fail \
                      newly: the baseline fails from all"
                 ),
-                GateOn::Severity => format!("{starts} starts that fail more severely"),
-                GateOn::Any | GateOn::Never => format!("{starts} newly failing starts"),
+                GateOn::Severity => format!("{starts} {noun} that {fail} more severely"),
+                GateOn::Any | GateOn::Never => format!("{starts} newly failing {noun}"),
             }
         };
         let reasons: Vec<String> = self.closed_by.iter().map(reason).collect();

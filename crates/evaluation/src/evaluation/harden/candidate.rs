@@ -110,7 +110,7 @@ impl Conditions<'_> {
 
     /// Returns the excess with the margins of a search, or without any.
     ///
-    /// `None` if nothing was measured.
+    /// `None` if the failures or a loss have no value, as without runs.
     pub(super) fn excess(&self, measured: &EgoMeasurement, is_search: bool) -> Option<Excess> {
         // A candidate of an early stage is compared with the ego as it is on the same
         // starts.
@@ -131,7 +131,7 @@ impl Conditions<'_> {
         let mut losses: f64 = 0.0;
         for (nth, loss) in self.losses.iter().enumerate() {
             let [one, own] = measured.paired(&own, nth);
-            let (value, own) = (loss.value(&one), loss.value(&own));
+            let (value, own) = (loss.value(&one)?, loss.value(&own)?);
             let whole = loss.limit.of(own);
             let margin = if is_search { LOSS_MARGIN } else { 1.0 };
             // An ego beyond an absolute limit is allowed no margin.
@@ -139,11 +139,7 @@ impl Conditions<'_> {
             // An allowance of about 0 would make every excess infinite, and all
             // candidates equal.
             let scale = (whole - own).abs().max(1e-3 * own.abs()).max(1e-9);
-            let excess = (value - allowed) / scale;
-            if excess.is_nan() {
-                return None;
-            }
-            losses = losses.max(excess);
+            losses = losses.max((value - allowed) / scale);
         }
         Some(Excess { failures, losses })
     }
@@ -215,7 +211,10 @@ pub(super) fn worst_loss(conditions: &Conditions<'_>, measured: &EgoMeasurement)
     let own = conditions.own.as_long_as(measured);
     let all = conditions.losses.iter().enumerate().map(|(nth, loss)| {
         let [one, own] = measured.paired(&own, nth);
-        let (value, own) = (loss.value(&one), loss.value(&own));
+        // Without a value nothing shows that the limit is kept.
+        let Some((value, own)) = loss.value(&one).zip(loss.value(&own)) else {
+            return f64::INFINITY;
+        };
         // A limit may be what the ego has already, and nothing is left to divide by.
         let allowance = (loss.limit.of(own) - own).max(1e-9);
         (value - own) / allowance

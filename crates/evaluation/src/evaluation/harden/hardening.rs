@@ -14,7 +14,7 @@ use super::report::{AdoRun, FrontPoint, HardenReport, NewAdo, StartCount};
 use crate::experiment::{EgoUnderTest, TestStarts, Watch, consent};
 use crate::risk::RiskTraffic;
 use crate::run_dir::make_dir;
-use crate::seed::{FIRST_SEALED, Purpose, StartKey};
+use crate::seed::{FIRST_SEALED, Purpose, StartKey, derived_seed};
 use crate::training::{TrainRequest, TrainSession};
 use crate::world::Scenario;
 
@@ -207,7 +207,7 @@ impl Hardening<'_> {
         let number = self.runs.len() as u64;
         let name = format!("ado-{number}");
         let path = self.request.dir.join(&name);
-        let seed = settings.seed.wrapping_add(number);
+        let seed = derived_seed(settings.seed, number);
         let ego = change.map(|file| file.display().to_string());
         let training = TrainRequest {
             seed: Some(seed),
@@ -381,7 +381,8 @@ impl Hardening<'_> {
             trial: &trial,
             slices,
             watch,
-            seed: settings.seed.wrapping_add(round as u64),
+            seed: settings.seed,
+            round,
             from,
         };
         let all = optimizer.search();

@@ -155,13 +155,17 @@ impl DrivingLoss {
     }
 
     /// Returns the value over runs, from their values.
-    pub(super) fn value(&self, runs: &[f64]) -> f64 {
-        let mean = runs.iter().sum::<f64>() / runs.len() as f64;
-        match self.measure {
+    ///
+    /// `None` if it is not defined: without runs, or for the travel time of an ego that
+    /// never moves.
+    pub(super) fn value(&self, runs: &[f64]) -> Option<f64> {
+        let mean = total(runs) / runs.len() as f64;
+        let value = match self.measure {
             // Of the mean speed, because a single standing run takes forever.
             Measure::TravelTime => 1000.0 / mean,
             _ => mean,
-        }
+        };
+        Some(value).filter(|it| it.is_finite())
     }
 
     /// Returns the 95 % interval of the ratio of two egos' values, over paired runs.
@@ -265,14 +269,15 @@ impl<'a> NaturalDriving<'a> {
 
     /// Returns the values of some runs of an ego, per loss. `None`: stopped.
     ///
-    /// A run is `None` if it begins outside the ranges of the world, or is invalid.
+    /// A run is `None` if it begins outside the ranges of the world, is invalid, or ends
+    /// before a measure has a sample.
     pub(super) fn measure(
         &self,
         ego: &Scenario,
         which: Range<usize>,
         watch: &Watch<'_>,
     ) -> Option<Vec<Option<Vec<f64>>>> {
-        let value = |run: NaturalRun<'_>| -> Vec<f64> {
+        let value = |run: NaturalRun<'_>| -> Option<Vec<f64>> {
             let values = self.measures.iter().map(|it| it.of(run.trace, self.speed));
             values.collect()
         };
@@ -287,7 +292,7 @@ impl<'a> NaturalDriving<'a> {
             // The coasting ego has no answer for later runs, so hard braking in them is
             // excused.
             let is_easy = self.is_easy.get(first + nth).copied().unwrap_or(false);
-            run.map(|values| self.excused(values, is_easy))
+            run.flatten().map(|values| self.excused(values, is_easy))
         });
         Some(with_easy.collect())
     }
@@ -350,13 +355,15 @@ fn coasting(world: &Scenario) -> Result<EgoUnderTest, HardenError> {
 
 impl BoundMeasure {
     /// Returns the value of a run, whose ego has its speed in a column.
-    fn of(&self, trace: &Trace, speed: usize) -> f64 {
+    ///
+    /// `None` if the run has too few samples.
+    fn of(&self, trace: &Trace, speed: usize) -> Option<f64> {
         match self {
             BoundMeasure::Braking => mean(decelerations(trace, speed)),
             BoundMeasure::Speed => mean(trace.column(speed).iter().copied()),
             BoundMeasure::HardBraking => {
-                let is_hard = decelerations(trace, speed).any(|it| it > HARD_MPS2);
-                f64::from(u8::from(is_hard))
+                let hardest = decelerations(trace, speed).reduce(f64::max)?;
+                Some(f64::from(u8::from(hardest > HARD_MPS2)))
             }
             BoundMeasure::Mean(expression) => {
                 let mut row = vec![0.0; trace.schema().len()];
@@ -365,10 +372,10 @@ impl BoundMeasure {
                     expression.eval(&row)
                 }))
             }
-            BoundMeasure::Violations(monitor) => {
+            BoundMeasure::Violations(monitor) => (!trace.is_empty()).then(|| {
                 let is_kept = monitor.satisfied(trace, &mut Scratch::default());
                 f64::from(u8::from(!is_kept))
-            }
+            }),
         }
     }
 }
@@ -381,103 +388,15 @@ fn decelerations(trace: &Trace, speed: usize) -> impl Iterator<Item = f64> {
     pairs.map(move |pair| ((pair[0] - pair[1]) / dt_s).max(0.0))
 }
 
-/// Returns the mean, 0 of nothing.
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
+/// Returns the mean, `None` of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0);
     for value in values {
         sum += value;
         count += 1;
     }
-    if count == 0 {
-        0.0
-    } else {
-        sum / f64::from(count)
-    }
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_limit_is_a_value_a_share_of_the_ego_or_more_than_it() {
-        let limit = |text: &str| DrivingLoss::parse(text).expect(text).limit;
-        assert_eq!(limit("braking=0.3"), LossLimit::Below(0.3));
-        assert_eq!(limit("braking=110%"), LossLimit::TimesOwn(1.1));
-        assert_eq!(limit("false-braking=+0.05"), LossLimit::AboveOwn(0.05));
-        assert_eq!(limit("max(0, ego.speed - 30)=0.1"), LossLimit::Below(0.1));
-        let formula = DrivingLoss::parse("always (ego.speed >= 3)=0.2").expect("a formula");
-        assert_eq!(formula.name, "always (ego.speed >= 3)");
-        assert!(matches!(formula.measure, Measure::Violations(_)));
-        for text in [
-            "braking",
-            "braking=",
-            "braking=x",
-            "braking=-5%",
-            "x >= 3",
-            "(=1",
-        ] {
-            DrivingLoss::parse(text).expect_err(text);
-        }
-        assert_eq!(LossLimit::TimesOwn(1.1).of(2.0), 2.2);
-        assert_eq!(LossLimit::AboveOwn(0.5).of(2.0), 2.5);
-    }
-
-    #[test]
-    fn a_given_limit_replaces_the_usual_one_of_its_measure() {
-        let given = ["braking=120%".to_owned(), "ego.speed=20".to_owned()];
-        let all = DrivingLoss::with_given(&given).expect("limits");
-        let names: Vec<&str> = all.iter().map(|loss| loss.name.as_str()).collect();
-        assert_eq!(
-            names,
-            ["braking", "travel-time", "false-braking", "ego.speed"]
-        );
-        assert_eq!(all[0].limit, LossLimit::TimesOwn(1.2));
-    }
-
-    #[test]
-    fn the_interval_of_a_ratio_contains_it_and_is_a_point_without_noise() {
-        let usual = DrivingLoss::usual();
-        let own = [1.0, 2.0, 3.0, 4.0];
-        let twice = own.map(|value| 2.0 * value);
-        assert_eq!(usual[0].ratio_between(&twice, &own), Some([2.0, 2.0]));
-        // Twice the speed is half the time.
-        assert_eq!(usual[1].ratio_between(&twice, &own), Some([0.5, 0.5]));
-        let [lo, hi] = usual[0]
-            .ratio_between(&[2.0, 3.0, 7.0, 9.0], &own)
-            .expect("it");
-        assert!(lo < 2.1 && 2.1 < hi && hi - lo > 0.1, "{lo} {hi}");
-        assert_eq!(usual[0].ratio_between(&own, &[0.0; 4]), None);
-        assert_eq!(usual[1].value(&[10.0, 30.0]), 50.0);
-    }
-
-    /// Driving of `acc` behind cars that hardly brake.
-    #[test]
-    fn a_nervous_ego_brakes_more_and_where_it_need_not() {
-        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
-        let world = world.on(crate::world::PlantKind::Kinematic);
-        let text = include_str!("../../../../../examples/traffic/acc.ron");
-        let traffic = RiskTraffic::parse(&world, "acc.ron", text).expect("sound");
-        let watch = Watch::unwatched();
-        let losses = DrivingLoss::usual();
-        let driving = NaturalDriving::new(&world, &traffic, &losses, 60, 1, &watch);
-        let driving = driving.expect("it fits").expect("not stopped");
-        let values = |change: &Change| {
-            let ego = EgoUnderTest::changed(&world, "ego", change, "").expect("it fits");
-            let runs = driving.measure(ego.scenario(), 0..60, &watch).expect("all");
-            let runs: Vec<Vec<f64>> = runs.into_iter().flatten().collect();
-            let of = |nth: usize| runs.iter().map(|run| run[nth]).collect::<Vec<f64>>();
-            [0, 1, 2].map(|nth| losses[nth].value(&of(nth)))
-        };
-        let own = values(&Change::default());
-        let mut change = Change::default();
-        change.ego.0.insert("kd_per_s".to_owned(), 6.0);
-        change.ego.0.insert("time_gap_s".to_owned(), 2.5);
-        let nervous = values(&change);
-        assert!(own[0] > 0.0 && own[0] < nervous[0], "{own:?}, {nervous:?}");
-        assert!(own[1] < nervous[1], "{own:?}, {nervous:?}");
-        assert!(own[2] < nervous[2], "{own:?}, {nervous:?}");
-        // Nothing is measured twice differently.
-        assert_eq!(values(&Change::default()), own);
-    }
-}
+mod tests;

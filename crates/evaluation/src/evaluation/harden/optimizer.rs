@@ -45,7 +45,9 @@ pub(super) struct Optimizer<'a> {
     pub(super) trial: &'a dyn Trial,
     pub(super) slices: Vec<Slice>,
     pub(super) watch: &'a Watch<'a>,
+    /// Seed of the request, and number of the search among those of the request.
     pub(super) seed: u64,
+    pub(super) round: usize,
     /// Values to begin with, the result of an earlier search against fewer ados.
     pub(super) from: Option<Vec<f64>>,
 }
@@ -111,7 +113,8 @@ impl Optimizer<'_> {
         measure(&first);
         let best = self.best(&all.borrow());
         let middle = best.map_or_else(|| self.own(), |best| self.point(&best.values));
-        let mut dice = seed::generator("harden", &[self.seed]);
+        // By both numbers: their sum is that of the next seed in the round before.
+        let mut dice = seed::generator("harden", &[self.seed, self.round as u64]);
         if !is_single && !self.watch.stopped() {
             search.run(middle, &mut dice, &measure);
         }

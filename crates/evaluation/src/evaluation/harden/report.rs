@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::EgoParameter;
 use super::candidate::EgoMeasurement;
 use super::losses::{DrivingLoss, LossLimit};
+use crate::run_dir::counted;
 use crate::stats::{StartOutcome, clopper_pearson_upper, wilson};
 
 /// Error of the one-sided bound on the failures of a candidate.
@@ -199,12 +200,12 @@ pub struct NewAdo {
 pub struct LossResult {
     /// Measure.
     pub measure: String,
-    /// Value of the ego as it is.
-    pub own: f64,
+    /// Value of the ego as it is. `None` here and below: not defined, as without runs.
+    pub own: Option<f64>,
     /// Value of the candidate.
-    pub value: f64,
+    pub value: Option<f64>,
     /// Greatest allowed value.
-    pub at_most: f64,
+    pub at_most: Option<f64>,
     /// Limit as it was given.
     pub limit: LossLimit,
     /// 95 % interval of the ratio of both values. `None`: not defined.
@@ -227,16 +228,17 @@ impl LossResult {
             measure: loss.name.clone(),
             own: own_value,
             value: loss.value(&one),
-            at_most: loss.limit.of(own_value),
+            at_most: own_value.map(|own| loss.limit.of(own)),
             limit: loss.limit,
             ratio_ci95: loss.ratio_between(&one, &own),
             runs: one.len(),
         }
     }
 
-    /// Returns whether the limit is kept. An undefined value keeps none.
-    pub fn is_kept(&self) -> bool {
-        self.value <= self.at_most
+    /// Returns whether the limit is kept. `None`: nothing was observed that would show it.
+    pub fn is_kept(&self) -> Option<bool> {
+        let (value, at_most) = self.value.zip(self.at_most).filter(|_| self.runs > 0)?;
+        Some(value <= at_most)
     }
 }
 
@@ -272,20 +274,26 @@ impl Confirmation {
         }
         // The rates leave out starts on which the ego did not run.
         if self.sealed.invalid > 0 {
-            unknown.push(format!("{} sealed starts are invalid", self.sealed.invalid));
+            let starts = counted(self.sealed.invalid, "sealed start");
+            unknown.push(format!("the ego or the physics did not run from {starts}"));
         }
         if let Some([failing, answered]) = self.kept {
             if failing as f64 > (1.0 - wanted) * answered as f64 + ROUNDING {
-                refuted.push(format!("{failing} of {answered} kept crashes still fail"));
+                let crashes = counted(answered, "kept crash");
+                refuted.push(format!("it still fails in {failing} of {crashes}"));
             } else if answered == 0 {
                 unknown.push("no kept crash gives an answer".to_owned());
             }
         }
         if let Some([solved, starts]) = self.new_ado.search {
+            if starts == 0 {
+                unknown.push("no start of the new training was searched".to_owned());
+            }
             let share = solved as f64 / starts.max(1) as f64;
             if own.failing > 0 && share > (1.0 - wanted) * own.share() + ROUNDING {
+                let starts = counted(starts, "start");
                 refuted.push(format!(
-                    "a search makes it fail from {solved} of {starts} starts of the new training"
+                    "a search makes it fail from {solved} of {starts} of the new training"
                 ));
             }
         }
@@ -296,14 +304,13 @@ impl Confirmation {
             ));
         }
         for loss in &self.losses {
-            // A comparison with NaN is false, and would read as a broken limit.
-            if loss.runs == 0 || loss.value.is_nan() || loss.at_most.is_nan() {
-                unknown.push(format!("`{}` has no value", loss.measure));
-            } else if !loss.is_kept() {
-                refuted.push(format!(
-                    "`{}` is {:.3}, above {:.3}",
-                    loss.measure, loss.value, loss.at_most
-                ));
+            match (loss.is_kept(), loss.value, loss.at_most) {
+                (Some(true), ..) => {}
+                (Some(false), Some(value), Some(at_most)) => {
+                    let measure = &loss.measure;
+                    refuted.push(format!("`{measure}` is {value:.3}, above {at_most:.3}"));
+                }
+                _ => unknown.push(format!("`{}` has no value", loss.measure)),
             }
         }
         // A missed condition outweighs everything that is not known.
@@ -364,9 +371,9 @@ mod tests {
             },
             losses: vec![LossResult {
                 measure: "braking".to_owned(),
-                own: 1.0,
-                value: 1.05,
-                at_most: 1.1,
+                own: Some(1.0),
+                value: Some(1.05),
+                at_most: Some(1.1),
                 limit: LossLimit::TimesOwn(1.1),
                 ratio_ci95: None,
                 runs: 100,
@@ -386,7 +393,7 @@ mod tests {
         use HardenVerdict::{Confirmed, Refuted, Unknown};
         assert_eq!(verdict(|_| {}), Confirmed);
         assert_eq!(verdict(|it| it.reduction = 0.89), Refuted);
-        assert_eq!(verdict(|it| it.losses[0].value = 1.11), Refuted);
+        assert_eq!(verdict(|it| it.losses[0].value = Some(1.11)), Refuted);
         assert_eq!(verdict(|it| it.kept = Some([2, 10])), Refuted);
         assert_eq!(verdict(|it| it.kept = Some([1, 10])), Confirmed);
         assert_eq!(verdict(|it| it.new_ado.search = Some([6, 100])), Refuted);
@@ -394,7 +401,9 @@ mod tests {
         assert_eq!(verdict(|it| it.sealed.invalid = 1), Unknown);
         assert_eq!(verdict(|it| it.kept = Some([0, 0])), Unknown);
         assert_eq!(verdict(|it| it.new_ado.recall = Some(0.8)), Unknown);
-        assert_eq!(verdict(|it| it.losses[0].value = f64::NAN), Unknown);
+        assert_eq!(verdict(|it| it.losses[0].value = None), Unknown);
+        assert_eq!(verdict(|it| it.losses[0].at_most = None), Unknown);
+        assert_eq!(verdict(|it| it.new_ado.search = Some([0, 0])), Unknown);
         assert_eq!(verdict(|it| it.losses[0].runs = 0), Unknown);
         // An ego that never fails is not hardened by anything.
         let none = confirmation(0).verdict(count(0, 200), 0.9);

@@ -1,6 +1,7 @@
 //! Traces of good and bad files.
 
 use super::*;
+use crate::run_dir::counterexample::csv_of;
 
 #[test]
 fn an_index_without_a_name_is_no_signal() {
@@ -11,6 +12,24 @@ fn an_index_without_a_name_is_no_signal() {
     assert_eq!(names, ["time", "x"]);
     assert_eq!(trace.signal("x"), Some(&[1.0, 2.0][..]));
     assert_eq!(trace.dt_s(), 0.1);
+}
+
+#[test]
+fn names_with_separators_and_quotes_are_read_as_they_were_written() {
+    let names = ["gap, front", "a;b;c", "\"lead\".speed", "plain"];
+    let signals = names.map(|name| Signal::real(name, "", ""));
+    let mut trace = Trace::new(Schema::new(0.1, signals).expect("a schema").into());
+    trace.push(&[1.0, 2.0, 3.0, 4.0]).expect("finite");
+    trace.push(&[5.0, 6.0, 7.0, 8.0]).expect("finite");
+    let text = csv_of(&trace);
+    assert!(
+        text.starts_with("time,\"gap, front\",\"a;b;c\",\"\"\"lead\"\".speed\",plain\n"),
+        "{text}"
+    );
+    let again = trace_of_csv(&text, None).expect("a trace");
+    for (column, name) in names.iter().enumerate() {
+        assert_eq!(again.signal(name), Some(trace.column(column)), "{name}");
+    }
 }
 
 #[test]

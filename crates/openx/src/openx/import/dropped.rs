@@ -61,8 +61,8 @@ pub(super) struct DropLog(RefCell<DropLists>);
 #[derive(Debug, Default)]
 struct DropLists {
     kinds: Vec<DroppedElements>,
-    /// Places of the counted elements by file, so that no element counts twice.
-    known: BTreeMap<PathBuf, BTreeSet<usize>>,
+    /// Places of the counted elements by file, so that no element counts twice for a kind.
+    known: BTreeMap<PathBuf, BTreeSet<(usize, &'static str)>>,
 }
 
 impl DropLog {
@@ -86,13 +86,13 @@ impl DropLog {
         }
     }
 
-    /// Counts an element, once however often it is found.
+    /// Counts an element, once for a kind however often it is found.
     pub(super) fn note(&self, kind: &'static str, node: &XmlNode) {
         let mut found = self.0.borrow_mut();
         let places = found.known.entry(node.file().to_owned()).or_default();
         // Every point reads the same files, and two references may name one
         // catalog entry.
-        if !places.insert(node.place) {
+        if !places.insert((node.place, kind)) {
             return;
         }
         match found.kinds.iter_mut().find(|it| it.kind == kind) {

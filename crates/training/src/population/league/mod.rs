@@ -31,6 +31,7 @@ use super::{PopulationDir, PopulationOrigin};
 use crate::experiment::{Watch, consent, consent_to_family};
 use crate::rl::Policy;
 use crate::run_dir::{Beginning, RequestedTraining, RunDifference, RunDir, RunError};
+use crate::seed::derived_seed;
 use crate::stats::row_gains;
 use crate::training::train_loop::train;
 use crate::training::{OptionClash, SessionError, TrainRequest};
@@ -44,8 +45,6 @@ pub use round::{LeagueResponse, LeagueRound};
 /// Usual starts of the payoffs, and of the search for a response of the ego.
 const PAYOFF_STARTS: usize = 100;
 const RESPONSE_STARTS: usize = 40;
-/// Distance between the seeds of a league, so that leagues of adjacent seeds share none.
-const SEED_STRIDE: u64 = 1_000_000;
 
 /// Request to train a league.
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +98,7 @@ pub fn train_league(
     };
     let family = scenario.family().ok_or_else(|| no_family(world))?;
     let seed = dir.manifest().seed;
-    let stream = |number: u64| seed.wrapping_add(number.wrapping_mul(SEED_STRIDE));
+    let stream = |number: u64| derived_seed(seed, number);
     // Batches of payoffs are short, and a bar for each would only flicker.
     let quiet = watch.quiet();
     watch.phase("drawing the starts of the payoffs");
@@ -379,8 +378,7 @@ impl League<'_> {
             .map(|run| run.policy_bundle())
             .transpose()?;
         // Streams 1 and 2 are those of the payoffs and of the responses.
-        let stream = (3 + number as u64).wrapping_mul(SEED_STRIDE);
-        let seed = self.dir.manifest().seed.wrapping_add(stream);
+        let seed = derived_seed(self.dir.manifest().seed, 3 + number as u64);
         let mut run = match RunDir::resume(&path) {
             Err(RunError::NotARun { .. }) => {
                 let with = Beginning {

@@ -60,6 +60,15 @@ struct Found {
 }
 
 fn searched(failing: impl Fn(&[f64]) -> f64, braking: impl Fn(&[f64]) -> f64, seed: u64) -> Found {
+    searched_in_round(failing, braking, seed, 0)
+}
+
+fn searched_in_round(
+    failing: impl Fn(&[f64]) -> f64,
+    braking: impl Fn(&[f64]) -> f64,
+    seed: u64,
+    round: usize,
+) -> Found {
     let parameters = ["gap_s", "gain", "limit"].map(parameter);
     let losses = &DrivingLoss::usual()[..1];
     let fake = Fake {
@@ -88,6 +97,7 @@ fn searched(failing: impl Fn(&[f64]) -> f64, braking: impl Fn(&[f64]) -> f64, se
         slices: slices(STARTS, RUNS),
         watch: &watch,
         seed,
+        round,
         from: None,
     };
     let all = optimizer.search();
@@ -202,9 +212,21 @@ fn a_stopped_search_returns_what_it_has_and_unknown_is_no_result() {
         slices: slices(4, 4),
         watch: &watch,
         seed: 0,
+        round: 0,
         from: None,
     };
     assert!(optimizer.search().is_empty());
+}
+
+#[test]
+fn rounds_of_neighbouring_seeds_draw_different_candidates() {
+    let drawn = |seed: u64, round: usize| {
+        let all = searched_in_round(by_gap, |_| 1.0, seed, round).all;
+        all.into_iter().map(|it| it.values).collect::<Vec<_>>()
+    };
+    assert_eq!(drawn(0, 1), drawn(0, 1));
+    assert_ne!(drawn(0, 1), drawn(1, 0));
+    assert_ne!(drawn(0, 1), drawn(0, 0));
 }
 
 #[test]

@@ -43,6 +43,8 @@ use crate::story::values::{
 
 /// Greatest number of executions that a world counts.
 const MOST_EXECUTIONS: f64 = 10_000.0;
+/// Kind of the executions that it does not count.
+const UNCOUNTED: &str = "executions after the 10,000th";
 
 /// World in which a storyboard plays.
 #[derive(Clone, Copy)]
@@ -287,6 +289,9 @@ impl<'a> StoryWriter<'a> {
             Err(part.node.refused(what, "write a whole number from 1 on"))
         });
         let count = self.blockers.keep(stated).unwrap_or(1.0);
+        if count > MOST_EXECUTIONS {
+            self.ground.catalogs.note(UNCOUNTED, part.node);
+        }
         // A whole number of this size has the same value as an integer.
         count.min(MOST_EXECUTIONS) as u32
     }

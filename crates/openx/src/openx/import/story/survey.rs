@@ -299,7 +299,9 @@ impl<'a> EntitySurvey<'a, '_> {
                     let route = self.ground.turns_to(node, scope, &self.entity.placed)?;
                     // Which way a road leads matters at junctions only, which lie ahead.
                     self.entity.route = route;
-                    if !begin.is_known || begin.at_s > 0.0 {
+                    // A route without an effect is listed as such, and its time says no more.
+                    let has_turns = !self.entity.route.is_empty();
+                    if has_turns && (!begin.is_known || begin.at_s > 0.0) {
                         let kind = "the time of routes, which hold from the start on";
                         self.ground.catalogs.note(kind, node);
                     }
