@@ -104,21 +104,7 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     // A wrong time column gives a plausible result, so the reading is always stated.
     terminal::note(&format!("read: {read}"));
     let trace = read.trace;
-    let in_formula = |error: StlError| placed("formula", &args.formula, &error);
-    let formula: Formula = args.formula.parse().map_err(in_formula)?;
-    let names = Names {
-        constants: constants(&args.constants)?,
-        ..Names::default()
-    };
-    let monitor = formula
-        .bind_with(trace.schema(), &names, &args.settings())
-        .map_err(in_formula)?;
-    refuse_unused(&names.constants, trace.schema().signals(), |name| {
-        let mut fewer = names.clone();
-        fewer.constants.shift_remove(name);
-        let bound = formula.bind_with(trace.schema(), &fewer, &args.settings());
-        bound.is_ok()
-    })?;
+    let monitor = bound(args, &trace)?;
     // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
         terminal::note(&short);
@@ -140,6 +126,26 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     } else {
         Exit::Done
     })
+}
+
+/// Binds the formula to the signals of a trace and to all typed constants.
+fn bound(args: &StlArgs, trace: &Trace) -> Result<Monitor, Failure> {
+    let in_formula = |error: StlError| placed("formula", &args.formula, &error);
+    let formula: Formula = args.formula.parse().map_err(in_formula)?;
+    let names = Names {
+        constants: constants(&args.constants)?,
+        ..Names::default()
+    };
+    let settings = args.settings();
+    let monitor = formula
+        .bind_with(trace.schema(), &names, &settings)
+        .map_err(in_formula)?;
+    refuse_unused(&names.constants, trace.schema().signals(), |name| {
+        let mut fewer = names.clone();
+        fewer.constants.shift_remove(name);
+        formula.bind_with(trace.schema(), &fewer, &settings).is_ok()
+    })?;
+    Ok(monitor)
 }
 
 impl StlArgs {
