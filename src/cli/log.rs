@@ -230,7 +230,8 @@ fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
     }
     if too_short > 0 {
         terminal::note(&format!(
-            "left out: {too_short} driving lanes of `{}` shorter than {LEAST_PIECE_M} m",
+            "left out: {} of `{}` shorter than {LEAST_PIECE_M} m",
+            counted(too_short, "driving lane"),
             file.display()
         ));
     }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::answer::{AnswerArgs, PrintedAnswer};
-use super::common::{finite_or_word, print_json};
+use super::common::print_json;
 use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
 use super::headings::OUTPUT;
@@ -23,7 +23,7 @@ use crate::crashes::{
 };
 use crate::report::{TextTable, junit};
 use crate::rulebook::RulesUntilContact;
-use crate::run_dir::{About, StartRepeated, counted, write_output};
+use crate::run_dir::{About, StartRepeated, counted, number_or_word, write_output};
 use crate::stats::wilson;
 use crate::testbench::Episode;
 
@@ -263,7 +263,7 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
     json!({
         "file": replayed.path.display().to_string(),
         "verdict": replayed.episode.verdict.word(),
-        "robustness": robustness(replayed).map(finite_or_word),
+        "robustness": robustness(replayed).map(number_or_word),
         "outcome": replayed.outcome(),
         "no_answer": replayed.no_answer(),
         "fault": replayed.fault(),

@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::common::{finite_or_word, print_json};
+use super::common::print_json;
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::input;
 use super::output_path::{new_dir, new_file};
 use super::terminal::{self, Common};
 use crate::ron_file::{Problem, ScenarioError};
-use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_output};
+use crate::run_dir::{ReadTrace, TraceOptions, number_or_word, read_trace, write_output};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -104,21 +104,7 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     // A wrong time column gives a plausible result, so the reading is always stated.
     terminal::note(&format!("read: {read}"));
     let trace = read.trace;
-    let in_formula = |error: StlError| placed("formula", &args.formula, &error);
-    let formula: Formula = args.formula.parse().map_err(in_formula)?;
-    let names = Names {
-        constants: constants(&args.constants)?,
-        ..Names::default()
-    };
-    let monitor = formula
-        .bind_with(trace.schema(), &names, &args.settings())
-        .map_err(in_formula)?;
-    refuse_unused(&names.constants, trace.schema().signals(), |name| {
-        let mut fewer = names.clone();
-        fewer.constants.shift_remove(name);
-        let bound = formula.bind_with(trace.schema(), &fewer, &args.settings());
-        bound.is_ok()
-    })?;
+    let monitor = bound(args, &trace)?;
     // The value is valid, but rarely the intended one.
     if let Some(short) = beyond(&monitor, &trace) {
         terminal::note(&short);
@@ -140,6 +126,26 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
     } else {
         Exit::Done
     })
+}
+
+/// Binds the formula to the signals of a trace and to all typed constants.
+fn bound(args: &StlArgs, trace: &Trace) -> Result<Monitor, Failure> {
+    let in_formula = |error: StlError| placed("formula", &args.formula, &error);
+    let formula: Formula = args.formula.parse().map_err(in_formula)?;
+    let names = Names {
+        constants: constants(&args.constants)?,
+        ..Names::default()
+    };
+    let settings = args.settings();
+    let monitor = formula
+        .bind_with(trace.schema(), &names, &settings)
+        .map_err(in_formula)?;
+    refuse_unused(&names.constants, trace.schema().signals(), |name| {
+        let mut fewer = names.clone();
+        fewer.constants.shift_remove(name);
+        formula.bind_with(trace.schema(), &fewer, &settings).is_ok()
+    })?;
+    Ok(monitor)
 }
 
 impl StlArgs {
@@ -209,11 +215,11 @@ struct FormulaResult {
 impl FormulaResult {
     fn json(&self) -> serde_json::Value {
         let mut object = json!({
-            "robustness": finite_or_word(self.robustness),
+            "robustness": number_or_word(self.robustness),
             "satisfied": self.satisfied,
         });
         if let Some(all) = &self.all {
-            object["robustness_all"] = all.iter().map(|&value| finite_or_word(value)).collect();
+            object["robustness_all"] = all.iter().map(|&value| number_or_word(value)).collect();
         }
         if let Some(explanation) = &self.explanation {
             object["explain"] = json!(explanation);

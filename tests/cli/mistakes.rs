@@ -122,7 +122,12 @@ fn files_that_hold_no_world_are_named() {
     let dir = scratch();
     std::fs::write(dir.path().join("empty.ron"), "").expect("written");
     std::fs::write(dir.path().join("empty.csv"), "").expect("written");
+    let (campaign, xml) = (dir.path().join("c.ron"), dir.path().join("x.xosc"));
+    std::fs::write(campaign, "// One\nCampaign(name: \"c\")").expect("written");
+    std::fs::write(xml, "<?xml version=\"1.0\"?>\n<OpenSCENARIO/>").expect("written");
     for (words, part) in [
+        ("check c.ron", "brakecheck campaign plan"),
+        ("check x.xosc", "brakecheck new NAME --from"),
         ("check empty.ron", "empty.ron:1:1"),
         ("search empty.ron", "empty.ron:1:1"),
         ("log empty.csv", "empty.csv"),

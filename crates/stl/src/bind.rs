@@ -329,8 +329,8 @@ impl<'a> Binder<'a> {
 
     /// Refuses constant ends of a range in the wrong order, between which nothing lies.
     fn check_order(&self, range: &(Term, Term)) -> Result<(), StlError> {
-        let (low, high) = (self.scope.value(&range.0)?, self.scope.value(&range.1)?);
-        let (BoundExpression::Number(low), BoundExpression::Number(high)) = (low, high) else {
+        let ends = (self.scope.value(&range.0)?, self.scope.value(&range.1)?);
+        let (BoundExpression::Number(low), BoundExpression::Number(high)) = ends else {
             return Ok(());
         };
         if low <= high {

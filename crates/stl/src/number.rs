@@ -185,6 +185,10 @@ impl Ratio {
 impl fmt::Display for Ratio {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let decimal = self.to_f64().to_string();
+        // Nobody counts the digits of such a bound.
+        if self.to_f64().abs() >= 1e15 {
+            return write!(f, "{:e}", self.to_f64());
+        }
         // Longer ones are cut, and then two different times could look alike.
         if decimal.len() <= 10 || self.under > 1_000_000 {
             return write!(f, "{decimal}");
@@ -235,5 +239,7 @@ mod tests {
         }
         assert_eq!(Ratio::from_f64(1.0 / 3.0).unwrap().to_f64(), 1.0 / 3.0);
         assert_eq!(Ratio::from_f64(f64::NAN), None);
+        let long = Ratio::new(10_i128.pow(30), 1);
+        assert_eq!(long.map(|it| it.to_string()), Some("1e30".to_owned()));
     }
 }

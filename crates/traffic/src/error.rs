@@ -144,6 +144,12 @@ pub enum ReadError {
         /// Problem at this place.
         problem: FileProblem,
     },
+    /// A table has a header without rows.
+    #[error("`{file}`: no row follows the header")]
+    NoRows {
+        /// Name of the file.
+        file: String,
+    },
     /// No road user has two rows.
     #[error("`{file}`: no road user has two rows")]
     Empty {
@@ -201,6 +207,7 @@ impl ReadError {
                 "copy all files of one recording again, or rename the one that is wrong".to_owned()
             }
             ReadError::Content { problem, .. } => problem.help(),
+            ReadError::NoRows { .. } => "record at least two rows per road user".to_owned(),
             ReadError::Empty { .. } => {
                 "map `id` to a column that is the same in all rows of a road user".to_owned()
             }

@@ -123,6 +123,8 @@ enum ColumnUnit {
     Speed(SpeedUnit),
     Degrees,
     Radians,
+    /// Unit of lengths that is not read, and so refused.
+    Unread,
 }
 
 impl ColumnMap {
@@ -310,6 +312,7 @@ fn unit_of(text: &str) -> Option<ColumnUnit> {
         "ft/s" | "fps" => ColumnUnit::Speed(SpeedUnit::FeetPerSecond),
         "deg" | "degree" | "degrees" | "°" => ColumnUnit::Degrees,
         "rad" | "radian" | "radians" => ColumnUnit::Radians,
+        "mm" | "cm" | "km" => ColumnUnit::Unread,
         _ => return None,
     })
 }

@@ -174,6 +174,11 @@ fn read_rows(
     {
         parser.push(&record)?;
     }
+    if parser.tracks.is_empty() {
+        return Err(ReadError::NoRows {
+            file: name.to_owned(),
+        });
+    }
     let is_frames = matches!(map.time, TimeColumn::Frames { .. });
     // `finish` consumes the parser, and the meta file counts frames from the
     // first row of the file.

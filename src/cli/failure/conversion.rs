@@ -249,6 +249,9 @@ impl From<&KeptError> for Failure {
         match error {
             KeptError::Run(error) => Failure::from(error),
             KeptError::World { source, .. } => Failure::from(&**source),
+            KeptError::Version { .. } => {
+                Failure::input(error.to_string(), "replay it with the version that kept it")
+            }
             KeptError::Format { .. } | KeptError::Change { .. } => Failure::input(
                 error.to_string(),
                 "kept counterexamples are written by `brakecheck eval RUN --keep DIR`",

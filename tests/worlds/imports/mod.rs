@@ -154,6 +154,28 @@ fn files_of_other_kinds_are_named_in_words_of_their_own() {
 }
 
 #[test]
+fn a_file_in_another_encoding_and_one_without_roads_have_fixes_of_their_own() {
+    let latin = plain().read(&|_| {
+        let why = "byte 7 is not UTF-8";
+        Err(std::io::Error::new(std::io::ErrorKind::InvalidData, why))
+    });
+    let error = latin.expect_err("no text");
+    assert_eq!(error.help.as_deref(), Some("save it as UTF-8"));
+    let mut files = files(&[]);
+    for (name, text) in &mut files {
+        if *name == "straight.xodr" {
+            *text = "<OpenDRIVE/>".to_owned();
+        }
+    }
+    let error = import(&files).expect_err("no roads");
+    let help = "name a road file with a `road`: this one has none";
+    assert!(
+        error.all().any(|it| it.help.as_deref() == Some(help)),
+        "{error}"
+    );
+}
+
+#[test]
 fn names_of_an_ado_and_of_maps_that_the_file_does_not_have_are_refused() {
     let files = files(&[]);
     let refused = |import: &Import<'_>| {

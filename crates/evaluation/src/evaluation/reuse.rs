@@ -232,11 +232,14 @@ fn summary(
     reference: &AdversaryId,
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
-        // Interrupted rows, and rows without a valid start, have no rate to average.
+        // Interrupted rows, rows without a valid start and those of an ego that depends on
+        // more than the episode have no rate to average.
+        let has_rate =
+            |row: &&Row| row.partial.is_none() && row.starts > 0 && !row.is_unrepeatable();
         let rows = ego
             .rows
             .iter()
-            .filter(|row| row.partial.is_none() && row.starts > 0)
+            .filter(has_rate)
             .filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };

@@ -120,6 +120,14 @@ pub enum KeptError {
         /// Invalid content.
         why: String,
     },
+    /// The file is of another version of the program.
+    #[error("`{path}` has format {found} of kept counterexamples, and this version reads {reads}", reads = FORMAT)]
+    Version {
+        /// File.
+        path: PathBuf,
+        /// Format of the file.
+        found: u32,
+    },
     /// The world in the file is not usable.
     #[error("the world in `{path}`: {source}")]
     World {
@@ -249,7 +257,10 @@ impl Counterexample {
             }
         })?;
         if kept.format != FORMAT {
-            return Err(format(format!("format {} is not {FORMAT}", kept.format)));
+            return Err(KeptError::Version {
+                path: path.into(),
+                found: kept.format,
+            });
         }
         // A file without its hash fails the check, since a kept one always has it.
         let hash = kept.sha256.as_deref().unwrap_or_default();

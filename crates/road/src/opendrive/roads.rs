@@ -273,7 +273,11 @@ impl RoadMap {
                 .map(String::as_str)
                 .collect::<Vec<_>>()
                 .join(", ");
-            let help = format!("the roads of the file: {known}");
+            let help = if known.is_empty() {
+                "name a road file with a `road`: this one has none".to_owned()
+            } else {
+                format!("the roads of the file: {known}")
+            };
             let error = asks.refused(format!("there is no road `{id}`"), &help);
             error.following(self.is_unread)
         })?;

@@ -115,7 +115,10 @@ impl XmlNode {
     pub fn read(path: &Path, standard: &str, files: Files<'_>) -> Result<XmlNode, ImportError> {
         let at = At::file(path);
         let text = files(path).map_err(|error| {
-            let help = "check its path, which counts from the file that names it";
+            let help = match error.kind() {
+                std::io::ErrorKind::InvalidData => "save it as UTF-8",
+                _ => "check its path, which counts from the file that names it",
+            };
             at.error(error.to_string()).helped(help)
         })?;
         // A byte order mark is no part of the XML.

@@ -252,6 +252,11 @@ fn every_mistake_has_file_line_column_and_fix() {
             "unique per road user",
         ),
         (
+            generic(""),
+            "`log.csv`: no row follows the header",
+            "at least two rows",
+        ),
+        (
             generic(good),
             "`log.csv`: no road user has two rows",
             "map `id`",

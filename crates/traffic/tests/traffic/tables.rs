@@ -85,6 +85,7 @@ fn tables_that_may_mean_two_things_are_refused_by_name() {
             "time,id,x [cm],y [cm],heading,speed,length,width\n",
             "x [cm]",
         ),
+        ("time,id,x_cm,y_cm,heading,speed,length,width\n", "x_cm"),
         ("time,id,x [ft],y [m],heading,speed,length,width\n", "y [m]"),
         (
             "time,id,x,y,heading,speed [kn],length,width\n",

@@ -26,6 +26,15 @@ pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
             help: Some("replay it: `brakecheck replay FILE`".to_owned()),
         });
     }
+    if let Some((what, help)) = other_file(text) {
+        let begin = text.len() - text.trim_start().len();
+        return Err(Problem {
+            what: format!("this is {what}, and no world"),
+            span: begin..begin + 1,
+            label: "begins it".to_owned(),
+            help: Some(help.to_owned()),
+        });
+    }
     // The reader of scenarios reports a text without any word.
     let Some(span) = first_word(text) else {
         return Ok(WorldKind::Scenario);
@@ -47,6 +56,17 @@ pub(super) fn kind(text: &str) -> Result<WorldKind, Problem> {
             })
         }
     }
+}
+
+/// Returns the kind of a file for another verb, with that verb.
+fn other_file(text: &str) -> Option<(&'static str, &'static str)> {
+    let campaign = "plan it: `brakecheck campaign plan FILE -o DIR`";
+    let scenario = "import a scenario: `brakecheck new NAME --from FILE`";
+    if text.trim_start().starts_with('<') {
+        return Some(("an XML file", scenario));
+    }
+    let first = first_word(text).map(|span| &text[span]);
+    (first == Some("Campaign")).then_some(("a campaign", campaign))
 }
 
 /// Returns the place of the first field of a kept counterexample, if a text is one.

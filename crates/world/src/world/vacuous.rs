@@ -74,7 +74,9 @@ pub(super) fn warnings(scenario: DriveScenario<'_>) -> Vec<(Oddity, Problem)> {
 ///
 /// Such a formula lacks an `always`, or requires an event that has happened at the start.
 pub(super) fn decided_at_once(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
-    let all = formulas(scenario);
+    let tried = on_kinematic_plant(scenario);
+    // Of the tried world, whose monitors have the signals of its traces.
+    let all = formulas(&tried);
     let is_asked = |i: &usize| {
         let monitor = all[*i].2;
         // A rule that looks ahead may be about some starts only, and others
@@ -85,7 +87,6 @@ pub(super) fn decided_at_once(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
         reads && (may_look_ahead || monitor.horizon_samples() == Some(0))
     };
     let mut decided: Vec<usize> = (0..all.len()).filter(is_asked).collect();
-    let tried = on_kinematic_plant(scenario);
     let mut bench = tried.bench();
     let mut scratch = Scratch::default();
     for start in tried_starts(&tried) {

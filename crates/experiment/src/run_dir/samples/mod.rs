@@ -17,10 +17,14 @@ use std::sync::Arc;
 use brakecheck_stl::sampling::rate_of;
 use brakecheck_stl::table::{Decimals, DelimitedTable, TableError, is_value, parse_iso};
 
+use super::counted;
 pub use error::SamplesError;
 use time::{StampColumn, TimeFit, TimeIndex, UNEVEN, digits_of, time_columns};
 
 use crate::trace::{Schema, Signal, Trace};
+
+/// Greatest period in seconds of which six decimals show too little.
+const SHORT_S: f64 = 1e-4;
 
 /// Options of the reading of a trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,12 +52,18 @@ pub struct ReadTrace {
 impl fmt::Display for ReadTrace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let dt_s = self.trace.dt_s();
-        let samples = self.trace.len();
+        let samples = counted(self.trace.len(), "sample");
         match &self.time {
-            Some(name) => write!(f, "time `{name}`: {samples} samples")?,
-            None => write!(f, "no time column: {samples} samples")?,
+            Some(name) => write!(f, "time `{name}`: {samples}")?,
+            None => write!(f, "no time column: {samples}")?,
         }
-        write!(f, " at {:.6} s ({})", dt_s, rate_of(dt_s))?;
+        if self.time.is_some() && self.trace.len() == 1 {
+            write!(f, ", and the period is taken as {dt_s} s")?;
+        } else if dt_s < SHORT_S {
+            write!(f, " at {dt_s:.3e} s ({})", rate_of(dt_s))?;
+        } else {
+            write!(f, " at {dt_s:.6} s ({})", rate_of(dt_s))?;
+        }
         if let Some(since) = &self.since {
             write!(f, ", dates since {since}")?;
         }
