@@ -64,6 +64,17 @@ fn an_imported_scene_tests_the_program_at_every_point() {
     assert!(passed > 0, "{table}");
     let coasting = brakecheck(&["eval", &world, "--json"]);
     assert_eq!(json(&coasting)["points"][0]["passed"], 0);
+    // A program that draws without its seed has no result at any point.
+    let text = WEAK
+        .replace("import json, sys", "import json, random, sys")
+        .replace("-3.0 if ahead else 0.0", "random.uniform(-3.0, 0.0)");
+    let random = path(&dir, "random.py");
+    std::fs::write(&random, text).expect("written");
+    let eval = brakecheck(&with_program(&["eval", &world, "--json"], &random));
+    assert_eq!(code(&eval), 3, "{}", stderr(&eval));
+    let table = &json(&eval)["points"][0];
+    let [passed, failed, invalid] = ["passed", "failed", "invalid"].map(|it| number(&table[it]));
+    assert_eq!((passed + failed, invalid), (0, 25), "{table}");
 }
 
 #[test]

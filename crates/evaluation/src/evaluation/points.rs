@@ -75,6 +75,16 @@ pub struct PointResult {
     pub varied: Option<VariedPoint>,
 }
 
+impl PointResult {
+    /// Makes the point no result, because its ego depends on more than the episode.
+    fn void(&mut self) {
+        if self.outcome != PointOutcome::NotReached {
+            self.outcome = PointOutcome::Invalid;
+        }
+        (self.robustness, self.failure, self.varied) = (None, None, None);
+    }
+}
+
 /// Failure of an ego at a point.
 #[derive(Clone, Debug, Serialize)]
 pub struct PointFailure {
@@ -189,9 +199,12 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         |bench, index, _| Some(evaluated.result(bench, *index)),
     );
     let reached = indices.iter().zip(results);
-    let results: Vec<PointResult> = reached
+    let mut results: Vec<PointResult> = reached
         .map(|(index, result)| result.unwrap_or_else(|| evaluated.blank(*index)))
         .collect();
+    if rows.iter().any(Row::is_unrepeatable) {
+        results.iter_mut().for_each(PointResult::void);
+    }
     let count = |outcome| results.iter().filter(|it| it.outcome == outcome).count();
     let varied = results.iter().filter_map(|it| it.varied.as_ref());
     let failing = varied.filter(|varied| varied.fails).count();
