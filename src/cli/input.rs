@@ -25,7 +25,7 @@ pub(super) fn is_stdin(path: &Path) -> bool {
     path == Path::new(STDIN)
 }
 
-/// Parser of a file or a directory that is read late, and must exist from the beginning.
+/// Parser of a file or a directory that is read later, but must exist now.
 pub(super) fn existing_path() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
         if path.exists() {

@@ -297,8 +297,9 @@ impl Row {
         self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
     }
 
-    /// Returns whether the ego depends on more than the episode, so that the row is no
-    /// result.
+    /// Returns whether the ego depends on more than the episode.
+    ///
+    /// The row is no result then.
     pub fn is_unrepeatable(&self) -> bool {
         let first = self.faults.first();
         first.is_some_and(|fault| fault.kind.is_unrepeatable())

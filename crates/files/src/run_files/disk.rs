@@ -72,7 +72,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     flush_dir(dir).map_err(&failed)
 }
 
-/// Writes a file that the user named, also to a device, a pipe or the target of a link.
+/// Writes a file that you named, which may be a device, a pipe or a link.
 ///
 /// [`write_file`] follows no link, since a directory of results may come from elsewhere.
 ///

@@ -86,8 +86,9 @@ type WarningText = (String, &'static str, &'static str);
 /// Label and fix.
 type LabelAndFix = (&'static str, &'static str);
 
-/// Returns whether several actions all do the same. A single action is a choice of its
-/// author.
+/// Returns whether several actions all do the same.
+///
+/// A single action is a choice of its author.
 fn are_equal(actions: &Actions) -> bool {
     fn all<T: PartialEq>(values: &[T]) -> bool {
         values.windows(2).all(|pair| pair[0] == pair[1])
