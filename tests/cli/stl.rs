@@ -145,7 +145,11 @@ fn what_users_get_wrong_exits_with_2_and_is_named() {
         (&["x > c", "--const", "c=nan"], good, "named constant"),
         (&["x > 0", "--const", "x=1"], good, "`x` is a signal"),
         (&["x > 0", "--const", "=1"], good, "the constant ``"),
-        (&["x > 0", "--const", "a b=1"], good, "nothing uses the constant `a b`"),
+        (
+            &["x > 0", "--const", "a b=1"],
+            good,
+            "nothing uses the constant `a b`",
+        ),
         (&["x in [5, 1]"], good, "no number lies in [5, 1]"),
     ];
     for (args, csv, says) in cases {

@@ -367,7 +367,10 @@ fn no_seal_is_shed_and_other_formats_are_refused() {
     let first = unsealed.replacen("format: 2", "format: 1", 1);
     for (text, why) in [
         (&unsealed, "its SHA-256 is missing"),
-        (&first, "has format 1 of kept counterexamples, and this version reads 2"),
+        (
+            &first,
+            "has format 1 of kept counterexamples, and this version reads 2",
+        ),
     ] {
         let path = dir.path().join("kept.ron");
         fs::write(&path, text).expect("written");

@@ -169,7 +169,10 @@ fn a_file_in_another_encoding_and_one_without_roads_have_fixes_of_their_own() {
     }
     let error = import(&files).expect_err("no roads");
     let help = "name a road file with a `road`: this one has none";
-    assert!(error.all().any(|it| it.help.as_deref() == Some(help)), "{error}");
+    assert!(
+        error.all().any(|it| it.help.as_deref() == Some(help)),
+        "{error}"
+    );
 }
 
 #[test]

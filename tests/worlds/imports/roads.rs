@@ -105,9 +105,8 @@ fn what_is_dropped_is_listed_with_the_place_of_the_first() {
 
 #[test]
 fn steps_of_the_elevation_are_listed_and_lanes_of_no_side_are_not_read() {
-    let elevation = |s_m: u32, a: f64| {
-        format!(r#"<elevation s="{s_m}" a="{a}" b="0" c="0" d="0"/>"#)
-    };
+    let elevation =
+        |s_m: u32, a: f64| format!(r#"<elevation s="{s_m}" a="{a}" b="0" c="0" d="0"/>"#);
     // A rounding of the file is no step, and one behind the end of the road is on no road.
     for (height_m, at_m, kinds) in [
         (50.0, 100, &["steps of the elevation"][..]),

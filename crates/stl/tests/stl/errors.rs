@@ -250,7 +250,11 @@ fn as_deep_as_allowed() {
 fn ends_of_a_range_in_the_wrong_order_are_refused() {
     for (text, range, help) in [
         ("headway in [5, 1]", "5, 1", "write [1, 5]"),
-        ("not (headway in [d_safe, -1])", "d_safe, -1", "write [-1, d_safe]"),
+        (
+            "not (headway in [d_safe, -1])",
+            "d_safe, -1",
+            "write [-1, d_safe]",
+        ),
     ] {
         let error = error(text);
         assert_eq!((&text[error.span()], error.help()), (range, Some(help)));

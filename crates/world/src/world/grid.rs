@@ -7,7 +7,9 @@ use indexmap::IndexMap;
 use super::family::TrainingEgos;
 use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::warnings::Warnings;
-use super::{Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits, vacuous};
+use super::{
+    Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits, vacuous,
+};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;

@@ -17,8 +17,8 @@ use std::sync::Arc;
 use brakecheck_stl::sampling::rate_of;
 use brakecheck_stl::table::{Decimals, DelimitedTable, TableError, is_value, parse_iso};
 
-pub use error::SamplesError;
 use super::counted;
+pub use error::SamplesError;
 use time::{StampColumn, TimeFit, TimeIndex, UNEVEN, digits_of, time_columns};
 
 use crate::trace::{Schema, Signal, Trace};

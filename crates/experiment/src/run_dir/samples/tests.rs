@@ -202,9 +202,18 @@ fn short_periods_and_single_samples_are_stated_as_they_are() {
         read.map(|it| it.to_string()).map_err(|it| it.to_string())
     };
     for (text, says) in [
-        ("t,x\n0,1\n", "time `t`: 1 sample, and the period is taken as 1 s"),
-        ("time_ns,x\n0,1\n1,2\n", "time `time_ns`: 2 samples at 1.000e-9 s"),
-        ("t,x\n0,1\n0.05,2\n", "time `t`: 2 samples at 0.050000 s (20 Hz)"),
+        (
+            "t,x\n0,1\n",
+            "time `t`: 1 sample, and the period is taken as 1 s",
+        ),
+        (
+            "time_ns,x\n0,1\n1,2\n",
+            "time `time_ns`: 2 samples at 1.000e-9 s",
+        ),
+        (
+            "t,x\n0,1\n0.05,2\n",
+            "time `t`: 2 samples at 0.050000 s (20 Hz)",
+        ),
     ] {
         let said = read(text).expect(text);
         assert!(said.starts_with(says), "{said}");
