@@ -41,6 +41,7 @@ def train(
     bank: Sequence[Path] = (),
     traffic: Path | None = None,
     temperature: float | None = None,
+    prior: float | None = None,
     resume: bool = False,
     starts: int = 300,
     jobs: int | None = None,
@@ -69,6 +70,8 @@ def train(
             fails: a file with `Traffic(…)`, or `"world"` for the world's own.
         temperature: of an ado of traffic: 1, the default, as the traffic drives
             given that the ego fails, and towards 0 the actions of greatest V.
+        prior: power of the law of traffic, from 1, the default, as people drive, to 0:
+            all actions that the law allows are equally likely.
         resume: continue an interrupted training in `output`.
         starts: test starts of the closing evaluation.
         jobs: threads, by default one per core, and 1 if Python plays.
@@ -99,6 +102,7 @@ def train(
         "bank": [os.fspath(path) for path in bank],
         "traffic": None if traffic is None else os.fspath(traffic),
         "temperature": temperature,
+        "prior": prior,
         "resume": resume,
         "starts": starts,
     }

@@ -74,6 +74,7 @@ pub(crate) struct TrainOptions {
     /// A file of declared traffic, or `world` for the world's own.
     traffic: Option<String>,
     temperature: Option<f64>,
+    prior: Option<f64>,
     resume: bool,
     starts: usize,
 }
@@ -152,6 +153,7 @@ pub(crate) fn train_ado<'py>(
         let request = TrainRequest {
             traffic: traffic.as_ref(),
             temperature: options.temperature,
+            prior: options.prior,
             seed: options.seed,
             decisions: options.decisions,
             learner: options.learner.as_deref(),

@@ -303,7 +303,7 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     // As in other verbs, a result without an evaluated start must not look like a pass.
     if merged.summary.rows.iter().all(|row| row.starts == 0) {
         return Err(Failure::fault(
-            "no start was evaluated: the ego fails from all of them without an adversary",
+            "no start was evaluated: from each, the ego fails without an adversary or did not run",
             Some("correct the starts of the campaign, or test another ego".to_owned()),
         ));
     }

@@ -83,6 +83,13 @@ pub(super) fn read<P: CommandLine>(
     if let Some(failure) = refused {
         return Err(Ended::Refused(failure));
     }
+    // An unset variable of a script must not test the world's own ego instead.
+    if arguments.last().is_some_and(|word| word == "--") {
+        return Err(Ended::Refused(Failure::input(
+            "missing command after `--`",
+            "write the command of your program, or leave out `--`",
+        )));
+    }
     let program = P::from_arg_matches(&matches);
     Ok(ReadLine {
         program: program.map_err(|error| ended(&error, &command, &arguments))?,

@@ -117,16 +117,6 @@ pub(super) fn table_of<const N: usize>(
     TextTable::new(header, lines).to_terminal(stdout_columns())
 }
 
-/// JSON has no infinities: they are the words "inf" and "-inf". NaN is `null`.
-pub(super) fn finite_or_word(value: f64) -> serde_json::Value {
-    if value.is_infinite() {
-        if value > 0.0 { "inf" } else { "-inf" }.into()
-    } else {
-        // An unknown value must not look like a certain failure, so NaN stays `null`.
-        value.into()
-    }
-}
-
 /// Ends a verb that computed nothing, by an interruption or because of the ego.
 pub(super) fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
     if terminal::stopped() {

@@ -49,8 +49,10 @@ fn by_ego(egos: &[ReusedOn]) -> String {
         .iter()
         .filter_map(|ego| Some((ego, strongest(ego.rows.iter())?)))
         .collect();
-    // Stable, so that egos of equal rates keep the order of the world.
-    worst.sort_by(|a, b| b.1.success_rate.total_cmp(&a.1.success_rate));
+    // Stable, so that egos of equal rates keep the order of the world. An unknown rate is
+    // NaN, which would come first.
+    let rate = |row: &Row| row.success_rate.max(0.0);
+    worst.sort_by(|a, b| rate(b.1).total_cmp(&rate(a.1)));
     let lines = worst.iter().take(EGOS_SHOWN).map(|(reused, row)| {
         [
             ego(row),

@@ -9,6 +9,7 @@ use super::common::print_json;
 use super::failure::{Exit, Failure};
 use super::headings::{OUTPUT, RUNNING};
 use super::kept_input;
+use super::output_path::new_dir;
 use super::terminal::{self, Common};
 use crate::crashes::{ExportSettings, Exports, NotExported, export_with};
 
@@ -18,7 +19,7 @@ pub(super) struct ExportArgs {
     #[arg(value_name = "FILE|DIR|RUN")]
     what: PathBuf,
     /// The directory to write into, where files of the same names are replaced.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", value_parser = new_dir())]
     output: PathBuf,
     /// Also write each crash as an OSI trace: `NAME.mcap`.
     #[arg(long)]

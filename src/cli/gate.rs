@@ -17,7 +17,7 @@ use super::test_args::{EgoArgs, TestArgs};
 use crate::evaluation::{DecidedGate, GateOn, gate_table, gates_verdict};
 use crate::experiment::EgoUnderTest;
 use crate::report::junit;
-use crate::run_dir::write_file;
+use crate::run_dir::write_output;
 use crate::world::Scenario;
 
 /// Legend of the columns of gates.
@@ -78,7 +78,7 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
     if let Some(file) = &args.junit {
         let suites = gates.iter().map(|gate| gate.suite(tested.nominal.name()));
         let suites: Vec<_> = suites.collect();
-        write_file(file, junit(&suites).as_bytes())?;
+        write_output(file, junit(&suites).as_bytes())?;
     }
     tested.keep(&evaluated, egos.len())?;
     // Rows without a start or of an interrupted run take precedence over an open gate.

@@ -11,7 +11,9 @@ use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
 use super::harden_text::{EXPLAINED, details, gate_command, table, verdict};
 use super::headings::{ADOS, LEARNING, OUTPUT, TEST};
-use super::number_args::{STARTS, count, start_count};
+use super::input::existing_path;
+use super::number_args::{STARTS, count, start_count, switch_count};
+use super::output_path::new_dir;
 use super::progress;
 use super::run_under_test::is_world;
 use super::terminal::{self, Common};
@@ -68,11 +70,11 @@ pub(super) struct HardenArgs {
     #[arg(long, value_name = "RUN", help_heading = ADOS)]
     against: Vec<PathBuf>,
     /// Kept crashes that the ego must withstand (repeatable).
-    #[arg(long, value_name = "FILE|DIR", help_heading = ADOS)]
+    #[arg(long, value_name = "FILE|DIR", value_parser = existing_path(), help_heading = ADOS)]
     known: Vec<PathBuf>,
     /// Also search every start, with at most M switches of action.
-    #[arg(long, value_name = "M", value_parser = count(0..=10), help_heading = ADOS)]
-    search: Option<u64>,
+    #[arg(long, value_name = "M", value_parser = switch_count(), help_heading = ADOS)]
+    search: Option<usize>,
     /// Least reduction of the failures, as a share.
     #[arg(long, value_name = "SHARE", default_value_t = HardenSettings::default().reduction, value_parser = reduction)]
     reduction: f64,
@@ -92,7 +94,7 @@ pub(super) struct HardenArgs {
     #[arg(long, value_name = "N", default_value_t = HardenSettings::default().decisions, value_parser = count(1..=u64::MAX), help_heading = LEARNING)]
     decisions: u64,
     /// Directory of changes, runs and crashes [default: runs/WORLD-hardened].
-    #[arg(short, long, value_name = "DIR", help_heading = OUTPUT)]
+    #[arg(short, long, value_name = "DIR", value_parser = new_dir(), help_heading = OUTPUT)]
     output: Option<PathBuf>,
     /// The physics of all runs, instead of the world's.
     #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
@@ -187,7 +189,7 @@ fn parameters(args: &HardenArgs, ego: &EgoUnderTest) -> Result<EgoParameters, Fa
 fn ados(args: &HardenArgs, world: &Scenario) -> Result<AdoSet, Failure> {
     let own = (!is_world(&args.input)).then_some(&args.input);
     let mut ados = AdoSet {
-        switches: args.search.map(|most| most as usize),
+        switches: args.search,
         ..AdoSet::default()
     };
     for run in own.into_iter().chain(&args.against) {

@@ -2,8 +2,10 @@
 
 use std::fs::File;
 use std::io::{self, Error, ErrorKind, IsTerminal, Read, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
 
 use super::terminal;
 use crate::ron_file::{file_text, open_file};
@@ -21,6 +23,17 @@ static IS_READ: AtomicBool = AtomicBool::new(false);
 /// Returns whether a path names standard input.
 pub(super) fn is_stdin(path: &Path) -> bool {
     path == Path::new(STDIN)
+}
+
+/// Parser of a file or a directory that is read late, and must exist from the beginning.
+pub(super) fn existing_path() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if path.exists() {
+            Ok(path)
+        } else {
+            Err("there is no such file or directory: name another")
+        }
+    })
 }
 
 /// Returns the text of a file, or of standard input.

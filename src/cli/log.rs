@@ -16,10 +16,11 @@ use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT};
 use super::input::{self, Opened};
 use super::log_reading;
+use super::output_path::{new_file, new_svg};
 use super::terminal::{self, Common};
 use crate::openx::import::{DrivenLanes, driven_lanes};
 use crate::ron_file::file_text;
-use crate::run_dir::{counted, write_file};
+use crate::run_dir::{counted, write_output};
 
 /// Least distance of the points of a mapped lane.
 // Close points would turn small errors of a map into large ones of headings.
@@ -54,10 +55,10 @@ pub(super) struct LogArgs {
     #[arg(long, value_name = "FILE.xodr|FILE.osm", help_heading = INPUT)]
     road: Option<PathBuf>,
     /// Fit a naturalness model, print its calibration and write it.
-    #[arg(long, value_name = "FILE.ron")]
+    #[arg(long, value_name = "FILE.ron", value_parser = new_file())]
     fit: Option<PathBuf>,
     /// Draw the recording from above, with its lanes, paths and crossings.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", value_parser = new_svg())]
     picture: Option<PathBuf>,
     /// Draw this instant instead, in seconds from the first row.
     #[arg(
@@ -134,7 +135,7 @@ fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Resul
         (Some(at_s), Some(id)) => instant(analysis, id, at_s)?,
         _ => svg_overview(analysis),
     };
-    write_file(path, svg.as_bytes())?;
+    write_output(path, svg.as_bytes())?;
     if !args.json {
         terminal::note(&format!("wrote {}", path.display()));
     }
@@ -229,7 +230,8 @@ fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
     }
     if too_short > 0 {
         terminal::note(&format!(
-            "left out: {too_short} driving lanes of `{}` shorter than {LEAST_PIECE_M} m",
+            "left out: {} of `{}` shorter than {LEAST_PIECE_M} m",
+            counted(too_short, "driving lane"),
             file.display()
         ));
     }
@@ -446,7 +448,7 @@ fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficMode
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let model = fit_traffic(&name, sources, analyses)?;
-    write_file(path, model.to_ron().as_bytes())?;
+    write_output(path, model.to_ron().as_bytes())?;
     if !args.json {
         terminal::data(&format!("{model}\nwrote {}", path.display()))?;
     }

@@ -335,14 +335,6 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_number_is_null_and_an_infinite_one_a_word() {
-        let words =
-            [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.5].map(super::common::finite_or_word);
-        let expect = serde_json::json!([null, "inf", "-inf", -0.5]);
-        assert_eq!(serde_json::json!(words), expect);
-    }
-
-    #[test]
     fn no_verb_has_an_option_twice() {
         let mut command = super::command_line::command::<super::Cli>(false);
         command.build();

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use clap::builder::TypedValueParser;
 
 use super::defaults::MOST_JOBS;
+use crate::search::MOST_SWITCHES;
 
 /// Default number of starts, the same for every verb.
 pub(super) const STARTS: usize = 300;
@@ -12,6 +13,11 @@ pub(super) const STARTS: usize = 300;
 /// Parser of a number of starts, with its limits.
 pub fn start_count() -> impl TypedValueParser<Value = usize> {
     count(1..=10_000_000).map(|count| count as usize)
+}
+
+/// Parser of a number of switches of action.
+pub(super) fn switch_count() -> impl TypedValueParser<Value = usize> {
+    count(0..=MOST_SWITCHES as u64).map(|count| count as usize)
 }
 
 /// Parser of a number of threads.

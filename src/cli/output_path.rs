@@ -11,6 +11,11 @@ pub(super) fn new_file() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|file| check_file(&file).map(|()| file))
 }
 
+/// Parser of a picture that will be written, which is always SVG.
+pub(super) fn new_svg() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|file| check_svg(&file).map(|()| file))
+}
+
 /// Parser of a directory that will be created or has files added.
 pub(super) fn new_dir() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|dir| check_dir(&dir).map(|()| dir))
@@ -29,6 +34,17 @@ fn check_file(file: &Path) -> Result<(), String> {
         "there is no directory `{}`: make it first, or name a file in another",
         dir.display()
     ))
+}
+
+fn check_svg(file: &Path) -> Result<(), String> {
+    // A viewer would take the text for a damaged picture. A name without an ending is
+    // right for a pipe.
+    match file.extension() {
+        Some(ending) if !ending.eq_ignore_ascii_case("svg") => {
+            Err("the picture is SVG: name a file that ends in .svg".to_owned())
+        }
+        _ => check_file(file),
+    }
 }
 
 /// Refuses a directory that cannot be created because a file is in its place.
@@ -63,6 +79,11 @@ mod tests {
             assert_eq!(check_file(&at(sound)), Ok(()));
         }
         assert_eq!(check_file(Path::new("bare.xml")), Ok(()));
+        assert!(refused(check_svg(&at("a.png"))).contains("ends in .svg"));
+        assert!(refused(check_svg(&at("none/a.svg"))).contains("make it first"));
+        for sound in ["a.svg", "a.SVG", "pipe"] {
+            assert_eq!(check_svg(&at(sound)), Ok(()));
+        }
         assert_eq!(check_dir(&at("deep/er")), Ok(()));
         assert_eq!(check_dir(scratch.path()), Ok(()));
         assert_eq!(check_dir(Path::new("bare")), Ok(()));

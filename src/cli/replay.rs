@@ -1,27 +1,29 @@
 //! `brakecheck replay`: kept counterexamples.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::answer::{AnswerArgs, PrintedAnswer};
-use super::common::{finite_or_word, print_json};
+use super::common::print_json;
 use super::display::stdout_columns;
 use super::failure::{Exit, Failure};
 use super::headings::OUTPUT;
+use super::input;
 use super::kept_input;
 use super::output_path::new_file;
 use super::progress;
 use super::terminal::{self, Common};
 use super::test_args::PROGRAM;
 use crate::crashes::{
-    Regressions, ReplayCounts, ReplayOutcome, ReplayQuestion, Replayed, case_name,
+    Regressions, ReplayCounts, ReplayOutcome, ReplayQuestion, Replayed, SavedCounterexample,
+    case_name,
 };
 use crate::report::{TextTable, junit};
 use crate::rulebook::RulesUntilContact;
-use crate::run_dir::{About, StartRepeated, counted, write_file};
+use crate::run_dir::{About, StartRepeated, counted, number_or_word, write_output};
 use crate::stats::wilson;
 use crate::testbench::Episode;
 
@@ -91,16 +93,9 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&args.common, &regressions, &mut replayed)?;
     }
-    if let Some(file) = &args.junit {
-        let question = if recorded {
-            ReplayQuestion::AsRecorded
-        } else {
-            ReplayQuestion::StillFails
-        };
-        let suite = regressions.suite(&replayed, question);
-        write_file(file, junit(&[suite]).as_bytes())?;
-    }
+    write_junit(args, &regressions, &replayed)?;
     show(args, recorded, &replayed)?;
+    note_missing_samples(&args.what, &regressions);
     if regressions.is_recorded_ego() && !recorded {
         let instead = "the world's own ego was replayed\n  help: repeat the record with `--expect \
                        recorded`, or name your ego with `--ego` or after `--`";
@@ -113,6 +108,46 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
         Regressions::check_answers(&replayed)?;
     }
     Ok(exit)
+}
+
+/// Writes the outcomes as JUnit XML, if it is requested.
+fn write_junit(
+    args: &ReplayArgs,
+    regressions: &Regressions,
+    replayed: &[Replayed],
+) -> Result<(), Failure> {
+    let Some(file) = &args.junit else {
+        return Ok(());
+    };
+    let question = match args.expect {
+        Some(Expect::Recorded) => ReplayQuestion::AsRecorded,
+        None => ReplayQuestion::StillFails,
+    };
+    let suite = regressions.suite(replayed, question);
+    Ok(write_output(file, junit(&[suite]).as_bytes())?)
+}
+
+/// Notes kept files without their samples, which may have been lost by a move.
+fn note_missing_samples(what: &Path, regressions: &Regressions) {
+    // Standard input is a single file by design.
+    if input::is_stdin(what) {
+        return;
+    }
+    let is_missing = |kept: &&SavedCounterexample| {
+        // Counterexamples of a training have no samples.
+        let has_samples = kept.counterexample.samples_sha256.is_some();
+        has_samples && !kept.path.with_extension("csv").exists()
+    };
+    let missing: Vec<&SavedCounterexample> = regressions.kept().iter().filter(is_missing).collect();
+    if let Some(first) = missing.first() {
+        terminal::note(&format!(
+            "missing samples of {} of {} files, such as `{}`: only digests are compared\n  help: \
+             keep both files of a crash together",
+            missing.len(),
+            regressions.kept().len(),
+            first.path.with_extension("csv").display()
+        ));
+    }
 }
 
 /// Prints the replays.
@@ -228,7 +263,7 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
     json!({
         "file": replayed.path.display().to_string(),
         "verdict": replayed.episode.verdict.word(),
-        "robustness": finite_or_word(replayed.episode.robustness),
+        "robustness": robustness(replayed).map(number_or_word),
         "outcome": replayed.outcome(),
         "no_answer": replayed.no_answer(),
         "fault": replayed.fault(),
@@ -242,6 +277,12 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
         "first_difference": difference.map(ToString::to_string),
         "different_from_s": difference.map(|difference| difference.time_s),
     })
+}
+
+/// Returns the robustness, which a run that was cut off by a fault does not have.
+fn robustness(replayed: &Replayed) -> Option<f64> {
+    let episode = &replayed.episode;
+    replayed.fault().is_none().then_some(episode.robustness)
 }
 
 /// Formats the runs of an ego that is not deterministic.
@@ -378,7 +419,7 @@ impl ReplayTable {
         [
             case_name(&replayed.path),
             replayed.outcome().words().to_owned(),
-            format!("{:.6}", replayed.episode.robustness),
+            robustness(replayed).map_or("–".to_owned(), |rho| format!("{rho:.6}")),
             contact,
             rules.map_or("–".to_owned(), ToString::to_string),
             bits,

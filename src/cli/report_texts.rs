@@ -8,7 +8,7 @@ use super::common::print_json;
 use super::failure::Failure;
 use super::report_args::ReportArgs;
 use super::terminal;
-use crate::run_dir::write_file;
+use crate::run_dir::write_output;
 
 /// Episodes that the page of points or of kept crashes shows moving.
 pub(super) const MOST_EXAMPLES: usize = 12;
@@ -25,8 +25,8 @@ impl ReportTexts {
     /// Writes the page and the JUnit file, and prints the verdict and their paths.
     pub(super) fn write(&self, args: &ReportArgs, html: &Path) -> Result<(), Failure> {
         let junit = html.with_extension("junit.xml");
-        write_file(html, self.html.as_bytes())?;
-        write_file(&junit, self.junit.as_bytes())?;
+        write_output(html, self.html.as_bytes())?;
+        write_output(&junit, self.junit.as_bytes())?;
         if args.common.json {
             print_json(&json!({
                 "report": html.display().to_string(),

@@ -12,6 +12,7 @@ use super::common::{
 use super::defaults::PLANT;
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
+use super::input::existing_path;
 use super::number_args::{count, positive};
 use super::output_path::{new_dir, new_file};
 use super::progress;
@@ -21,7 +22,7 @@ use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::junit;
 use crate::risk::{KnownFailure, Refusal, RiskReport, RiskRequest, RiskSettings, RiskTraffic};
 use crate::rl::Policy;
-use crate::run_dir::{RunDir, write_file};
+use crate::run_dir::{RunDir, write_output};
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
@@ -39,7 +40,7 @@ pub(super) struct RiskArgs {
     #[arg(long, value_name = "RUN", help_heading = INPUT)]
     run: Option<PathBuf>,
     /// Kept counterexamples, or directories of them, with the same use.
-    #[arg(long, value_name = "FILE|DIR", help_heading = INPUT)]
+    #[arg(long, value_name = "FILE|DIR", value_parser = existing_path(), help_heading = INPUT)]
     known: Vec<PathBuf>,
     #[command(flatten)]
     ego: EgoArgs,
@@ -75,7 +76,7 @@ pub(super) struct RiskArgs {
     /// Directory of finished runs, from which the same command continues.
     ///
     /// So does one with a greater budget or another width.
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", value_parser = new_dir())]
     out: Option<PathBuf>,
     /// Keep the likeliest lawful failure of each kind as a file.
     #[arg(long, value_name = "DIR", value_parser = new_dir(), help_heading = OUTPUT)]
@@ -122,7 +123,7 @@ pub(super) fn run(args: &RiskArgs) -> Result<Exit, Failure> {
     report.at_most = args.at_most;
     show(args, &report)?;
     if let Some(file) = &args.junit {
-        write_file(file, junit(&[report.suite()]).as_bytes())?;
+        write_output(file, junit(&[report.suite()]).as_bytes())?;
     }
     let kept = args.keep.as_ref().map(|dir| request.keep(&report, dir));
     // The rows are printed already, so an error of the disk here costs no result.

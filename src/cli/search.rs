@@ -14,7 +14,7 @@ use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::keep::{KeepArgs, KeepStep};
 use super::live::{RerunArgs, Streamed};
-use super::number_args::{STARTS, count, start_count};
+use super::number_args::{STARTS, count, start_count, switch_count};
 use super::output_path::new_file;
 use super::terminal::Common;
 use super::test_args::{EgoArgs, note_program_costs};
@@ -24,7 +24,7 @@ use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::report::junit;
 use crate::rl::Policy;
-use crate::run_dir::{Row, RunDir, Stored, write_file};
+use crate::run_dir::{Row, RunDir, Stored, write_output};
 use crate::search::{
     GuidingPolicy, Method, MethodInfo, MethodOption, MethodSettings, usual_switches,
 };
@@ -40,7 +40,8 @@ pub(super) struct SearchArgs {
     #[arg(long, value_parser = method_of_the_list(), default_value = "switches",
         default_value_if("guided", ArgPredicate::IsPresent, "guided"))]
     method: MethodInfo,
-    #[arg(long, value_name = "M", help = MethodOption::Switches.help(), help_heading = TEST)]
+    #[arg(long, value_name = "M", help = MethodOption::Switches.help(),
+        value_parser = switch_count(), help_heading = TEST)]
     switches: Option<usize>,
     #[arg(long, visible_alias = "tries", value_name = "SIMS", help = MethodOption::Budget.help(),
         value_parser = count(1..=u64::MAX), help_heading = TEST)]
@@ -117,7 +118,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     // Rows are printed before files are written, so a full disk does not cost them.
     show(args, &searched)?;
     if let Some(file) = &args.junit {
-        write_file(file, junit(&[searched.suite()]).as_bytes())?;
+        write_output(file, junit(&[searched.suite()]).as_bytes())?;
     }
     let keep = |dir: &Path, settings, watch: &Watch<'_>| searched.keep(dir, settings, watch);
     let step = KeepStep {

@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::common::{finite_or_word, print_json};
+use super::common::print_json;
 use super::failure::{Exit, Failure};
 use super::headings::{INPUT, OUTPUT, TEST};
 use super::input;
-use super::output_path::new_file;
+use super::output_path::{new_dir, new_file};
 use super::terminal::{self, Common};
 use crate::ron_file::{Problem, ScenarioError};
-use crate::run_dir::{ReadTrace, TraceOptions, read_trace, write_file};
+use crate::run_dir::{ReadTrace, TraceOptions, number_or_word, read_trace, write_output};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -46,7 +46,7 @@ pub(super) struct StlArgs {
     #[arg(long, value_name = "FILE.xml", requires = "log", value_parser = new_file(), help_heading = OUTPUT)]
     pub(super) junit: Option<PathBuf>,
     /// Write a picture of the worst instant of each rule.
-    #[arg(long, value_name = "DIR", requires = "log", help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", requires = "log", value_parser = new_dir(), help_heading = OUTPUT)]
     pub(super) picture: Option<PathBuf>,
     /// Sampling period in seconds [default: from the time column].
     #[arg(long, value_name = "S", help_heading = INPUT)]
@@ -76,7 +76,7 @@ pub(super) struct StlArgs {
     #[arg(long)]
     pub(super) fail_on_counterexample: bool,
     /// Print one JSON object on stdout, or write it to a file: --json=FILE.
-    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", value_parser = new_file(), help_heading = OUTPUT)]
     json: Option<PathBuf>,
 }
 
@@ -167,7 +167,7 @@ impl StlArgs {
             None => Ok(()),
             Some(_) if self.prints_json() => print_json(value),
             // A file leaves stdout to the tables, so CI gets both from one run.
-            Some(file) => Ok(write_file(file, format!("{value}\n").as_bytes())?),
+            Some(file) => Ok(write_output(file, format!("{value}\n").as_bytes())?),
         }
     }
 
@@ -215,11 +215,11 @@ struct FormulaResult {
 impl FormulaResult {
     fn json(&self) -> serde_json::Value {
         let mut object = json!({
-            "robustness": finite_or_word(self.robustness),
+            "robustness": number_or_word(self.robustness),
             "satisfied": self.satisfied,
         });
         if let Some(all) = &self.all {
-            object["robustness_all"] = all.iter().map(|&value| finite_or_word(value)).collect();
+            object["robustness_all"] = all.iter().map(|&value| number_or_word(value)).collect();
         }
         if let Some(explanation) = &self.explanation {
             object["explain"] = json!(explanation);

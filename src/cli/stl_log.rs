@@ -14,7 +14,7 @@ use super::stl::{StlArgs, constants, placed, refuse_unused};
 use super::terminal;
 use super::{log, log_reading};
 use crate::report::recorded_rules_junit;
-use crate::run_dir::{make_dir, write_file};
+use crate::run_dir::{make_dir, write_file, write_output};
 
 /// Recording with the results of the rules on it.
 struct CheckedRecording {
@@ -38,7 +38,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         let results = checked
             .iter()
             .map(|it| (&*it.analysis.recording.name, &it.results[..]));
-        write_file(file, recorded_rules_junit(results).as_bytes())?;
+        write_output(file, recorded_rules_junit(results).as_bytes())?;
     }
     if !args.prints_json() {
         for it in &checked {

@@ -8,12 +8,13 @@ use serde_json::json;
 use super::answer::PrintedAnswer;
 use super::common::{exit_of, interrupted_early, table_of};
 use super::failure::{Exit, Failure};
+use super::output_path::new_svg;
 use super::progress;
 use super::run_under_test::{RunUnderTest, Supplement, refuse_world, rows_of};
 use super::test_args::TestArgs;
 use crate::evaluation::Sweep;
 use crate::report::sweep_curve;
-use crate::run_dir::{SweepPoint, Swept, write_file};
+use crate::run_dir::{SweepPoint, Swept, write_output};
 use crate::stats::{at_most, wilson};
 
 /// Legend of a sweep's columns.
@@ -30,7 +31,7 @@ pub(super) struct SweepArgs {
     #[arg(long, value_name = "ego.NAME=LO..HI[:N]")]
     over: String,
     /// Draw the share of failing starts over the range as SVG.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", value_parser = new_svg())]
     curve: Option<PathBuf>,
     #[command(flatten)]
     pub(super) test: TestArgs,
@@ -59,7 +60,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     tested.show(&evaluated, Some(result))?;
     if let Some(file) = &args.curve {
         let curve = sweep_curve(&swept, &safety(&swept));
-        write_file(file, curve.as_bytes())?;
+        write_output(file, curve.as_bytes())?;
     }
     tested.keep(&evaluated, egos.len())?;
     // A sweep measures where an ego begins to fail, so a failure is no error of it.

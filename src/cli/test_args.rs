@@ -11,7 +11,7 @@ use super::defaults::PLANT;
 use super::headings::{ADOS, TEST};
 use super::keep::KeepArgs;
 use super::live::RerunArgs;
-use super::number_args::{STARTS, count, start_count};
+use super::number_args::{STARTS, count, start_count, switch_count};
 use super::terminal::Common;
 use super::traffic_args::TrafficArgs;
 use crate::adversary::{ADO_GROUPS, AdoGroup};
@@ -95,7 +95,7 @@ pub(super) struct TestArgs {
     #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     pub(super) plant: Option<PlantKind>,
     /// Also search with at most M switches of action, which gives recall.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = switch_count())]
     pub(super) search: Option<usize>,
     /// Also search each start with at most N runs that the trained ado proposes.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000), help_heading = TEST)]

@@ -15,6 +15,7 @@ use super::failure::{Exit, Failure};
 use super::headings::{EGO, LEARNING, TEST};
 use super::live::{RerunArgs, Streamed};
 use super::number_args::{STARTS, count, start_count};
+use super::output_path::new_dir;
 use super::terminal::{self, Common};
 use super::test_args::temperature;
 use super::traffic_args::TrafficArgs;
@@ -35,7 +36,7 @@ pub(super) struct TrainArgs {
     /// The world: a file, or the name of a shipped one.
     world: PathBuf,
     /// The run directory to make [default: runs/WORLD-SEED].
-    #[arg(short, long, value_name = "RUN")]
+    #[arg(short, long, value_name = "RUN", value_parser = new_dir())]
     output: Option<PathBuf>,
     /// Decisions to train for, instead of the world's number.
     #[arg(long, value_name = "N", value_parser = count(1..=u64::MAX))]
@@ -52,6 +53,9 @@ pub(super) struct TrainArgs {
     /// Temperature of an ado of declared traffic: at 1 it drives as the traffic that fails.
     #[arg(long, value_name = "T", value_parser = temperature, help_heading = LEARNING)]
     temperature: Option<f64>,
+    /// Weaken the traffic's law, from 1 (as people drive) to 0 (any possible action).
+    #[arg(long, value_name = "B", value_parser = prior, help_heading = LEARNING)]
+    prior: Option<f64>,
     /// Egos to train against: the world's own, or its family under `train_against`.
     #[arg(long, value_parser = one_of::<TrainingEgos>(), default_value = "nominal", value_name = "EGOS", help_heading = EGO)]
     against: TrainingEgos,
@@ -201,6 +205,13 @@ fn output(args: &TrainArgs, world: &Scenario) -> PathBuf {
     args.output.clone().unwrap_or_else(default)
 }
 
+fn prior(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok();
+    value
+        .filter(|value| (0.0..=1.0).contains(value))
+        .ok_or_else(|| "give a number from 0 to 1, such as 0.5".to_owned())
+}
+
 /// Opens the run to fine-tune.
 fn source(args: &TrainArgs) -> Result<Option<RunDir>, Failure> {
     let from = args.from.as_ref();
@@ -229,6 +240,7 @@ fn request<'a>(
         bank: &args.bank,
         traffic: None,
         temperature: args.temperature,
+        prior: args.prior,
     }
 }
 

@@ -3,7 +3,7 @@
 use super::report_args::shown;
 use crate::natural::{NaturalTraining, motorway};
 use crate::rl::LearnerConfig;
-use crate::run_dir::{RequestedTraining, RunDir, trained_naturally};
+use crate::run_dir::{RequestedTraining, RunDir, counted, trained_naturally};
 use crate::training::{PerAdoMode, TrainRequest};
 use crate::visible::shell_word;
 use crate::world::Scenario;
@@ -170,7 +170,7 @@ fn differing(run: &RunDir, world: &Scenario, request: TrainRequest<'_>) -> Vec<S
         .map(|difference| format!("the setting of the run: {difference}"))
         .collect();
     if found.len() > MOST_DIFFERENCES {
-        listed.push(format!("{} more settings", found.len() - MOST_DIFFERENCES));
+        listed.push(counted(found.len() - MOST_DIFFERENCES, "more setting"));
     }
     listed
 }

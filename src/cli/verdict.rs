@@ -40,7 +40,8 @@ pub(super) fn verdict(rows: &[Row]) -> Vec<String> {
 pub(super) fn strongest<'a>(rows: impl Iterator<Item = &'a Row>) -> Option<&'a Row> {
     // `max_by` would return the last of equal rows.
     rows.reduce(|a, b| {
-        if b.success_rate > a.success_rate {
+        // An unknown rate is NaN, and any other is worse.
+        if b.success_rate > a.success_rate || a.success_rate.is_nan() {
             b
         } else {
             a
@@ -57,6 +58,10 @@ fn sentence(row: &Row) -> String {
         ado if ado.is_search() => "the search".to_owned(),
         ado => format!("the ado `{ado}`"),
     };
+    if let Some(fault) = row.faults.first().filter(|_| row.is_unrepeatable()) {
+        let kind = fault.kind.word();
+        return format!("no result: `{ego}` depends on more than the episode ({kind})");
+    }
     // Such an ego is given up, which is no interruption.
     if row.starts == 0 && row.invalid > 0 {
         return format!(
@@ -130,6 +135,9 @@ pub(super) fn ego(row: &Row) -> String {
 
 /// Returns a share in percent.
 pub(super) fn percent(share: f64) -> String {
+    if share.is_nan() {
+        return "–".to_owned();
+    }
     format!("{:.1} %", 100.0 * share)
 }
 
@@ -180,7 +188,7 @@ fn by_itself(rows: &[Row], all: usize) -> String {
     for row in rows {
         let Some(alone) = row
             .fails_alone
-            .filter(|_| !egos.contains(&row.ego.as_str()))
+            .filter(|_| !egos.contains(&row.ego.as_str()) && !row.is_unrepeatable())
         else {
             continue;
         };

@@ -15,6 +15,7 @@ use super::kept_input;
 #[cfg(feature = "rerun")]
 use super::live::Streamed;
 use super::live::{self, RerunArgs};
+use super::output_path::new_file;
 use super::terminal::{self, Common};
 use crate::crashes::{PictureFormat, Regressions, Replayed, ViewKind};
 use crate::crashes::{newest_of_training, picture_as};
@@ -22,7 +23,7 @@ use crate::ego::reference::ReferenceDriver;
 #[cfg(feature = "rerun")]
 use crate::experiment::ShownEpisode;
 use crate::experiment::{EgoUnderTest, consent_to};
-use crate::run_dir::{RunDir, counted, write_file};
+use crate::run_dir::{RunDir, counted, write_output};
 #[cfg(feature = "rerun")]
 use crate::view::ViewError;
 
@@ -43,6 +44,7 @@ pub(super) struct ViewArgs {
         short,
         long,
         value_name = "OUT.rrd|svg|gif|png",
+        value_parser = new_file(),
         conflicts_with = "rerun"
     )]
     output: Option<PathBuf>,
@@ -237,7 +239,7 @@ fn draw(
     // The parser allows these names only, so each given one is found.
     let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
     let bytes = picture_as(format, replayed, ego, beside)?;
-    write_file(output, &bytes)?;
+    write_output(output, &bytes)?;
     let file = output.display().to_string();
     if args.json {
         return print_json(&json!({ "file": file, "bytes": bytes.len() }));

@@ -392,6 +392,11 @@ fn a_campaign_that_plays_or_compares_nothing_is_refused() {
             "Script(name: \"late\", steps: [(\"-3 m/s²\", 1e9)], then: \"0 m/s²\")",
             "after 1000000 decisions",
         ),
+        (
+            "Constant(\"-3 m/s²\")",
+            "Search(switches: 99999)",
+            "99999 switches: there are at most 10",
+        ),
     ] {
         assert!(SMALL.contains(right), "{right}");
         fs::write(&file, SMALL.replacen(right, wrong, 1)).expect("written");
@@ -399,6 +404,22 @@ fn a_campaign_that_plays_or_compares_nothing_is_refused() {
         assert_eq!(code(&output), 2, "{wrong}");
         assert!(stderr(&output).contains(message), "{}", stderr(&output));
     }
+    let alone = r#"Campaign(
+        name: "alone",
+        worlds: [(file: "acc")],
+        egos: [Ego("nominal")],
+        ados: [Neutral],
+        starts: Drawn(count: 3),
+        gate: (baseline: "nominal"),
+    )"#;
+    fs::write(&file, alone).expect("written");
+    let output = brakecheck(&["campaign", "plan", &file, "-o", &path(&dir, "p")]);
+    assert_eq!(code(&output), 2);
+    assert!(
+        stderr(&output).contains("`nominal` is the only ego, so the gate compares nothing"),
+        "{}",
+        stderr(&output)
+    );
     // A baseline under `reuse` of one world is no ego of the other.
     let text = r#"Campaign(
         name: "two",

@@ -57,12 +57,12 @@ fn grids_are_refused_by_name_and_the_others_written() {
 }
 
 #[test]
-fn a_place_that_is_no_directory_is_the_disks_fault() {
+fn a_place_that_is_no_directory_is_refused_and_stays() {
     let dir = scratch();
     let file = dir.path().join("file");
     std::fs::write(&file, "precious").expect("written");
     let output = brakecheck(&["export", CRASH, "-o", file.to_str().expect("a path")]);
-    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
     assert_eq!(std::fs::read_to_string(&file).expect("there"), "precious");
     let output = brakecheck(&["export", "nowhere", "-o", "somewhere"]);
     assert_eq!(code(&output), 2, "{}", stderr(&output));

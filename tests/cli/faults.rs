@@ -467,6 +467,10 @@ fn an_ego_that_ends_at_once_never_passes_whatever_is_allowed() {
         let output = brakecheck(&[verb, &rest].concat());
         assert_eq!(code(&output), 3, "{verb:?}: {}", stderr(&output));
     }
+    // A run that was cut off has no robustness.
+    let output = brakecheck(&["replay", &kept, "--json", "--", "sh", "-c", "exit 0"]);
+    let rows = json(&output)["rows"].as_array().expect("rows").clone();
+    assert!(rows.iter().all(|row| row["robustness"].is_null()));
 }
 
 #[test]

@@ -114,6 +114,8 @@ fn no_row_of_such_a_program_is_a_result() {
             *finding,
             "{kind}: {said}"
         );
+        // Such a row has no rate, and the verdict is none.
+        assert_eq!(row["success_rate"].is_null(), finding.is_some(), "{kind}");
         if *finding == Some("kept_state") {
             assert!(said.contains("clear your state at `reset`"), "{said}");
             assert!(!said.contains("repeats"), "{said}");

@@ -6,7 +6,7 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 27] = [
+const MISTAKES: [Mistake; 33] = [
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
         "acc search",
@@ -33,6 +33,30 @@ const MISTAKES: [Mistake; 27] = [
     ("search acc --starts many", &["'many'", "300k"]),
     ("search acc --jobs 0", &["'0'", "--jobs", "1..=1024"]),
     ("search acc --ego", &["--ego", "a value is required"]),
+    (
+        "search acc --starts 2 --",
+        &["missing command after `--`", "leave out `--`"],
+    ),
+    (
+        "search acc --switches 99999",
+        &["--switches", "99999 is not in 0..=10"],
+    ),
+    (
+        "risk acc --known none.ron",
+        &["none.ron", "no such file or directory"],
+    ),
+    (
+        "view tests/regressions/acc-nominal-0001.ron -o none/crash.svg",
+        &["no directory `none`", "make it first"],
+    ),
+    (
+        "export tests/regressions -o Cargo.toml",
+        &["`Cargo.toml` is no directory"],
+    ),
+    (
+        "log trace.csv --picture lanes.png",
+        &["lanes.png", "ends in .svg"],
+    ),
     ("search acm", &["`acm`", "`acc`"]),
     (
         "search acc --ego nominl",

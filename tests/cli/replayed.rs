@@ -96,6 +96,15 @@ fn replays_that_answer_nothing_do_not_pass() {
     let (_dir, kept, ego) = keep(&[NO_ANSWER, "light_ado-nominal-0000"]);
     let output = brakecheck(&["replay", &kept, "--ego", &ego]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(!stderr(&output).contains("missing samples"));
+    // A file that lost its samples is named.
+    std::fs::remove_file(Path::new(&kept).join(format!("{NO_ANSWER}.csv"))).expect("removed");
+    let output = brakecheck(&["replay", &kept, "--ego", &ego]);
+    let message = stderr(&output);
+    assert!(
+        message.contains("missing samples of 1 of 2 files"),
+        "{message}"
+    );
 }
 
 #[test]

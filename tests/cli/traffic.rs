@@ -127,6 +127,11 @@ fn traffic_excludes_what_its_law_cannot_follow() {
         "requires `--traffic`",
     );
     refused(
+        &["train", "acc", "-o", &run, "--prior", "0.5"],
+        "`--prior` requires `--traffic`",
+    );
+    refused(&with(&["--prior", "2"]), "from 0 to 1");
+    refused(
         &["train", "acc", "-o", &run, "--traffic", "world"],
         "declares no traffic",
     );

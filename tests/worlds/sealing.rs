@@ -336,6 +336,8 @@ fn no_seal_is_shed_and_other_formats_are_refused() {
         fs::write(&file, text).expect("written");
         let error = read_all(&finished).expect_err(name).to_string();
         assert!(error.contains(name) && error.contains(why), "{error}");
+        // Every verb that opens the run refuses it, and not only those that read the file.
+        assert!(RunDir::open(&finished).is_err(), "{name}");
         match whole {
             Some(bytes) => fs::write(&file, bytes).expect("written"),
             None => fs::remove_file(&file).expect("there"),
@@ -356,8 +358,14 @@ fn no_seal_is_shed_and_other_formats_are_refused() {
         .remove("sha256");
     refused("manifest.json", &unsealed.to_string(), "sha256");
     fs::remove_file(finished.join("timing.json")).expect("there");
-    let error = RunDir::open(&finished).expect_err("no time").to_string();
-    assert!(error.contains("`timing.json` is missing"), "{error}");
+    let error = RunDir::open(&finished).expect_err("no time");
+    let said = error.to_string();
+    assert!(
+        said.contains("timing.json` is damaged: it is missing"),
+        "{error}"
+    );
+    // It is a state of the disk, and no mistake of the command line.
+    assert!(matches!(error, RunError::Damaged { .. }), "{error}");
 
     let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regressions/acc-nominal-0001.ron");
     let text = fs::read_to_string(kept).expect("a kept file");

@@ -85,6 +85,20 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
             ),
         ),
         (
+            "equal_actions",
+            "this ado has no choice, since all its actions are equal",
+            with(
+                ACC,
+                "Accelerations([-3.0, 0.0, 3.0])",
+                "Accelerations([0.0, 0.0, 0.0])",
+            ),
+        ),
+        (
+            "empty_change",
+            "`same` changes nothing, so it is the world's own ego",
+            with(ACC, "reuse: {", "reuse: { \"same\": Change(),"),
+        ),
+        (
             "fast_start",
             "a start at 90 m/s, which is 324 km/h",
             with(

@@ -74,10 +74,11 @@ impl Explanation {
 
 /// Writes infinities as `"inf"` and `"-inf"`, since JSON has none.
 fn serialize_number<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-    if value.is_finite() {
-        serializer.serialize_f64(*value)
-    } else {
+    if value.is_infinite() {
         serializer.serialize_str(if *value > 0.0 { "inf" } else { "-inf" })
+    } else {
+        // JSON has NaN as `null`, which is unknown.
+        serializer.serialize_f64(*value)
     }
 }
 

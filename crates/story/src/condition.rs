@@ -119,9 +119,11 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 measured,
                 freespace,
             } => Some(self.distance_m(agent, other, measured, freespace)),
-            AgentQuantity::DistanceToPlace { place, measured } => {
-                Some(self.place_m(agent, &place, measured))
-            }
+            AgentQuantity::DistanceToPlace {
+                place,
+                measured,
+                freespace,
+            } => Some(self.place_m(agent, &place, measured, freespace)),
             AgentQuantity::Headway {
                 other,
                 measured,
@@ -185,14 +187,34 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         }
     }
 
-    fn place_m(&self, agent: usize, place: &StoryPlace, measured: MeasuredAxis) -> f64 {
+    fn place_m(
+        &self,
+        agent: usize,
+        place: &StoryPlace,
+        measured: MeasuredAxis,
+        freespace: bool,
+    ) -> f64 {
         let pose = self.view.pose_of(agent, place, self.at_s);
-        let own = self.reference(agent);
-        if measured.along == DistanceType::Euclidean {
-            return apart_m(&own, &pose);
+        match (measured.along, freespace) {
+            (DistanceType::Euclidean, false) => apart_m(&self.reference(agent), &pose),
+            (DistanceType::Euclidean, true) => {
+                let size = self.view.size(agent);
+                let front = self.motion(agent).pose;
+                let at = front.frame().to_local(pose.point_m());
+                let beyond_m = at.x.max(-size.length_m - at.x).max(0.0);
+                let beside_m = (at.y.abs() - 0.5 * size.width_m).max(0.0);
+                libm::hypot(beyond_m, beside_m)
+            }
+            _ => {
+                let axis = self.axis(agent, measured);
+                let at_m = axis(&pose);
+                let own = self.span(agent, freespace, &axis);
+                own.distance_m(&AxisSpan {
+                    least_m: at_m,
+                    most_m: at_m,
+                })
+            }
         }
-        let at = self.axis(agent, measured);
-        (at(&pose) - at(&own)).abs()
     }
 
     /// Returns what measures places of points along an axis of an agent.

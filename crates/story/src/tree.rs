@@ -106,6 +106,7 @@ pub(crate) enum AgentQuantity {
     DistanceToPlace {
         place: StoryPlace,
         measured: MeasuredAxis,
+        freespace: bool,
     },
     Headway {
         other: usize,

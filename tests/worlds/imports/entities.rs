@@ -146,3 +146,14 @@ fn an_ego_has_any_name_and_its_events_are_left_only_on_request() {
     let episode = run(&world(&imported));
     assert_eq!(off(&episode, "lead", (12.0, 270.0, 0.0)), None);
 }
+
+#[test]
+fn agents_have_names_that_a_world_can_state() {
+    for (name, agent) in [("4", "agent_4"), ("Bär-2", "bue4r2")] {
+        let episode = run(&world(&imported(&[edit(
+            "\"Lead\"",
+            format!("\"{name}\""),
+        )])));
+        assert_eq!(off(&episode, agent, (12.0, 228.0, 0.0)), None);
+    }
+}

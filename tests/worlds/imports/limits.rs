@@ -78,6 +78,15 @@ fn what_is_read_otherwise_than_by_players_is_listed() {
         "a walker across its lane": [walks(turned)]
             => drops(["the direction of a lane for pedestrians that face across it"]);
         "a walker along its lane": [walks(LEAD)] => drops([]);
+        "a vehicle that faces off its lane": [edit(LEAD, turned)]
+            => drops(["headings of vehicles off the lane that they follow"]);
+        "a vehicle on no lane": [edit(LEAD, r#"<WorldPosition x="150" y="-40" h="0.5"/>"#)]
+            => drops(["roads beside agents on no lane, who go straight ahead"]);
+        "a place by a road beside oncoming traffic":
+            [edit(LEAD, r#"<RoadPosition roadId="0" s="150" t="1.75"/>"#)]
+            => drops(["players that turn places by a road along their lane"]);
+        "a limit of jerk": [does(profile(&[(2.0, 4.0)]).replace("<DynamicConstraints", r#"<DynamicConstraints maxAccelerationRate="4""#))]
+            => drops(["limits of the rate of acceleration"]);
     }
 }
 

@@ -84,6 +84,11 @@ fn small_scenarios_move_as_their_files_say() {
         "a factor of a speed that nothing changes":
             [aims_at(r#"<RelativeTargetSpeed entityRef="Ego" value="0.2" speedTargetValueType="factor" continuous="true"/>"#)]
             => lead([(12.0, 228.0, 0.0)]);
+        // 8 m/s faster at once, though a body gains 10 m/s in a second.
+        "a step to a factor of a speed that goes on":
+            [aims_at(r#"<RelativeTargetSpeed entityRef="Ego" value="0.9" speedTargetValueType="factor" continuous="true"/>"#),
+             edit(r#"dynamicsShape="linear" dynamicsDimension="rate" value="1""#, r#"dynamicsShape="step" dynamicsDimension="time" value="0""#)]
+            => lead([(2.05, 170.9, 0.0), (12.0, 350.0, 0.0)]);
         "an event that may repeat, and changes nothing when it does":
             [edit(once, once.replace('1', "2"))] => lead([(12.0, 228.0, 0.0)]);
         "an act that waits for a distance":
@@ -166,6 +171,12 @@ fn small_scenarios_move_as_their_files_say() {
                 does(CENTRE.replace(r#"<AbsoluteTargetLaneOffset value="0"/>"#, beside_other)),
                 third(),
             ] => lead([(3.5, 185.0, 0.965), (4.5, 195.0, 2.022)]);
+        "a clear distance to a place":
+            [first(watch("Lead", r#"<DistanceCondition value="20" freespace="true" rule="lessThan"><Position><LanePosition roadId="0" laneId="-2" s="200"/></Position></DistanceCondition>"#))]
+            => lead([(12.0, 231.84, 0.0)]);
+        "a clear distance to a place at an agent, whose box does not count":
+            [first(watch("Ego", r#"<DistanceCondition value="80" freespace="true" coordinateSystem="entity" relativeDistanceType="longitudinal" rule="lessThan"><Position><RelativeObjectPosition entityRef="Lead" dx="0" dy="0"/></Position></DistanceCondition>"#))]
+            => lead([(12.0, 225.84, 0.0)]);
         "a time to collision":
             [first(watch("Ego", collision))] => lead([(6.0, 208.97, 0.0), (12.0, 243.36, 0.0)]);
         "a speed relative to another":

@@ -50,6 +50,14 @@ fn entities_go_where_they_face_from_wherever_they_are_placed() {
         "along the road on a lane of oncoming traffic":
             [edit(LEAD, lane(1, 150.0, TURNED))] => lead([(12.0, 228.0, 7.0)]);
         "against the traffic": [edit(LEAD, lane(-2, 150.0, TURNED))] => lead([(12.0, 72.0, 0.0)]);
+        "a vehicle that faces off its lane, which it follows":
+            [edit(LEAD, lane(-2, 150.0, r#"<Orientation type="relative" h="0.4"/>"#))]
+            => lead([(12.0, 228.0, 0.0)]);
+        "a vehicle that faces off its lane, and more against it":
+            [edit(LEAD, r#"<WorldPosition x="150" y="-5.25" h="2.5"/>"#)] => lead([(12.0, 72.0, 0.0)]);
+        "a vehicle on no lane, which goes straight ahead":
+            [edit(LEAD, r#"<WorldPosition x="150" y="-40" h="0.5"/>"#)]
+            => lead([(2.0, 167.552, -25.161)]);
         "a second place, relative to the first": [lead_init(&again)] => lead([(12.0, 238.0, 0.0)]);
         "an ego by its distance from the reference line":
             [edit(EGO, r#"<RoadPosition roadId="0" s="50" t="-1.75"/>"#)] => ego([(12.0, 290.0, 3.5)]);
@@ -180,10 +188,33 @@ fn an_ego_that_stands_askew_drives_off_from_there() {
     assert!((apart_m - 120.0_f64.hypot(3.5)).abs() < 0.02, "{apart_m}");
 }
 
-#[test]
-fn a_walker_beside_a_way_that_bends_walks_ahead() {
+/// The lead as a walker at a place on a road, turned to its left.
+fn walker(road: u32, turned_rad: f64) -> Vec<Edit> {
     let walker = r#"<Pedestrian name="walker" mass="80" pedestrianCategory="pedestrian" model="x"><BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.5" length="0.6" height="1.8"/></BoundingBox><Properties/></Pedestrian>"#;
     let walker = format!(r#"<ScenarioObject name="Lead">{walker}"#);
+    let place = format!(
+        r#"<LanePosition roadId="{road}" laneId="-1" s="60"><Orientation type="relative" h="{turned_rad}"/></LanePosition>"#
+    );
+    vec![
+        edit(lead_object("<!--lead object-->"), walker),
+        edit(LEAD, place),
+        edit(LEAD_SPEED, r#"<AbsoluteTargetSpeed value="1.5"/>"#),
+        edit(LATER_SPEED, r#"<AbsoluteTargetSpeed value="1.5"/>"#),
+    ]
+}
+
+/// Way in metres of a walker within two seconds.
+fn walked(edits: &[Edit]) -> (f64, f64) {
+    let episode = run(&world(&imported(edits)));
+    let (from, to) = (
+        at_by(&episode, "lead", 0.0, 0.3),
+        at_by(&episode, "lead", 2.0, 0.3),
+    );
+    (to.0 - from.0, to.1 - from.1)
+}
+
+#[test]
+fn a_walker_beside_a_way_that_bends_walks_ahead() {
     // The ego turns left, from road 1 into road 2.
     let stop = |road: u32| {
         format!(
@@ -195,23 +226,24 @@ fn a_walker_beside_a_way_that_bends_walks_ahead() {
         stop(1),
         stop(2)
     );
-    let edits = [
+    let mut edits = walker(1, 1.5707963);
+    edits.extend([
         on_network(),
         edit(EGO, r#"<LanePosition roadId="1" laneId="-1" s="20"/>"#),
         edit("<!--ego init-->", route),
-        edit(lead_object("<!--lead object-->"), walker),
-        edit(
-            LEAD,
-            r#"<LanePosition roadId="1" laneId="-1" s="60"><Orientation type="relative" h="1.5707963"/></LanePosition>"#,
-        ),
-        edit(LEAD_SPEED, r#"<AbsoluteTargetSpeed value="1.5"/>"#),
-        edit(LATER_SPEED, r#"<AbsoluteTargetSpeed value="1.5"/>"#),
-    ];
-    let episode = run(&world(&imported(&edits)));
-    let (from, to) = (
-        at_by(&episode, "lead", 0.0, 0.3),
-        at_by(&episode, "lead", 2.0, 0.3),
-    );
-    assert!((to.0 - from.0).abs() < 1e-3, "{from:?} {to:?}");
-    assert!((to.1 - from.1 - 3.0).abs() < 0.02, "{from:?} {to:?}");
+    ]);
+    let way = walked(&edits);
+    assert!(way.0.abs() < 1e-3 && (way.1 - 3.0).abs() < 0.02, "{way:?}");
+}
+
+#[test]
+fn a_walker_that_faces_askew_walks_there_or_stands() {
+    let mut edits = walker(0, 0.5);
+    let (x_m, y_m) = walked(&edits);
+    let off_m = (x_m - 3.0 * 0.5_f64.cos()).hypot(y_m - 3.0 * 0.5_f64.sin());
+    assert!(off_m < 0.02, "{x_m} {y_m}");
+    for it in edits.iter_mut().filter(|it| it.to.contains("1.5\"/>")) {
+        it.to = STANDING.to_owned();
+    }
+    world(&imported(&edits));
 }

@@ -83,7 +83,7 @@ fn contacts(of: &ExperimentCell) -> BTreeMap<usize, GateContact> {
     let results = of.results.iter().enumerate();
     let contact = |result: &StartResult| {
         // A contact after a verdict without failure is not the crash of the start.
-        let failed = result.outcome == StartOutcome::Solved;
+        let failed = result.outcome == StartOutcome::Solved && !of.row.is_unrepeatable();
         Some(GateContact {
             closing_mps: result.closing_speed_mps.filter(|_| failed)?,
             ego_delta_v_mps: result.impact.map(|impact| impact.ego_delta_v_mps),

@@ -123,7 +123,7 @@ pub(super) fn reused_with_coasting(
     let coasting = &alone.row;
     let whole = coasting.partial.is_none();
     for row in &mut rows {
-        row.fails_alone = whole.then_some(FailsAlone {
+        row.fails_alone = (whole && !row.is_unrepeatable()).then_some(FailsAlone {
             starts: coasting.successes,
             left_out: false,
         });
@@ -232,11 +232,14 @@ fn summary(
     reference: &AdversaryId,
 ) -> Summary {
     let of = |ego: &ReusedOn, ado: &AdversaryId| -> Vec<Row> {
-        // Interrupted rows, and rows without a valid start, have no rate to average.
+        // Interrupted rows, rows without a valid start and those of an ego that depends on
+        // more than the episode have no rate to average.
+        let has_rate =
+            |row: &&Row| row.partial.is_none() && row.starts > 0 && !row.is_unrepeatable();
         let rows = ego
             .rows
             .iter()
-            .filter(|row| row.partial.is_none() && row.starts > 0)
+            .filter(has_rate)
             .filter(|row| row.ado == *ado);
         rows.cloned().collect()
     };

@@ -155,6 +155,11 @@ impl SearchCampaign<'_> {
             rows.push(cell.row.clone());
             let of_ego = rows.iter_mut().filter(|row| row.ego == ego.name());
             check_repeatability(ego, &own, of_ego, watch);
+            if let Some(void) = rows.last().filter(|row| row.is_unrepeatable()) {
+                // The outcomes of the cell stay, because its crashes can still be kept.
+                cell.row.faults.clone_from(&void.faults);
+                evens.retain(|even| even.ego != void.ego);
+            }
             // Points that the ego fails by itself are kept, too.
             cell.record_failing_alone();
             cells.push(cell);

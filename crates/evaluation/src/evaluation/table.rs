@@ -141,7 +141,7 @@ impl<'a> EvaluationTable<'a> {
             found: None,
         };
         let played = of_ego.play();
-        let (mut rows, reason, found) = (of_ego.rows, of_ego.reason, of_ego.found);
+        let (mut rows, reason, mut found) = (of_ego.rows, of_ego.reason, of_ego.found);
         self.adapted_to.extend(of_ego.adapted_to);
         // An ego without any played start would be an empty block of the table.
         if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
@@ -149,7 +149,9 @@ impl<'a> EvaluationTable<'a> {
         }
         check_repeatability(ego, starts, &mut rows, watch);
         let relation = Relation::of(ego, evaluation.run, evaluation.nominal);
-        let (mut reused, alone) = reused_with_coasting(ego, relation, starts, rows, watch);
+        let void = rows.iter().find(|row| row.is_unrepeatable());
+        let void = void.and_then(|row| row.faults.first()).cloned();
+        let (mut reused, mut alone) = reused_with_coasting(ego, relation, starts, rows, watch);
         for row in &mut reused.rows {
             // On its own plant, the nominal ego fails alone exactly from the trivial
             // starts. Only another plant gives a new number.
@@ -157,6 +159,12 @@ impl<'a> EvaluationTable<'a> {
                 |it: &FailsAlone| ego.is_nominal() && !left_out && it.starts == row.trivial;
             let alone = row.fails_alone.filter(|it| !is_trivial(it));
             row.fails_alone = alone.map(|it| FailsAlone { left_out, ..it });
+        }
+        for cell in found.iter_mut().chain([&mut alone]) {
+            if let Some(found) = &void {
+                // In front, since the first fault is that of the whole row.
+                cell.row.faults.insert(0, found.clone());
+            }
         }
         self.egos.push(reused);
         self.reasons.extend(reason);

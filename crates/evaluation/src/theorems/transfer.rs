@@ -3,9 +3,10 @@
 use serde::{Serialize, Serializer};
 
 use super::compare::Witness;
-use super::forecast::{Forecast, ForecastCase, forecast, word};
+use super::forecast::{Forecast, ForecastCase, forecast};
 use super::{TheoremsError, TheoremsRequest};
 use crate::experiment::{EpisodeLoop, Watch, WorkItem};
+use crate::run_dir::number_or_word;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{
@@ -82,18 +83,18 @@ pub struct Refused {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     /// Median.
-    #[serde(serialize_with = "number_or_word")]
+    #[serde(serialize_with = "serialize_number")]
     pub median: f64,
     /// 90th percentile.
-    #[serde(serialize_with = "number_or_word")]
+    #[serde(serialize_with = "serialize_number")]
     pub p90: f64,
     /// Maximum.
-    #[serde(serialize_with = "number_or_word")]
+    #[serde(serialize_with = "serialize_number")]
     pub max: f64,
 }
 
-fn number_or_word<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-    word(*value).serialize(serializer)
+fn serialize_number<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    number_or_word(*value).serialize(serializer)
 }
 
 impl Spread {

@@ -11,7 +11,7 @@ use crate::world::Scenario;
 /// Plays a sample of an ego's episodes again, each against a fresh ego, and marks its
 /// rows if commands differ.
 ///
-/// Marked rows are no results: the log of faults then has a complaint, which no allowed
+/// Marked rows have neither rates nor results: the log of faults then has a complaint, which no allowed
 /// share of faults excuses. A world with `repeats` may have a random ego.
 pub fn check_repeatability<'a>(
     ego: &EgoUnderTest,
@@ -23,8 +23,7 @@ pub fn check_repeatability<'a>(
     let found = unrepeatable(ego.scenario(), ego.name(), position, watch);
     if let Some(found) = found {
         for row in rows {
-            // Ahead of other faults, because it makes the whole row no result.
-            row.faults.insert(0, found.clone());
+            row.void(found.clone());
         }
     }
 }

@@ -29,6 +29,7 @@ pub mod counterexample;
 mod differences;
 mod failure_cell;
 mod manifest;
+mod number_or_word;
 mod opening;
 mod program_content;
 mod progress;
@@ -47,9 +48,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 pub use crate::run_files::append_log::Grown;
-pub use crate::run_files::disk::write_file;
 pub use crate::run_files::disk::{
-    WholeFile, file_name, is_unfinished, make_dir, read_text, remove_empty_dir,
+    WholeFile, file_name, is_unfinished, make_dir, read_text, remove_empty_dir, write_file,
+    write_output,
 };
 pub use crate::run_files::{MANIFEST, MEMBERS, POPULATION};
 pub use crate::run_files::{OtherProgram, RunDifference, RunError};
@@ -72,6 +73,7 @@ pub use failure_cell::{
 };
 pub use manifest::Window;
 pub use manifest::{ChangedEgo, Done, Manifest, Sought};
+pub use number_or_word::number_or_word;
 pub use program_content::FILE as PROGRAMS;
 pub use program_content::ProgramContent;
 pub use program_content::{ProgramContents, bind_programs, joined_programs, stored_programs};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::adversary_id::{AdversaryId, keys};
 use super::calibration::CalibrationWarning;
@@ -53,7 +53,9 @@ pub struct Row {
     pub successes: usize,
     /// successes / starts. It is 0 without starts.
     ///
-    /// In a partial row it is the least share, successes / all starts in rates.
+    /// In a partial row it is the least share, successes / all starts in rates. It is NaN,
+    /// which JSON has as null, if the ego depends on more than the episode.
+    #[serde(deserialize_with = "null_as_nan")]
     pub success_rate: f64,
     /// Wilson's 95 % interval of the success rate. `None` in a partial row.
     pub ci95: Option<[f64; 2]>,
@@ -78,6 +80,7 @@ pub struct Row {
     /// Share of starts on which a rule was broken, which is no success.
     ///
     /// For a search it is the share of the tried sequences that broke a rule.
+    #[serde(deserialize_with = "null_as_nan")]
     pub foul_rate: f64,
     /// Rules that were broken, with the ado that broke each, in the rulebook's order.
     ///
@@ -97,6 +100,7 @@ pub struct Row {
     #[serde(default)]
     pub foul_before_contact_rate: Option<f64>,
     /// Share of starts that ended in contact.
+    #[serde(deserialize_with = "null_as_nan")]
     pub contact_rate: f64,
     /// Closing speed of the contacts, if there were any.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -293,6 +297,41 @@ impl Row {
         self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
     }
 
+    /// Returns whether the ego depends on more than the episode, so that the row is no
+    /// result.
+    pub fn is_unrepeatable(&self) -> bool {
+        let first = self.faults.first();
+        first.is_some_and(|fault| fault.kind.is_unrepeatable())
+    }
+
+    /// Makes the row no result, because its ego depends on more than the episode.
+    ///
+    /// All starts that are not trivial become invalid, so that no rate and no verdict can
+    /// be read from it. The costs stay.
+    pub fn void(&mut self, found: FaultCount) {
+        // Ahead of other faults, because it is about the whole row.
+        self.faults.insert(0, found);
+        let voided = |outcome: &StartOutcome| match outcome {
+            StartOutcome::Trivial | StartOutcome::NotReached => *outcome,
+            _ => StartOutcome::Invalid,
+        };
+        self.solved = self.solved.iter().map(voided).collect();
+        self.invalid = self.solved.count(StartOutcome::Invalid);
+        (self.starts, self.successes) = (0, 0);
+        self.success_rate = f64::NAN;
+        self.foul_rate = f64::NAN;
+        self.contact_rate = f64::NAN;
+        (self.ci95, self.at_most) = (None, None);
+        (self.recall, self.beyond_search) = (None, None);
+        (self.violations, self.kinds) = (Vec::new(), Vec::new());
+        (self.uncounted, self.distinct) = (None, None);
+        (self.closing_speed_mps, self.success_closing_mps) = (None, None);
+        (self.success_contacts, self.severity) = (None, None);
+        (self.naturalness, self.foul_before_contact_rate) = (None, None);
+        (self.repeats, self.unconfirmed) = (None, None);
+        self.anytime.clear();
+    }
+
     /// Returns four cells about the contacts among the successes.
     ///
     /// They are the share of the successes, the contacts at the front, a flank and the rear
@@ -354,6 +393,11 @@ impl Row {
             }
         }
     }
+}
+
+/// Reads a rate, of which JSON has null if it is unknown.
+fn null_as_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 #[cfg(test)]

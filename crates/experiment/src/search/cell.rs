@@ -188,6 +188,8 @@ impl ExperimentCell {
     pub fn outcomes(&self) -> Vec<StartOutcome> {
         let marks = self.row.solved.iter().zip(&self.results);
         let outcomes = marks.map(|(mark, result)| match result {
+            // Of such an ego no outcome is known, although its crashes are.
+            Some(_) if self.row.is_unrepeatable() => StartOutcome::Invalid,
             Some(result) => result.outcome,
             None => *mark,
         });

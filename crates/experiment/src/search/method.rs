@@ -24,6 +24,9 @@ pub const GUIDED_BUDGET: u64 = 20;
 /// Rows call the starts that this default solves reachable.
 pub const SWITCHES: usize = 2;
 
+/// Most switches that can be asked for. The sequences grow as a power of them.
+pub const MOST_SWITCHES: usize = 10;
+
 /// The same default for programs, of which every sequence takes a whole run.
 pub const SWITCHES_OF_PROGRAMS: usize = 1;
 

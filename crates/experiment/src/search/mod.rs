@@ -31,8 +31,8 @@ pub use found::SearchResult;
 pub use joint_actions::{AdoPlayer, JointActions};
 pub use list::{Cem, Guided, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{
-    BUDGET, GUIDED_BUDGET, GuidingPolicy, MethodInfo, MethodOption, MethodSettings, SWITCHES,
-    SWITCHES_OF_PROGRAMS, SearchError, usual_switches,
+    BUDGET, GUIDED_BUDGET, GuidingPolicy, MOST_SWITCHES, MethodInfo, MethodOption, MethodSettings,
+    SWITCHES, SWITCHES_OF_PROGRAMS, SearchError, usual_switches,
 };
 pub use mutate::mutate;
 pub use player::{Adversary, BASELINES, BestConstant, BestSwitch, PlayerParts, Search};

@@ -72,6 +72,35 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     flush_dir(dir).map_err(&failed)
 }
 
+/// Writes a file that the user named, also to a device, a pipe or the target of a link.
+///
+/// [`write_file`] follows no link, since a directory of results may come from elsewhere.
+///
+/// # Errors
+///
+/// Returns an error if the disk refuses.
+pub fn write_output(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let failed = io_error("writing", path);
+    step(path).map_err(&failed)?;
+    let is_link = path.is_symlink();
+    let place = match fs::metadata(path) {
+        // A rename would replace the device by an ordinary file. `/dev/stdout` is a link
+        // that may lead to an ordinary file, into which the shell writes as well.
+        Ok(file) if !file.is_file() || (is_link && path.starts_with("/dev")) => {
+            let mut file = OpenOptions::new()
+                .append(true)
+                .open(path)
+                .map_err(&failed)?;
+            return file.write_all(bytes).map_err(failed);
+        }
+        Ok(_) if is_link => fs::canonicalize(path).map_err(&failed)?,
+        // A link without a target yet makes its target.
+        Err(_) if is_link => return fs::write(path, bytes).map_err(failed),
+        _ => path.to_owned(),
+    };
+    write_file(&place, bytes)
+}
+
 /// File that is written step by step and appears completely or not at all.
 #[derive(Debug)]
 pub struct WholeFile {
@@ -401,6 +430,33 @@ pub fn file_name(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn an_output_goes_into_a_pipe_and_through_a_link_and_replaces_neither() {
+        let dir = tempfile::tempdir().expect("a directory");
+        let at = |name: &str| dir.path().join(name);
+        fs::write(at("file"), "old").expect("written");
+        for (link, target) in [("link", "file"), ("early", "late")] {
+            std::os::unix::fs::symlink(at(target), at(link)).expect("a link");
+            write_output(&at(link), b"new").expect("written");
+            assert!(at(link).is_symlink(), "{link}");
+            assert_eq!(fs::read(at(target)).expect("read"), b"new");
+        }
+        let made = std::process::Command::new("mkfifo")
+            .arg(at("pipe"))
+            .status();
+        assert!(made.expect("mkfifo").success());
+        std::thread::scope(|scope| {
+            let reader = scope.spawn(|| fs::read(at("pipe")));
+            write_output(&at("pipe"), b"new").expect("written");
+            assert_eq!(reader.join().expect("joined").expect("read"), b"new");
+        });
+        // A file of a run is written in place of a link, which may lead anywhere.
+        write_file(&at("link"), b"own").expect("written");
+        assert!(!at("link").is_symlink());
+        assert_eq!(fs::read(at("file")).expect("read"), b"new");
+    }
 
     /// Every writer sweeps the directory, in which others are writing.
     #[test]

@@ -212,9 +212,9 @@ pub fn timing_s(run: &Path, is_due: bool) -> Result<f64, RunError> {
     if !path.is_file() {
         // It is written before every checkpoint and before the policy.
         return if is_due {
-            Err(RunError::NotARun {
-                path: run.into(),
-                why: format!("`{TIMING}` is missing"),
+            Err(RunError::Damaged {
+                path: path.into(),
+                why: "it is missing".to_owned(),
             })
         } else {
             Ok(0.0)
@@ -235,9 +235,10 @@ pub fn timing_s(run: &Path, is_due: bool) -> Result<f64, RunError> {
 pub fn read_verified(run: &Path, name: &str, expected: Option<&str>) -> Result<Vec<u8>, RunError> {
     let path = run.join(name);
     let bytes = file_bytes(&path).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => RunError::NotARun {
-            path: run.into(),
-            why: format!("`{name}` is missing"),
+        // The manifest is there, so it is a run that lost a file.
+        io::ErrorKind::NotFound => RunError::Damaged {
+            path: path.clone(),
+            why: "it is missing".to_owned(),
         },
         _ => io_error("reading", &path)(source),
     })?;

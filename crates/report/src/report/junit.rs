@@ -74,7 +74,22 @@ impl RowCases<'_> {
             })
         };
         let skipped = |why: &str| TestOutcome::Skipped(why.to_owned());
+        let error = |message: &str| {
+            TestOutcome::Error(TestMessage {
+                kind: row
+                    .faults
+                    .first()
+                    .map_or("fault", |fault| fault.kind.word()),
+                message: message.to_owned(),
+                words: faults(row),
+            })
+        };
         match outcome {
+            StartOutcome::NotReached => skipped("interrupted before this start"),
+            // Of such an ego no outcome is known, whatever the row counted.
+            _ if row.is_unrepeatable() => {
+                error("no result: the ego depends on more than the episode")
+            }
             StartOutcome::Solved => failed("the ego fails, every rule kept"),
             // A failure that the world's criterion does not count fails no
             // test.
@@ -89,15 +104,7 @@ impl RowCases<'_> {
                 failed("the ego fails without an adversary")
             }
             StartOutcome::Trivial => skipped("left out: fails without an adversary"),
-            StartOutcome::NotReached => skipped("interrupted before this start"),
-            StartOutcome::Invalid => TestOutcome::Error(TestMessage {
-                kind: row
-                    .faults
-                    .first()
-                    .map_or("fault", |fault| fault.kind.word()),
-                message: "the ego or the physics failed to run".to_owned(),
-                words: faults(row),
-            }),
+            StartOutcome::Invalid => error("the ego or the physics failed to run"),
         }
     }
 }
@@ -209,5 +216,15 @@ mod tests {
         let known = [Solved, Held, RuleViolation, Uncounted, Trivial, Invalid];
         let expected = ["failed", "passed", "skipped", "passed", "failed", "error"];
         assert_eq!(words(&row(true, true), Some(&known)), expected);
+        // An ego that depends on more than the episode passes no test.
+        let mut random = row(true, true);
+        random.void(FaultCount {
+            kind: crate::ego::FaultKind::Random,
+            message: String::new(),
+            stderr: String::new(),
+            first_start: 0,
+            count: 1,
+        });
+        assert_eq!(words(&random, Some(&known)), ["error"; 6]);
     }
 }

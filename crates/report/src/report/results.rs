@@ -22,6 +22,10 @@ const BARS: usize = 30;
 const BEYOND: f64 = 2.0;
 
 pub(super) fn percent(share: f64) -> String {
+    // A rate is NaN if it is unknown.
+    if share.is_nan() {
+        return "–".to_owned();
+    }
     format!("{:.1} %", 100.0 * share)
 }
 

@@ -21,7 +21,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
                     (success(row))
                     @if row.invalid > 0 { ", " (row.invalid) " invalid" }
                 }
-                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate)) {} }
+                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate.max(0.0))) {} }
                 td data-l="95 %" { (interval(row)) }
                 td class="n" data-l="recall" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
                 td class="n" data-l="fouls" { (share_of(row.starts, row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), |share| share_of(row.starts, share))) } td class="n" data-l="contact" { (cells[0]) }

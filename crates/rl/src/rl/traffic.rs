@@ -1,8 +1,9 @@
 //! Learner of the traffic that fails an ego: the law of actions, given a success.
 //!
 //! Actions follow a declared law p. The learner estimates V, the probability of a success
-//! from here on, and plays p V: as the traffic drives in those episodes that succeed. It is
-//! deep Q-learning from demonstrations ([`super::dqfd`]) with another backup
+//! from here on, and plays p V: as the traffic drives in those episodes that succeed. A
+//! power below 1 weakens p, in V as well as in p V ([`TrafficSettings::prior`]). It is deep
+//! Q-learning from demonstrations ([`super::dqfd`]) with another backup
 //! ([`super::soft_backup`]), and its policy draws its actions.
 
 use schemars::JsonSchema;
@@ -39,6 +40,13 @@ pub struct TrafficSettings {
     /// At 1, it drives as the traffic does, given that it succeeds. Towards 0, it takes the
     /// possible action of the greatest V, where errors of V count more.
     pub temperature: f64,
+    /// Power to which the law is raised, in the backup of V and in the policy (1).
+    ///
+    /// At 1, the ado drives as the traffic does, given that it succeeds. Towards 0, rare
+    /// actions cost less, and at 0 all possible actions are equally likely: V is then that of
+    /// an adversary that keeps to what the law allows.
+    #[serde(skip_serializing_if = "is_whole")]
+    pub prior: f64,
     /// Least −ln V (50): a success that is rarer than e⁻⁵⁰ per episode is none.
     pub floor: f64,
     /// Law of the ados' actions, which `train --traffic` writes (all equally likely).
@@ -49,12 +57,20 @@ pub struct TrafficSettings {
     pub seeding: Seeding,
 }
 
+/// Leaves the power of an unchanged law out of the text of a world.
+///
+/// A run directory of an earlier version then still names the same learner.
+fn is_whole(prior: &f64) -> bool {
+    *prior == 1.0
+}
+
 impl Default for TrafficSettings {
     fn default() -> Self {
         TrafficSettings {
             decisions: 300_000,
             hidden: vec![96, 96, 96],
             temperature: 1.0,
+            prior: 1.0,
             floor: 50.0,
             law: TrafficLaw::default(),
             share: Imitation::default().share,
@@ -66,6 +82,14 @@ impl Default for TrafficSettings {
 impl TrafficSettings {
     fn soft(&self) -> SoftBackup {
         SoftBackup { floor: self.floor }
+    }
+
+    fn reader(&self, actions: usize) -> LawReader {
+        LawReader {
+            law: self.law.clone(),
+            prior: self.prior,
+            actions,
+        }
     }
 
     fn dqn(&self) -> DqnSettings {
@@ -90,7 +114,7 @@ impl TrafficSettings {
             ..Imitation::default()
         };
         TrafficLearner {
-            law: LawReader::new(&self.law, spaces.actions),
+            law: self.reader(spaces.actions),
             temperature: self.temperature,
             soft: self.soft(),
             observation: spaces.observation,
@@ -121,6 +145,7 @@ impl LearnerKind for TrafficSettings {
         self.dqn().check()?;
         self.law.check()?;
         within("temperature", self.temperature, 1e-6, 1e6)?;
+        within("prior", self.prior, 0.0, 1.0)?;
         within("floor", self.floor, 1.0, 1000.0)?;
         within("share", self.share, 0.0, 0.9)?;
         within("starts", self.seeding.starts as f64, 0.0, 1e6)?;
@@ -163,25 +188,21 @@ impl LearnerKind for TrafficSettings {
     }
 }
 
-/// Law with the number of joint actions, and buffers.
+/// Law with its power and the number of joint actions.
 #[derive(Clone)]
 struct LawReader {
     law: TrafficLaw,
+    prior: f64,
     actions: usize,
 }
 
 impl LawReader {
-    fn new(law: &TrafficLaw, actions: usize) -> LawReader {
-        LawReader {
-            law: law.clone(),
-            actions,
-        }
-    }
-
     /// Returns the inputs of the network for an observation.
+    ///
+    /// They end with the weakened law, which the backup and the policy read from there.
     fn features(&self, obs: &[f32]) -> Vec<f32> {
-        let (mut law, mut into) = (Vec::new(), Vec::new());
-        self.law.features(obs, &mut law, self.actions, &mut into);
+        let mut into = Vec::new();
+        self.law.features(obs, self.actions, self.prior, &mut into);
         into
     }
 }
@@ -287,6 +308,9 @@ impl Learner for TrafficLearner {
         bundle.put("law/sizes", &[2], sizes.to_vec());
         let numbers = vec![self.temperature, self.soft.floor];
         bundle.put("law/numbers", &[2], numbers);
+        if !is_whole(&self.law.prior) {
+            bundle.put("law/prior", &[1], vec![self.law.prior]);
+        }
         bundle
     }
 
@@ -309,8 +333,14 @@ impl TrafficPolicy {
         let sizes = bundle.get::<u64>("law/sizes", &[2])?;
         let [observation, actions] = [sizes[0] as usize, sizes[1] as usize];
         let numbers = bundle.get::<f64>("law/numbers", &[2])?;
+        // Policies of an unchanged law, as all earlier ones are, have none.
+        let prior = match bundle.shape("law/prior") {
+            Some(_) => bundle.one::<f64>("law/prior")?,
+            None => 1.0,
+        };
         let settings = TrafficSettings {
             law: law_of(bundle)?,
+            prior,
             temperature: numbers[0],
             floor: numbers[1],
             ..TrafficSettings::default()
@@ -332,7 +362,7 @@ impl TrafficPolicy {
         let inner = settings.inner(&spaces).observation;
         expect_sizes("the policy's network", &net.ends(), &[inner, actions])?;
         Ok(TrafficPolicy {
-            law: LawReader::new(&settings.law, actions),
+            law: settings.reader(actions),
             temperature: settings.temperature,
             soft: settings.soft(),
             observation,

@@ -98,14 +98,9 @@ impl TrafficLaw {
 
     /// Writes an observation, one-hot codes of the last actions and the logarithms of the law.
     ///
-    /// The logarithms come last, one per joint action, as [`scaled_log`] writes them.
-    pub(super) fn features(
-        &self,
-        obs: &[f32],
-        law: &mut Vec<f64>,
-        actions: usize,
-        into: &mut Vec<f32>,
-    ) {
+    /// The logarithms come last, one per joint action, as [`scaled_log`] writes them. They are
+    /// of the law raised to the power `prior`.
+    pub(super) fn features(&self, obs: &[f32], actions: usize, prior: f64, into: &mut Vec<f32>) {
         into.clear();
         into.extend_from_slice(obs);
         for factor in &self.factors {
@@ -114,7 +109,9 @@ impl TrafficLaw {
                 into.extend((0..factor.actions).map(|it| f32::from(u8::from(it == digit))));
             }
         }
-        self.probabilities(obs, actions, law);
+        let mut law = Vec::new();
+        self.probabilities(obs, actions, &mut law);
+        weaken(&mut law, prior);
         into.extend(law.iter().map(|p| scaled_log(*p)));
     }
 
@@ -201,6 +198,26 @@ pub fn interrupted<'a>(
     next
 }
 
+/// Raises a law to a power and makes it a law again. Impossible actions stay impossible.
+fn weaken(law: &mut [f64], prior: f64) {
+    // The bits of an unchanged law stay as they are.
+    if prior == 1.0 {
+        return;
+    }
+    let power = |p: f64| {
+        if log_of(scaled_log(p)).is_some() {
+            libm::pow(p, prior)
+        } else {
+            0.0
+        }
+    };
+    law.iter_mut().for_each(|p| *p = power(*p));
+    let sum: f64 = law.iter().sum();
+    if sum > 0.0 {
+        law.iter_mut().for_each(|p| *p /= sum);
+    }
+}
+
 /// Returns the scaled logarithm of a probability, at least `LEAST_LOG`.
 fn scaled_log(p: f64) -> f32 {
     ((LOG_SCALE * libm::log(p)) as f32).max(LEAST_LOG)
@@ -274,12 +291,32 @@ mod tests {
         own.before = Some(0);
         own.transitions = [vec![vec![1.0, 0.0]; 2], vec![vec![0.5, 0.5]; 2]].concat();
         let (law, mut into) = (law(vec![own]), Vec::new());
-        law.features(&[0.0, 0.0], &mut Vec::new(), 2, &mut into);
+        law.features(&[0.0, 0.0], 2, 1.0, &mut into);
         assert_eq!(into, [0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, LEAST_LOG]);
         assert_eq!(into.len(), 2 + law.memory() + law.actions());
         assert_eq!([log_of(into[6]), log_of(into[7])], [Some(0.0), None]);
         let small = log_of(scaled_log(1e-9)).expect("possible");
         assert!((small - libm::log(1e-9)).abs() < 1e-4, "{small}");
+    }
+
+    #[test]
+    fn a_weakened_law_leads_to_equal_shares_of_the_possible_actions() {
+        let law = |prior: f64| {
+            let mut law = [0.9, 0.1, 0.0, 1e-20];
+            weaken(&mut law, prior);
+            law
+        };
+        // The unchanged law has the same bits.
+        assert_eq!(law(1.0), [0.9, 0.1, 0.0, 1e-20]);
+        let half = law(0.5);
+        let ratio = half[0] / half[1];
+        assert!((ratio - 3.0).abs() < 1e-9 && half[2] == 0.0, "{half:?}");
+        assert!((half.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        // An action below e⁻⁴⁰ is as impossible as without a power.
+        assert_eq!(law(0.0), [0.5, 0.5, 0.0, 0.0]);
+        let mut none = [0.0; 2];
+        weaken(&mut none, 0.0);
+        assert_eq!(none, [0.0; 2]);
     }
 
     #[test]

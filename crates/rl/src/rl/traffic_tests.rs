@@ -100,15 +100,31 @@ fn law() -> TrafficLaw {
 /// Probabilities of a sequence of actions from a start.
 struct Sequence {
     law: f64,
+    /// Under the law raised to a power.
+    weakened: f64,
     own: f64,
     succeeds: bool,
 }
 
+/// Sequence that may go on.
+struct OpenSequence {
+    actions: Vec<usize>,
+    sequence: Sequence,
+}
+
 /// Returns all sequences from a start, up to their ends.
-fn sequences(policy: &dyn Policy, index: u64) -> Vec<Sequence> {
+fn sequences(policy: &dyn Policy, index: u64, prior: f64) -> Vec<Sequence> {
     let mut all = Vec::new();
-    let mut open: Vec<(Vec<usize>, f64, f64)> = vec![(Vec::new(), 1.0, 1.0)];
-    while let Some((actions, law, own)) = open.pop() {
+    let mut open = vec![OpenSequence {
+        actions: Vec::new(),
+        sequence: Sequence {
+            law: 1.0,
+            weakened: 1.0,
+            own: 1.0,
+            succeeds: false,
+        },
+    }];
+    while let Some(OpenSequence { actions, sequence }) = open.pop() {
         let mut env = FollowingEnv::new();
         let mut obs = vec![0.0; 5];
         env.reset(index, &mut obs);
@@ -122,23 +138,38 @@ fn sequences(policy: &dyn Policy, index: u64) -> Vec<Sequence> {
         }) = last
         {
             let succeeds = reward > 0.0;
-            all.push(Sequence { law, own, succeeds });
+            all.push(Sequence {
+                succeeds,
+                ..sequence
+            });
             continue;
         }
         let odds = policy.odds(&obs).expect("a policy of traffic");
+        // Written apart from the learner, whose law it checks.
+        let power = |p: &f64| if *p > 0.0 { libm::pow(*p, prior) } else { 0.0 };
+        let powers: Vec<f64> = odds.law.iter().map(power).collect();
+        let sum: f64 = powers.iter().sum();
         for action in 0..3 {
-            let next = [&actions[..], &[action]].concat();
-            open.push((next, law * odds.law[action], own * odds.own[action]));
+            open.push(OpenSequence {
+                actions: [&actions[..], &[action]].concat(),
+                sequence: Sequence {
+                    law: sequence.law * odds.law[action],
+                    weakened: sequence.weakened * powers[action] / sum,
+                    own: sequence.own * odds.own[action],
+                    succeeds: false,
+                },
+            });
         }
     }
     all
 }
 
-fn trained() -> Box<dyn Policy> {
+fn trained(prior: f64) -> Box<dyn Policy> {
     let settings = TrafficSettings {
         decisions: 60_000,
         hidden: vec![48, 48],
         law: law(),
+        prior,
         ..TrafficSettings::default()
     };
     let mut env = FollowingEnv::new();
@@ -150,35 +181,90 @@ fn trained() -> Box<dyn Policy> {
     load_policy(&learner.policy_bundle()).expect("a policy")
 }
 
+/// Learned law from a start, beside the exact ones.
+struct Comparison {
+    /// Probability of a success under the weakened law, exact.
+    exact: f64,
+    /// V of the start.
+    found: f64,
+    /// Probability of a success under the learned law.
+    succeeds: f64,
+    /// Distances of the learned law from the weakened one and from the law itself, given a
+    /// success.
+    distances: [f64; 2],
+}
+
+impl Comparison {
+    fn of(policy: &dyn Policy, index: usize, prior: f64) -> Comparison {
+        let all = sequences(policy, index as u64, prior);
+        let sum = |of: &dyn Fn(&Sequence) -> f64| all.iter().map(of).sum::<f64>();
+        let laws: [fn(&Sequence) -> f64; 3] = [|it| it.weakened, |it| it.law, |it| it.own];
+        for law in laws {
+            assert!((sum(&law) - 1.0).abs() < 1e-9);
+        }
+        let success =
+            |of: fn(&Sequence) -> f64| move |it: &Sequence| if it.succeeds { of(it) } else { 0.0 };
+        let [exact, of_law, succeeds] = laws.map(|law| sum(&success(law)));
+        let distance = |law: fn(&Sequence) -> f64, all: f64| {
+            0.5 * sum(&|it| (it.own - success(law)(it) / all).abs())
+        };
+        let mut env = FollowingEnv::new();
+        let mut obs = vec![0.0; 5];
+        env.reset(index as u64, &mut obs);
+        Comparison {
+            exact,
+            found: libm::pow(10.0, f64::from(policy.value(&obs))),
+            succeeds,
+            distances: [distance(laws[0], exact), distance(laws[1], of_law)],
+        }
+    }
+
+    fn said(&self, gap: i32) -> String {
+        let Comparison {
+            exact,
+            found,
+            succeeds,
+            distances: [near, far],
+        } = self;
+        format!(
+            "gap {gap}: P {exact:.2e}, V {found:.2e}, success {succeeds:.3}, distance {near:.3}, \
+             from the law itself {far:.3}"
+        )
+    }
+}
+
 #[test]
 fn the_learned_law_is_the_law_given_a_success() {
-    let policy = trained();
-    let mut obs = vec![0.0; 5];
+    let policy = trained(1.0);
     for (index, gap) in GAPS.iter().enumerate().take(3) {
-        let all = sequences(&*policy, index as u64);
-        let sum = |of: &dyn Fn(&Sequence) -> f64| all.iter().map(of).sum::<f64>();
-        assert!((sum(&|it| it.law) - 1.0).abs() < 1e-9);
-        assert!((sum(&|it| it.own) - 1.0).abs() < 1e-9);
-        let success = |it: &Sequence| if it.succeeds { it.law } else { 0.0 };
-        let exact = sum(&success);
-        let distance = 0.5 * sum(&|it| (it.own - success(it) / exact).abs());
-        let succeeds = sum(&|it| if it.succeeds { it.own } else { 0.0 });
-        let mut env = FollowingEnv::new();
-        env.reset(index as u64, &mut obs);
-        let found = libm::pow(10.0, f64::from(policy.value(&obs)));
-        let said = format!(
-            "gap {gap}: P {exact:.2e}, V {found:.2e}, success {succeeds:.3}, distance {distance:.3}"
-        );
+        let found = Comparison::of(&*policy, index, 1.0);
+        let said = found.said(*gap);
         // The traffic itself hardly ever succeeds.
-        assert!(exact < 0.04 && succeeds > 0.9, "{said}");
-        assert!(distance < 0.12, "{said}");
-        assert!((found / exact - 1.0).abs() < 0.3, "{said}");
+        assert!(found.exact < 0.04 && found.succeeds > 0.9, "{said}");
+        assert!(found.distances[0] < 0.12, "{said}");
+        assert!((found.found / found.exact - 1.0).abs() < 0.3, "{said}");
+    }
+}
+
+/// The power is in the backup as well. In the policy alone, V would be that of other ways.
+#[test]
+fn a_weakened_law_is_learned_given_a_success() {
+    for prior in [0.5, 0.0] {
+        let policy = trained(prior);
+        for (index, gap) in GAPS.iter().enumerate().take(3) {
+            let found = Comparison::of(&*policy, index, prior);
+            let said = format!("prior {prior}, {}", found.said(*gap));
+            assert!(found.succeeds > 0.9 && found.distances[0] < 0.12, "{said}");
+            assert!((found.found / found.exact - 1.0).abs() < 0.3, "{said}");
+            // It is another law than that of the traffic.
+            assert!(found.distances[1] > 0.2, "{said}");
+        }
     }
 }
 
 #[test]
 fn a_start_without_a_lawful_success_has_no_value() {
-    let policy = trained();
+    let policy = trained(1.0);
     let mut obs = vec![0.0; 5];
     let mut env = FollowingEnv::new();
     env.reset(3, &mut obs);
@@ -189,7 +275,7 @@ fn a_start_without_a_lawful_success_has_no_value() {
 
 #[test]
 fn a_temperature_leads_from_the_law_to_the_surest_action() {
-    let policy = trained();
+    let policy = trained(1.0);
     let mut obs = vec![0.0; 5];
     let mut env = FollowingEnv::new();
     env.reset(0, &mut obs);

@@ -54,8 +54,10 @@ pub struct Replayer {
     world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
-    /// Whether replays have all signals of the rules, and of ψ_ego.
-    repeats: (bool, bool),
+    /// Whether replays have all signals of the rules.
+    repeats_rules: bool,
+    /// Whether replays have all signals of ψ_ego.
+    repeats_spec: bool,
     /// Other vehicles, by position among the agents.
     vehicles: Vec<usize>,
     sample_s: f64,
@@ -118,10 +120,8 @@ impl Replayer {
         Some(Replayer {
             scene: world.for_replay().scene(),
             world: world.clone(),
-            repeats: (
-                rules.all(|rule| world.repeats(&rule.monitor.signals())),
-                world.repeats(&rulebook.spec.signals()),
-            ),
+            repeats_rules: rules.all(|rule| world.repeats(&rule.monitor.signals())),
+            repeats_spec: world.repeats(&rulebook.spec.signals()),
             rulebook,
             vehicles: vehicles.map(|(i, _)| i).collect(),
             sample_s: spec.clock.sample_s,
@@ -503,7 +503,6 @@ impl Replayer {
         let recorded_mps = recorded.map_or(0.0, |touch| touch.closing_speed_mps);
         let now_mps = contact.as_ref().map(|it| it.closing_speed_mps);
         let judged = judged.map(|rows| rows.judge(&self.rulebook));
-        let (rules, spec) = self.repeats;
         DriverOutcome {
             avoided: contact.is_none(),
             // Below 0 for a contact, so that one number orders all outcomes.
@@ -511,8 +510,10 @@ impl Replayer {
             saved_mps: recorded_mps - now_mps.unwrap_or(0.0),
             contact,
             reacted_s,
-            rules_kept: judged.filter(|_| rules).map(|(kept, _)| kept),
-            robustness: judged.filter(|_| spec).map(|(_, robustness)| robustness),
+            rules_kept: judged.filter(|_| self.repeats_rules).map(|(kept, _)| kept),
+            robustness: judged
+                .filter(|_| self.repeats_spec)
+                .map(|(_, robustness)| robustness),
         }
     }
 }

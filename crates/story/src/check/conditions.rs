@@ -149,6 +149,7 @@ impl Check<'_, '_> {
             }
             Is::Distance {
                 position,
+                freespace,
                 distance_type,
                 coordinate_system,
                 rule,
@@ -158,14 +159,15 @@ impl Check<'_, '_> {
                     along: *distance_type,
                     system: *coordinate_system,
                 };
-                let quantity = self.distance_to_place(path, position, measured);
+                let quantity = self.distance_to_place(path, position, measured, *freespace);
                 self.number_of(path, quantity, *rule, ("value_m", value_m))
             }
             Is::ReachPosition {
                 position,
                 tolerance_m,
             } => {
-                let quantity = self.distance_to_place(path, position, MeasuredAxis::default());
+                let measured = MeasuredAxis::default();
+                let quantity = self.distance_to_place(path, position, measured, false);
                 let rule = ComparisonRule::LessOrEqual;
                 self.number_of(path, quantity, rule, ("tolerance_m", tolerance_m))
             }
@@ -246,10 +248,12 @@ impl Check<'_, '_> {
         path: &ValuePath,
         position: &StoryPosition,
         measured: MeasuredAxis,
+        freespace: bool,
     ) -> AgentQuantity {
         AgentQuantity::DistanceToPlace {
             place: self.place(&path.to("position"), position),
             measured,
+            freespace,
         }
     }
 

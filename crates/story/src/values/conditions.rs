@@ -227,10 +227,13 @@ pub enum EntityCondition {
         /// Compared value.
         value_m: StoryNumber,
     },
-    /// Distance from the reference point to a place.
+    /// Distance to a place.
     Distance {
         /// TargetPlace.
         position: StoryPosition,
+        /// From the box of the body, not from its reference point.
+        #[serde(default, skip_serializing_if = "is_default")]
+        freespace: bool,
         /// Direction.
         #[serde(default, skip_serializing_if = "is_default")]
         distance_type: DistanceType,

@@ -273,6 +273,14 @@ fn motion_is_compared() {
         "Distance(position: Road(s_m: 31.0, t_m: 0.0), rule: LessThan, value_m: 2.0)",
         2.0,
     );
+    // The front drives 29 m: 20 t − 2 t².
+    for along in ["Euclidean", "Longitudinal"] {
+        let place = "position: Road(s_m: 31.0, t_m: 0.0), freespace: true";
+        is(
+            &format!("Distance({place}, distance_type: {along}, rule: LessThan, value_m: 2.0)"),
+            1.759630,
+        );
+    }
     assert_eq!(braking("StandStill(duration_s: 2.5)", "c"), Some(2.5));
     assert_eq!(braking("StandStill(duration_s: 2.5)", "b"), None);
     assert_eq!(braking("Offroad(duration_s: 0.0)", "a"), None);

@@ -252,7 +252,7 @@ const ALIKE_M: f64 = 0.005;
 
 /// Returns the plant on which plans are judged.
 ///
-/// The kinematic plant is about ten times as fast. It is used if all vehicles move on it
+/// The kinematic plant is many times as fast. It is used if all vehicles move on it
 /// as on the world's own plant in these runs.
 /// Along a lane both plants agree. A lane change differs by some centimetres on the rigid
 /// plant, and centimetres decide whether a rule is kept.

@@ -108,6 +108,9 @@ pub enum OptionClash {
     /// Temperature without traffic.
     #[error("`--temperature` requires `--traffic`")]
     Temperature,
+    /// Power of a law without traffic.
+    #[error("`--prior` requires `--traffic`")]
+    Prior,
     /// All egos at once.
     #[error("`--ego all` names many egos, and an ado is trained against one")]
     AllEgos,
@@ -132,6 +135,7 @@ impl OptionClash {
             OptionClash::Temperature => {
                 "name declared traffic, or draw the actions of an evaluation: `eval --temperature`"
             }
+            OptionClash::Prior => "name declared traffic, whose law it weakens",
             OptionClash::AllEgos => "name one of them; `--against wide` trains against a family",
         }
     }

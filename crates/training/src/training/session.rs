@@ -63,6 +63,8 @@ pub struct TrainRequest<'a> {
     pub traffic: Option<&'a RiskTraffic>,
     /// Temperature at which such ados draw their actions, 1 by default.
     pub temperature: Option<f64>,
+    /// Power of the traffic's law, from 1, the default, to 0: all possible actions alike.
+    pub prior: Option<f64>,
 }
 
 /// Training with its run directory.
@@ -411,9 +413,10 @@ impl TrainRequest<'_> {
     fn in_traffic(&self, world: &Scenario) -> Result<Option<Scenario>, SessionError> {
         let refused = |clash: OptionClash| Err(SessionError::Options(clash));
         let Some(traffic) = self.traffic else {
-            return match self.temperature {
-                Some(_) => refused(OptionClash::Temperature),
-                None => Ok(None),
+            return match (self.temperature, self.prior) {
+                (Some(_), _) => refused(OptionClash::Temperature),
+                (None, Some(_)) => refused(OptionClash::Prior),
+                (None, None) => Ok(None),
             };
         };
         // Training as traffic has a learner and an aim of its own.
@@ -426,6 +429,7 @@ impl TrainRequest<'_> {
         let defaults = TrafficSettings::default();
         let settings = TrafficSettings {
             temperature: self.temperature.unwrap_or(defaults.temperature),
+            prior: self.prior.unwrap_or(defaults.prior),
             ..defaults
         };
         Ok(Some(traffic.training_world(world, settings)?))

@@ -10,10 +10,11 @@ use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
 use crate::scene::Clock;
+use crate::scene::drive::Actions;
 use crate::sim::PlantKind;
 use crate::stl::{Formula, Monitor};
 use crate::world_file::{
-    AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile,
+    AdoFile, AgentFile, Change, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile,
 };
 
 /// Greatest usual speed of a start or a controller on a road: 252 km/h.
@@ -34,6 +35,10 @@ pub(super) enum Oddity {
     DuplicateRule,
     /// An ado observes a signal twice.
     DuplicateObservation,
+    /// All actions of an ado are equal.
+    EqualActions,
+    /// A change changes nothing.
+    EmptyChange,
     /// A start speed is unusually high.
     FastStart,
     /// A speed of a controller is unusually high.
@@ -80,6 +85,24 @@ type WarningText = (String, &'static str, &'static str);
 
 /// Label and fix.
 type LabelAndFix = (&'static str, &'static str);
+
+/// Returns whether several actions all do the same. A single action is a choice of its
+/// author.
+fn are_equal(actions: &Actions) -> bool {
+    fn all<T: PartialEq>(values: &[T]) -> bool {
+        values.windows(2).all(|pair| pair[0] == pair[1])
+    }
+    let equal = match actions {
+        Actions::Accelerations(values) | Actions::Curvatures(values) => all(values),
+        Actions::Grid(grid) => all(&grid.accelerations) && all(&grid.lateral),
+        Actions::Deviate(added) => all(&added.accelerations) && all(&added.lateral_mps),
+        Actions::Walks(values) => all(values),
+        Actions::Phases(values) => all(values),
+        Actions::Rates(values) => all(values),
+        Actions::Turns(values) => all(values),
+    };
+    equal && actions.len() > 1
+}
 
 impl Warnings {
     /// Reads `allow`, and reports unknown warnings.
@@ -271,6 +294,11 @@ impl Warnings {
     fn driven_ado(&mut self, path: &ValuePath, ado: &AdoFile) {
         let observe = ado.observe.as_deref().unwrap_or_default();
         self.ado(path, &ado.rulebook, observe);
+        if are_equal(&ado.actions) {
+            let what = "this ado has no choice, since all its actions are equal".to_owned();
+            let words = ("all equal", "give it actions that differ");
+            self.note(Oddity::EqualActions, path.to("actions"), what, words);
+        }
         self.lag(&path.to("lag_s"), ado.lag_s);
     }
 
@@ -320,6 +348,11 @@ impl Warnings {
     fn changed_egos(&mut self, file: &ScenarioFile) {
         for (name, change) in &file.reuse.0 {
             let path = ValuePath::top().to("reuse").to(name);
+            if *change == Change::default() {
+                let what = format!("`{name}` changes nothing, so it is the world's own ego");
+                let words = ("empty", "change something, or leave it out");
+                self.note(Oddity::EmptyChange, path.clone(), what, words);
+            }
             if let Some(controller) = &change.controller {
                 self.controller(&path.to("controller").at(0), &controller.controller);
             }

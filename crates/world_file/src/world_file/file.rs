@@ -41,7 +41,7 @@ pub struct ScenarioFile {
     pub source: String,
     /// Times.
     pub clock: Clock,
-    /// `Rigid` (3D, rapier) or `Kinematic` (2D, about ten times faster). Default: `Rigid`.
+    /// `Rigid` (3D, rapier) or `Kinematic` (2D, 20 to 35 times faster). Default: `Rigid`.
     #[serde(default = "rigid", skip_serializing_if = "is_rigid")]
     pub plant: PlantKind,
     /// Seconds that rapier plays after the first contact of every episode, at most 20. Hit

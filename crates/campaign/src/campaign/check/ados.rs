@@ -8,7 +8,7 @@ use crate::campaign::file::AdoEntry;
 use crate::campaign::plan::{PlannedAdo, PlannedRun, PlannedTraining};
 use crate::ron_file::{ValuePath, guessed};
 use crate::run_dir::{AdversaryId, RunDir, SearchSettings, file_name};
-use crate::search::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
+use crate::search::{BUDGET, MOST_SWITCHES, Method, MethodOption, MethodSettings, SWITCHES};
 use crate::world::Scenario;
 
 /// Largest number of decisions in a script.
@@ -129,6 +129,11 @@ impl Checker {
             let what = "a search of a campaign has no trained ado that guides it";
             let help = "use another method, or `brakecheck search --guided RUN`";
             return Err(self.source.wrong(at, what, Some(help.to_owned())));
+        }
+        // The pilot would not end before it has tried a start.
+        if let Some(switches) = switches.filter(|it| *it > MOST_SWITCHES) {
+            let what = format!("{switches} switches: there are at most {MOST_SWITCHES}");
+            return Err(self.source.wrong(&at.to("switches"), what, None));
         }
         let wrong = self.source.at(at);
         let settings = MethodSettings {

@@ -216,6 +216,12 @@ impl Checker {
         known.dedup();
         // A misspelt baseline would compare nothing and let every change pass.
         if known.contains(&baseline.as_str()) {
+            if known.len() == 1 {
+                let what = format!("`{baseline}` is the only ego, so the gate compares nothing");
+                let help = "list the ego to compare with it under `egos`, or leave out `gate`";
+                let at = ValuePath::top().to("gate");
+                return Err(self.source.wrong(&at, what, Some(help.to_owned())));
+            }
             self.gates_every_world(&baseline, units)?;
             let severity = gate.severity.then_some(GateOn::Severity);
             return Ok(Some((baseline, [on].into_iter().chain(severity).collect())));

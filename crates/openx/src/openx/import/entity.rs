@@ -1,14 +1,20 @@
 //! Entities of a scenario, at the start of the run.
 
+use core::f64::consts::PI;
+
 use super::bodies::ImportedBody;
 use super::later::{LaterMotion, driven_s};
 use super::places::Placed;
-use crate::opendrive::error::At;
+use crate::opendrive::error::{At, ImportError};
 use crate::opendrive::roads::RoadMap;
+use crate::opendrive::tree::XmlNode;
+use crate::opendrive::ways::SAME_WAY_RAD;
 use crate::sim::wrapped;
 
 /// Sine of the least angle between a lane and a pedestrian that walks across it.
 const ACROSS_SINE: f64 = 0.1;
+/// What is dropped of a vehicle that faces off its lane.
+const ASKEW: &str = "headings of vehicles off the lane that they follow";
 
 /// Entity of a scenario.
 #[derive(Clone, Debug)]
@@ -24,6 +30,8 @@ pub(super) struct ImportedEntity {
     pub route: Vec<String>,
     /// Initial bumper-to-bumper gap to the ego in metres, which replaces the place.
     pub gap_m: Option<f64>,
+    /// Kind of what its way drops of its place.
+    pub dropped: Option<&'static str>,
     /// Place of the entity's Init in the file.
     pub at: At,
 }
@@ -38,8 +46,33 @@ impl ImportedEntity {
         self.later.acts || self.approach.is_some()
     }
 
-    pub(super) fn changes_lane(&self) -> bool {
-        self.later.lane_changes + self.later.offsets > 0
+    /// Turns a vehicle along its lane, which it follows however it faces.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a lane of a road that is not read.
+    pub(super) fn face_lane(&mut self, asks: &XmlNode, roads: &RoadMap) -> Result<(), ImportError> {
+        if self.later.keeps_aside {
+            return Ok(());
+        }
+        if self.placed.lane.is_none() {
+            let found = roads.nearest_lane(&self.placed.spot, true);
+            self.placed.lane = found.map(|(lane, _)| lane);
+        }
+        let Some(at) = self.placed.lane.as_ref().filter(|at| at.lane != 0) else {
+            return Ok(());
+        };
+        let line = roads.road(asks, &at.road)?;
+        let (_, slope) = line.middle_at(asks, at.s_m, at.lane)?;
+        let slant_rad = libm::atan2(slope, 1.0 - line.per_m(at.s_m) * at.t_m);
+        let turn_rad = if at.forward { 0.0 } else { PI };
+        let along_rad = wrapped(line.at(at.s_m, at.t_m).heading_rad + slant_rad + turn_rad);
+        let spot = &mut self.placed.spot;
+        if wrapped(spot.heading_rad - along_rad).abs() > SAME_WAY_RAD {
+            spot.heading_rad = along_rad;
+            self.dropped = Some(ASKEW);
+        }
+        Ok(())
     }
 
     /// Returns whether it walks from a place on a lane in another direction than the lane.

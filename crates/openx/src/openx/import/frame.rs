@@ -4,6 +4,7 @@ use core::f64::consts::PI;
 
 use super::entity::ImportedEntity;
 use super::places::{Placed, beside as beside_lane, is_along};
+use super::seen::is_square;
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::lane_drive::{LaneFollower, LaneRoute, LaneStretch};
 use crate::opendrive::roads::OnLane;
@@ -71,6 +72,9 @@ impl FrameOfEgo {
         let Some(ego) = entities.iter().position(|it| it.is_ego) else {
             return Err(asks.refused("the ego is deleted", DELETED));
         };
+        if entities[ego].moves() && entities[ego].placed.way.is_none() {
+            entities[ego].face_lane(asks, roads)?;
+        }
         let it = if stands_askew(roads, &entities[ego]) {
             FrameOfEgo::ahead_of(&entities[ego])
         } else if keeps_road(asks, roads, entities, ego)? {
@@ -275,10 +279,15 @@ impl FrameOfEgo {
         if entity.placed.way.is_some() {
             return Ok(());
         }
-        if entity.body.on_foot && entity.moves() && is_turned(roads, entity) {
+        let turned_rad = way.locate(&entity.placed.spot).heading_rad;
+        let is_askew = if entity.moves() {
+            is_turned(roads, entity)
+        } else {
+            !is_square(turned_rad)
+        };
+        if entity.body.on_foot && is_askew {
             // Who faces off its lane walks straight ahead.
-            let ahead = Course::straight_from(entity.placed.spot);
-            entity.placed.way = Some(OnWay::start(ahead, MOST_M));
+            entity.placed.way = Some(straight_ahead(entity));
             return Ok(());
         }
         if !entity.moves() {
@@ -299,25 +308,58 @@ impl FrameOfEgo {
         entity: &mut ImportedEntity,
         reach_m: f64,
     ) -> Result<(), ImportError> {
-        let has_way = entity.placed.way.is_some() || entity.body.on_foot || !entity.moves();
+        let is_by_t = entity.placed.lane.as_ref().is_some_and(|at| at.lane == 0);
+        let stays = !entity.body.on_foot && (is_by_t || !entity.moves());
+        if entity.placed.way.is_some() || stays {
+            return Ok(());
+        }
+        let turned_rad = self.turned_rad(asks, roads, entity)?;
+        if entity.body.on_foot {
+            // Who faces neither along the road nor across it walks straight ahead.
+            if !is_square(turned_rad) && entity.approach.is_none() {
+                entity.placed.way = Some(straight_ahead(entity));
+            }
+            return Ok(());
+        }
+        let follows_road = |turned_rad| is_along(turned_rad, 0.0) || is_along(turned_rad, PI);
+        if entity.placed.lane.is_some() || !follows_road(turned_rad) {
+            entity.face_lane(asks, roads)?;
+        }
         let RoadFrame::Straight(origin) = &self.frame else {
             return Ok(());
         };
-        let Some(at) = &entity.placed.lane else {
-            return Ok(());
+        let along = follows_road(self.turned_rad(asks, roads, entity)?);
+        let is_beside = match &entity.placed.lane {
+            Some(at) => {
+                let line = roads.road(asks, &at.road)?;
+                let is_straight = line.is_straight() && line.lanes.fixed_m(at.lane).is_some();
+                let is_near = origin.sees(&entity.placed.spot).y_m.abs() <= MOST_ASIDE_M;
+                along && is_straight && is_near && entity.route.is_empty()
+            }
+            None => along,
         };
-        if has_way || at.lane == 0 {
-            return Ok(());
-        }
-        let line = roads.road(asks, &at.road)?;
-        let is_straight = line.is_straight() && line.lanes.fixed_m(at.lane).is_some();
-        let seen = origin.sees(&entity.placed.spot);
-        let along = is_along(seen.heading_rad, 0.0) || is_along(seen.heading_rad, PI);
-        let is_beside = along && seen.y_m.abs() <= MOST_ASIDE_M;
-        if !(is_straight && is_beside && entity.route.is_empty()) {
+        if !is_beside {
             entity.placed.way = Some(own_way(asks, roads, entity, reach_m)?);
         }
         Ok(())
+    }
+
+    /// Angle in radians between an entity and a frame of one road, at its place.
+    fn turned_rad(
+        &self,
+        asks: &XmlNode,
+        roads: &RoadMap,
+        entity: &ImportedEntity,
+    ) -> Result<f64, ImportError> {
+        let spot = &entity.placed.spot;
+        Ok(match (&self.frame, &entity.placed.lane) {
+            (RoadFrame::Straight(origin), _) => origin.sees(spot).heading_rad,
+            (_, Some(at)) => {
+                let on = roads.road(asks, &at.road)?.at(at.s_m, at.t_m);
+                on.sees(spot).heading_rad
+            }
+            _ => 0.0,
+        })
     }
 }
 
@@ -386,13 +428,27 @@ fn keeps_road(
         && line.length_m - at.s_m >= LEAST_AHEAD_M)
 }
 
+fn straight_ahead(entity: &ImportedEntity) -> OnWay {
+    OnWay::start(Course::straight_from(entity.placed.spot), MOST_M)
+}
+
 /// Way of an entity along its own lane, from its place on.
+///
+/// On no lane it moves straight ahead.
 fn own_way(
     asks: &XmlNode,
     roads: &RoadMap,
-    entity: &ImportedEntity,
+    entity: &mut ImportedEntity,
     reach_m: f64,
 ) -> Result<OnWay, ImportError> {
+    if !entity.body.on_foot {
+        entity.face_lane(asks, roads)?;
+    }
+    if entity.placed.lane.is_none() && !entity.later.keeps_aside {
+        let kind = "roads beside agents on no lane, who go straight ahead";
+        entity.dropped = (!roads.is_empty()).then_some(kind);
+        return Ok(straight_ahead(entity));
+    }
     let at = entity.placed.lane.as_ref().filter(|at| at.lane != 0);
     let at = at.ok_or_else(|| {
         let help = "place it by a `LanePosition`, or let it follow a trajectory";
@@ -426,8 +482,8 @@ fn own_way(
         return Err(entity.at.error("it moves across its lane").helped(help));
     }
     // Lanes of other roads have other numbers, so changes are only read where
-    // all lanes go on alike.
-    if entity.changes_lane() && drive.iter().any(|it| it.road != at.road) {
+    // all lanes go on alike. Other places across need no number.
+    if entity.later.lane_changes > 0 && drive.iter().any(|it| it.road != at.road) {
         let what = "a lane change on a way over several roads is not read";
         return Err(entity.at.error(what).helped("join the roads into one"));
     }

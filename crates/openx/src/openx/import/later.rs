@@ -8,6 +8,8 @@ pub(super) struct LaterMotion {
     /// Numbers of actions that change its lane, and its place within or beside lanes.
     pub lane_changes: usize,
     pub offsets: usize,
+    /// True if it keeps a distance across, which depends on where it faces.
+    pub keeps_aside: bool,
     pub speeds: Vec<SpeedBound>,
     /// Path with times that it follows.
     pub path: Option<TimedPath>,

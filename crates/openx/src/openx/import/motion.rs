@@ -74,6 +74,10 @@ pub(super) fn present(
             present.retain(|it| !is_its(it));
             continue;
         };
+        catalogs.note(
+            "players that leave entities of the Init at the origin",
+            added,
+        );
         let mut teleport = added.clone();
         teleport.name = "TeleportAction".to_owned();
         let teleport = action.around("PrivateAction", &[], vec![teleport]);
@@ -161,7 +165,12 @@ impl<'a> FirstPlace<'a> {
         let is_ego = ground.ego.name == self.name;
         let is_left = ground.ego.is_left && is_ego;
         match it.name.as_str() {
-            "TeleportAction" => self.at = Some(ground.place(it.inner("Position")?, scope)?),
+            "TeleportAction" => {
+                let position = it.inner("Position")?;
+                let placed = ground.place(position, scope)?;
+                ground.note_turned(position, &placed);
+                self.at = Some(placed);
+            }
             "RoutingAction" => {
                 let (routing, it) = (it, it.only()?);
                 match it.name.as_str() {
@@ -177,9 +186,16 @@ impl<'a> FirstPlace<'a> {
                     "FollowTrajectoryAction" => match on_trajectory(it, scope, ground) {
                         Ok(on) if !(is_left && on.turns()) => self.at = Some(on),
                         Err(error) if !is_left => return Err(error),
-                        _ => {
+                        read => {
                             ground.ego.leave(self.private);
-                            self.at = on_first(it, scope, ground).ok().or(self.at.take());
+                            let first = on_first(it, scope, ground).ok();
+                            self.at = first.or(self.at.take());
+                            // On no lane it faces along the trajectory.
+                            if let (Some(at), Ok(on)) = (&mut self.at, read)
+                                && at.lane.is_none()
+                            {
+                                at.spot = on.spot;
+                            }
                         }
                     },
                     _ if is_left => ground.ego.leave(self.private),

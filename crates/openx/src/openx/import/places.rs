@@ -113,6 +113,22 @@ impl PositionContext<'_> {
         Err(position.refused(what, &help))
     }
 
+    /// Lists a place by a road whose lane leads against it, along which players turn it.
+    pub(super) fn note_turned(&self, position: &XmlNode, placed: &Placed) {
+        let by_road = position.child("RoadPosition");
+        let is_absolute = |it: &XmlNode| {
+            it.child("Orientation").and_then(|it| it.raw("type")) == Some("absolute")
+        };
+        let on = placed.lane.as_ref().filter(|at| at.lane != 0);
+        let road = on.and_then(|at| self.roads.get(&at.road).map(|road| (road, at.lane)));
+        if let Some(it) = by_road.filter(|it| !is_absolute(it))
+            && road.is_some_and(|(road, lane)| !road.leads_forward(lane))
+        {
+            let kind = "players that turn places by a road along their lane";
+            self.catalogs.note(kind, it);
+        }
+    }
+
     fn read_place(
         &self,
         position: &XmlNode,

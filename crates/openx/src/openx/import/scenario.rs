@@ -367,11 +367,15 @@ impl Protocol {
             let heights = roads.all().filter(|(_, road)| road.rises());
             heights.for_each(|(_, road)| self.dropped.note("elevation", &road.node));
         }
-        for entity in entities.iter().filter(|it| it.walks_across(&roads)) {
+        for entity in &entities {
+            let across = "the direction of a lane for pedestrians that face across it";
+            let walks = entity.walks_across(&roads).then_some(across);
+            let Some(kind) = entity.dropped.or(walks) else {
+                continue;
+            };
             let private = privates
                 .iter()
                 .find(|it| it.raw("entityRef") == Some(&entity.name));
-            let kind = "the direction of a lane for pedestrians that face across it";
             self.dropped.note(kind, private.unwrap_or(&asks));
         }
         let (drive, left_m) = drive.unwrap_or_default();
@@ -460,6 +464,7 @@ impl Protocol {
             is_ego,
             body,
             gap_m: None,
+            dropped: None,
             placed,
             speed_mps,
             later: LaterMotion::default(),

@@ -107,10 +107,9 @@ pub(super) fn seen<'a>(
     };
     let own = entity.placed.way.as_ref();
     // Who walks on a path in another direction than these does so on its own.
-    let is_square = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter().any(near);
     let turns = own.is_some_and(|on| on.has_corners());
-    let leaves = entity.body.on_foot && (!is_square || !shares_road);
-    let own = own.filter(|_| moves && (turns || leaves));
+    let leaves = entity.body.on_foot && (!is_square(heading_rad) || !shares_road);
+    let own = own.filter(|_| (moves || entity.body.on_foot) && (turns || leaves));
     let path = if let Some(on) = own {
         EntityPath::Own(concrete.in_plane(&on.way.start()), on)
     } else if entity.body.on_foot {
@@ -156,16 +155,41 @@ pub(super) fn seen<'a>(
     };
     Ok(EntityInFrame {
         entity,
-        name: named(&entity.name),
+        name: agent_name(&entity.name),
         spot,
         path,
     })
+}
+
+/// Returns whether a direction is along a road or across it, as those of walkers are.
+pub(super) fn is_square(heading_rad: f64) -> bool {
+    let mut directions = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter();
+    directions.any(|it| (heading_rad - it).abs() < SQUARE_RAD)
 }
 
 /// Distance in metres from the ego's reference point to its front.
 pub(super) fn ego_lever_m(all: &[EntityInFrame]) -> f64 {
     let ego = all.iter().find(|it| it.entity.is_ego);
     ego.map_or(0.0, |it| it.entity.body.front_m)
+}
+
+/// Name of an agent. Names of a world are ASCII and begin with a letter: `4` is `agent_4`.
+pub(super) fn agent_name(name: &str) -> String {
+    let snake = named(name);
+    let parts = snake.chars().map(|c| {
+        let code = u32::from(c);
+        if c.is_ascii() {
+            c.to_string()
+        } else {
+            format!("u{code:x}")
+        }
+    });
+    let written: String = parts.collect();
+    if written.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        written
+    } else {
+        format!("agent_{written}")
+    }
 }
 
 /// Name in snake case: `ObstructionVehicle_Large` is `obstruction_vehicle_large`.

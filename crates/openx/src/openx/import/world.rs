@@ -31,8 +31,9 @@ const AHEAD_M: f64 = 100.0;
 const LEAST_TURN_RAD: f64 = 5.0;
 /// Distance in metres by which the front of an ego may swing out.
 const SWING_M: f64 = 0.3;
-/// Width in metres of a path with corners.
+/// Width in metres of a path with corners, and of other ways.
 const PATH_M: f64 = 0.0001;
+const LANE_M: f64 = 3.5;
 /// Step in metres in which a longer bend grows.
 const STEP_M: f64 = 100.0;
 /// Question of every world.
@@ -321,8 +322,8 @@ fn ways(all: &[EntityInFrame], origins: &mut Vec<(ValuePath, At)>) -> Ordered<Ro
             }),
             along: None,
             lanes: 1,
-            // The width of a path with corners is below their radius.
-            lane_width_m: on.has_corners().then_some(PATH_M),
+            // The width of a path is below its least radius.
+            lane_width_m: (on.way.most_curvature_per_m() * LANE_M > 1.0).then_some(PATH_M),
             // A path without pieces is a straight road.
             pieces: if on.way.piece_count() == 0 {
                 Vec::new()

@@ -30,7 +30,7 @@ use survey::{TakenAction, content};
 use super::concrete::Concrete;
 use super::draft::tidy;
 use super::places::PositionContext;
-use super::seen::{EntityInFrame, named};
+use super::seen::{EntityInFrame, agent_name};
 use super::still::is_still;
 use crate::opendrive::error::{At, Blockers, ImportError};
 use crate::opendrive::scope::number;
@@ -326,7 +326,7 @@ impl<'a> StoryWriter<'a> {
             None => self.ground.placed.contains_key(name),
         };
         if is_known {
-            Ok(named(name))
+            Ok(agent_name(name))
         } else {
             Err(self.no_entity(at, name))
         }

@@ -125,22 +125,21 @@ impl StoryWriter<'_> {
         let it = at.node;
         let (kind, system) = measured(it)?;
         let value_m: StoryNumber = self.numbers.of(at, "value", |value| value)?;
-        if let Some(name) = followed(at)? {
+        let freespace = is_true(at, "freespace")?;
+        // A place at an entity is a point, without the entity's box.
+        if let Some(name) = followed(at)?.filter(|_| !freespace) {
             return Ok(EntityCondition::RelativeDistance {
                 entity: self.entity(it, &name)?,
                 distance_type: kind,
                 coordinate_system: system,
-                freespace: is_true(at, "freespace")?,
+                freespace,
                 rule: rule(it)?,
                 value_m,
             });
         }
-        if is_true(at, "freespace")? {
-            let help = "write freespace=\"false\", or wait for a distance to an entity";
-            return Err(it.refused("a clear distance to a place is not read", help));
-        }
         Ok(EntityCondition::Distance {
             position: self.position(at.at(it.inner("Position")?))?,
+            freespace,
             distance_type: kind,
             coordinate_system: system,
             rule: rule(it)?,

@@ -245,6 +245,12 @@ impl StoryWriter<'_> {
         let Some(node) = at.node.child("DynamicConstraints") else {
             return Ok(DynamicLimits::default());
         };
+        let mut rates = ["maxAccelerationRate", "maxDecelerationRate"].iter();
+        if rates.any(|name| node.raw(name).is_some()) {
+            self.ground
+                .catalogs
+                .note("limits of the rate of acceleration", node);
+        }
         let at = at.at(node);
         let limit = |name: &str| {
             // Some files write the greatest number there is.

@@ -262,6 +262,7 @@ impl<'a> EntitySurvey<'a, '_> {
                 self.entity.later.acts = true;
             }
             "LaneOffsetAction" | "LateralDistanceAction" => {
+                self.entity.later.keeps_aside |= node.name == "LateralDistanceAction";
                 self.entity.later.offsets += 1;
                 self.entity.later.acts = true;
             }

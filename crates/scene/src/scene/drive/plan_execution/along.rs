@@ -45,11 +45,18 @@ impl PlanRun {
         if let AlongAim::Speed {
             factor,
             by_mps,
-            shape: Some(shape),
+            shape,
             size,
         } = law.aim
         {
             let aim_mps = factor * (span.motion_of)(law.of, at_s).speed_mps + by_mps;
+            let Some(shape) = shape else {
+                // A step is at once, whatever the performance, which limits what follows.
+                let first_mps = aim_mps.clamp(0.0, law.limits.most_mps);
+                self.end_along(at_s, first_mps);
+                self.along = Some(along);
+                return;
+            };
             let off_mps = now_mps - aim_mps;
             let lasting = match size {
                 Dimension::Distance(way_m) => {
