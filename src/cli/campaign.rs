@@ -8,7 +8,7 @@ use serde_json::json;
 use super::answer::{AnswerArgs, PrintedAnswer};
 use super::common::{finished, print_json, table_of};
 use super::failure::{Exit, Failure};
-use super::number_args::positive;
+use super::number_args::{count, positive};
 use super::terminal::{self, Common};
 use super::{examples, progress};
 use crate::campaign::{
@@ -73,8 +73,8 @@ struct RunArgs {
     /// The directory of the plan.
     dir: PathBuf,
     /// Make only this piece, counted from 0, as engines do.
-    #[arg(long, value_name = "I")]
-    piece: Option<usize>,
+    #[arg(long, value_name = "I", value_parser = count(0..=999_999_999))]
+    piece: Option<u64>,
     /// Make only the I-th of N parts, counted from 1, with the trainings it needs.
     #[arg(long, value_name = "I/N", conflicts_with = "piece")]
     partition: Option<Partition>,
@@ -116,7 +116,7 @@ pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
     match &args.step {
         CampaignVerb::Plan(args) => plan(args),
         CampaignVerb::Run(args) => match args.piece {
-            Some(number) => one(args, number),
+            Some(number) => one(args, number as usize),
             None => all(args),
         },
         CampaignVerb::Merge(args) => merge(args),

@@ -92,6 +92,14 @@ fn check_names_what_the_commands_of_a_program_depend_on() {
 }
 
 #[test]
+fn a_random_program_is_marked_as_one() {
+    let output = against(&["check"], &["random"]);
+    let table = String::from_utf8_lossy(&output.stdout);
+    let row = "random ┆ runs again with one seed";
+    assert!(table.contains(row), "{table}");
+}
+
+#[test]
 fn no_row_of_such_a_program_is_a_result() {
     // Whether the ego is old or its clock shows in a few episodes depends on the machine.
     let kinds: Vec<_> = KINDS

@@ -6,7 +6,8 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 33] = [
+const MISTAKES: [Mistake; 34] = [
+    ("campaign run plan --piece -1", &["a whole number from 0"]),
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
         "acc search",

@@ -195,12 +195,14 @@ impl ColumnMap {
             ..ColumnMap::default()
         })
     }
-}
 
-/// Returns the column of a class by its usual names.
-pub(crate) fn class_column(header: &[String]) -> Option<&str> {
-    let called = |name: &&str| header.iter().find(|it| column(it).name == **name);
-    CLASSES.iter().find_map(called).map(String::as_str)
+    /// Reads the class from a column of a usual name, if there is one.
+    pub(crate) fn read_class(&mut self, header: &[String]) {
+        let called = |name: &&str| header.iter().find(|it| column(it).name == **name);
+        if let Some(class) = CLASSES.iter().find_map(called) {
+            self.class = ClassColumns::Words(class.clone());
+        }
+    }
 }
 
 /// Returns a column of a map by names whose unit is unknown or another than the map has.

@@ -10,7 +10,7 @@ use crate::column_map::{ClassColumns, ColumnMap, Reference, SizeColumns, TimeCol
 use crate::csv_rows::{header_shown, line_of, open_table, shown, table_error};
 use crate::error::ReadError;
 use crate::grid;
-use crate::named_map::{class_column, unread_unit};
+use crate::named_map::unread_unit;
 use crate::positions::Positions;
 use crate::raw::{FARTHEST_M, RawReference, RawRow, RawTrack, RawTracks, RawVector};
 use crate::recording::{Class, ReadCounts, TrafficRecording};
@@ -22,9 +22,6 @@ const MOST_SIZE_M: [f64; 2] = [1000.0, 20.0];
 
 /// Name of maps of usual names.
 const BY_NAME: &str = "by name";
-
-/// Name of the shipped map of plain names.
-const GENERIC: &str = "generic";
 
 /// Reads rows with the column map that the header determines.
 ///
@@ -124,10 +121,8 @@ impl CsvColumns<'_> {
         }
         // The generic map has no class, and walkers of a file with one would be
         // taken for cars.
-        if known == GENERIC
-            && let Some(class) = class_column(header)
-        {
-            map.class = ClassColumns::Words(class.to_owned());
+        if known == "generic" {
+            map.read_class(header);
         }
         // A shipped map keeps its other columns. A guessed one has searched
         // with this column already.
