@@ -88,7 +88,7 @@ fn small_scenarios_move_as_their_files_say() {
         "a step to a factor of a speed that goes on":
             [aims_at(r#"<RelativeTargetSpeed entityRef="Ego" value="0.9" speedTargetValueType="factor" continuous="true"/>"#),
              edit(r#"dynamicsShape="linear" dynamicsDimension="rate" value="1""#, r#"dynamicsShape="step" dynamicsDimension="time" value="0""#)]
-            => lead([(2.05, 170.9, 0.0), (12.0, 350.0, 0.0)]);
+            => lead([(2.1, 171.8, 0.0), (12.0, 350.0, 0.0)]);
         "an event that may repeat, and changes nothing when it does":
             [edit(once, once.replace('1', "2"))] => lead([(12.0, 228.0, 0.0)]);
         "an act that waits for a distance":

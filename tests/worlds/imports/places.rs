@@ -239,6 +239,7 @@ fn a_walker_beside_a_way_that_bends_walks_ahead() {
 #[test]
 fn a_walker_that_faces_askew_walks_there_or_stands() {
     let mut edits = walker(0, 0.5);
+    edits.push(ego_at(300.0));
     let (x_m, y_m) = walked(&edits);
     let off_m = (x_m - 3.0 * 0.5_f64.cos()).hypot(y_m - 3.0 * 0.5_f64.sin());
     assert!(off_m < 0.02, "{x_m} {y_m}");
