@@ -226,7 +226,7 @@ fn a_walker_beside_a_way_that_bends_walks_ahead() {
         stop(1),
         stop(2)
     );
-    let mut edits = walker(1, 1.5707963);
+    let mut edits = walker(1, std::f64::consts::FRAC_PI_2);
     edits.extend([
         on_network(),
         edit(EGO, r#"<LanePosition roadId="1" laneId="-1" s="20"/>"#),

@@ -149,12 +149,12 @@ fn sequences(policy: &dyn Policy, index: u64, prior: f64) -> Vec<Sequence> {
         let power = |p: &f64| if *p > 0.0 { libm::pow(*p, prior) } else { 0.0 };
         let powers: Vec<f64> = odds.law.iter().map(power).collect();
         let sum: f64 = powers.iter().sum();
-        for action in 0..3 {
+        for (action, share) in powers.iter().enumerate() {
             open.push(OpenSequence {
                 actions: [&actions[..], &[action]].concat(),
                 sequence: Sequence {
                     law: sequence.law * odds.law[action],
-                    weakened: sequence.weakened * powers[action] / sum,
+                    weakened: sequence.weakened * share / sum,
                     own: sequence.own * odds.own[action],
                     succeeds: false,
                 },
