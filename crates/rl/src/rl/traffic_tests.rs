@@ -249,15 +249,19 @@ fn the_learned_law_is_the_law_given_a_success() {
 /// The power is in the backup as well. In the policy alone, V would be that of other ways.
 #[test]
 fn a_weakened_law_is_learned_given_a_success() {
-    for prior in [0.5, 0.0] {
+    for prior in [0.25, 0.0] {
         let policy = trained(prior);
         for (index, gap) in GAPS.iter().enumerate().take(3) {
             let found = Comparison::of(&*policy, index, prior);
             let said = format!("prior {prior}, {}", found.said(*gap));
             assert!(found.succeeds > 0.9 && found.distances[0] < 0.12, "{said}");
             assert!((found.found / found.exact - 1.0).abs() < 0.3, "{said}");
-            // It is another law than that of the traffic.
-            assert!(found.distances[1] > 0.2, "{said}");
+            // It is another law than that of the traffic, unless there is a single way.
+            let is_single = *gap == 6;
+            assert!(
+                is_single || found.distances[0] < 0.5 * found.distances[1],
+                "{said}"
+            );
         }
     }
 }
