@@ -182,7 +182,7 @@ fn trained(prior: f64) -> Box<dyn Policy> {
 }
 
 /// Learned law from a start, beside the exact ones.
-struct Comparison {
+struct LawComparison {
     /// Probability of a success under the weakened law, exact.
     exact: f64,
     /// V of the start.
@@ -194,8 +194,8 @@ struct Comparison {
     distances: [f64; 2],
 }
 
-impl Comparison {
-    fn of(policy: &dyn Policy, index: usize, prior: f64) -> Comparison {
+impl LawComparison {
+    fn of(policy: &dyn Policy, index: usize, prior: f64) -> LawComparison {
         let all = sequences(policy, index as u64, prior);
         let sum = |of: &dyn Fn(&Sequence) -> f64| all.iter().map(of).sum::<f64>();
         let laws: [fn(&Sequence) -> f64; 3] = [|it| it.weakened, |it| it.law, |it| it.own];
@@ -211,7 +211,7 @@ impl Comparison {
         let mut env = FollowingEnv::new();
         let mut obs = vec![0.0; 5];
         env.reset(index as u64, &mut obs);
-        Comparison {
+        LawComparison {
             exact,
             found: libm::pow(10.0, f64::from(policy.value(&obs))),
             succeeds,
@@ -220,7 +220,7 @@ impl Comparison {
     }
 
     fn said(&self, gap: i32) -> String {
-        let Comparison {
+        let LawComparison {
             exact,
             found,
             succeeds,
@@ -237,7 +237,7 @@ impl Comparison {
 fn the_learned_law_is_the_law_given_a_success() {
     let policy = trained(1.0);
     for (index, gap) in GAPS.iter().enumerate().take(3) {
-        let found = Comparison::of(&*policy, index, 1.0);
+        let found = LawComparison::of(&*policy, index, 1.0);
         let said = found.said(*gap);
         // The traffic itself hardly ever succeeds.
         assert!(found.exact < 0.04 && found.succeeds > 0.9, "{said}");
@@ -252,7 +252,7 @@ fn a_weakened_law_is_learned_given_a_success() {
     for prior in [0.25, 0.0] {
         let policy = trained(prior);
         for (index, gap) in GAPS.iter().enumerate().take(3) {
-            let found = Comparison::of(&*policy, index, prior);
+            let found = LawComparison::of(&*policy, index, prior);
             let said = format!("prior {prior}, {}", found.said(*gap));
             assert!(found.succeeds > 0.9 && found.distances[0] < 0.12, "{said}");
             assert!((found.found / found.exact - 1.0).abs() < 0.3, "{said}");

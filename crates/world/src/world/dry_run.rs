@@ -7,7 +7,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::Scenario;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
-use super::warnings::Oddity;
+use super::warnings::{Oddity, rule_place};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -229,13 +229,6 @@ fn in_words(scenario: &Scenario, start: &Start) -> String {
     } else {
         format!("for example at {}", list.join(", "))
     }
-}
-
-pub(super) fn rule_place(scenario: &Scenario, rule: &Rule) -> ValuePath {
-    let mut rules = scenario.rules.iter();
-    // Rules of two ados may share a name.
-    let found = rules.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
-    found.map_or_else(ValuePath::top, |spec| spec.place.clone())
 }
 
 /// Reports a rule that is broken whatever the ados do, which cannot be intended.

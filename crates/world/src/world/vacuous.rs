@@ -1,9 +1,9 @@
 //! Vacuous formulas, which hold or fail in every run.
 
 use super::Scenario;
-use super::dry_run::{on_kinematic_plant, rule_place, tried_starts};
+use super::dry_run::{on_kinematic_plant, tried_starts};
 use super::scenario_kind::DriveScenario;
-use super::warnings::{Oddity, formulas};
+use super::warnings::{Oddity, formulas, rule_place};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
@@ -77,7 +77,7 @@ pub(super) fn decided_at_once(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
     let tried = on_kinematic_plant(scenario);
     // Of the tried world, whose monitors have the signals of its traces.
     let all = formulas(&tried);
-    let is_asked = |i: &usize| {
+    let can_be_decided = |i: &usize| {
         let monitor = all[*i].2;
         // A rule that looks ahead may be about some starts only, and others
         // keep it at once. The specification is the first formula.
@@ -86,7 +86,7 @@ pub(super) fn decided_at_once(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
         let reads = !monitor.signals().is_empty();
         reads && (may_look_ahead || monitor.horizon_samples() == Some(0))
     };
-    let mut decided: Vec<usize> = (0..all.len()).filter(is_asked).collect();
+    let mut decided: Vec<usize> = (0..all.len()).filter(can_be_decided).collect();
     let mut bench = tried.bench();
     let mut scratch = Scratch::default();
     for start in tried_starts(&tried) {

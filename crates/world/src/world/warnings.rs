@@ -3,12 +3,12 @@
 use strum::{IntoStaticStr, VariantArray};
 
 use super::Scenario;
-use super::dry_run::rule_place;
 use super::scenario_kind::{DriveScenario, ScenarioKind};
 use crate::ego::ControllerSpec;
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
+use crate::rulebook::Rule;
 use crate::scene::Clock;
 use crate::scene::drive::Actions;
 use crate::sim::PlantKind;
@@ -479,4 +479,12 @@ pub(super) fn formulas(scenario: &Scenario) -> Vec<(String, ValuePath, &Monitor)
         (format!("the rule `{}`", rule.name), place, &rule.monitor)
     });
     std::iter::once(spec).chain(rules).collect()
+}
+
+/// Returns the place of a rule in the file of its world.
+pub(super) fn rule_place(scenario: &Scenario, rule: &Rule) -> ValuePath {
+    let mut rules = scenario.rules.iter();
+    // Rules of two ados may share a name.
+    let found = rules.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
+    found.map_or_else(ValuePath::top, |spec| spec.place.clone())
 }
