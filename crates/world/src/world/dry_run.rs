@@ -11,7 +11,7 @@ use super::warnings::{Oddity, rule_place};
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
 use crate::ron_file::ValuePath;
-use crate::rulebook::{Judge, JudgeKind, Rule, Rulebook, Verdict};
+use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
 use crate::scene::{Dynamics, Start};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::{Placement, PlantKind};
