@@ -4,17 +4,18 @@ use indexmap::IndexMap;
 use rand::{Rng, RngExt};
 use serde::Serialize;
 
-use super::pool::{RiskEstimate, Round, WeightedFailure, pooled};
+use super::pool::{RiskEstimate, Round, WeightedFailure, WeightedFault, pooled};
 use super::run::draw;
 use super::traffic::RiskTraffic;
+use crate::ego::{Fault, FaultKind};
 use crate::experiment::{EpisodeLoop, FailureKind, Watch};
 use crate::rl::{ActionOdds, Policy};
 use crate::rulebook::Verdict;
-use crate::run_dir::TrafficLikelihood;
+use crate::run_dir::{TrafficLikelihood, counted};
 use crate::scene::Start;
 use crate::scene::drive::Actions;
 use crate::seed::generator;
-use crate::testbench::{Aftermath, Testbench, draws};
+use crate::testbench::{Aftermath, FaultCount, Testbench, count_faults, draws};
 use crate::world::Scenario;
 
 /// Share of the decisions that a band of a law contains.
@@ -32,11 +33,21 @@ pub struct TrafficCrashes {
     pub runs: usize,
     /// Runs of the ado in which the ego failed with all rules kept.
     pub failures: usize,
-    /// Probability of such a failure per run of the traffic itself. `None` without one.
+    /// Runs of both laws that ended in a fault of the ego or the physics.
+    ///
+    /// A run that ended in a fault might have ended in a failure.
+    pub invalid: usize,
+    /// These faults by kind, with runs of both laws numbered from 0.
+    pub faults: Vec<FaultCount>,
+    /// Probability of such a failure per run of the traffic itself.
+    ///
+    /// `None` without a failure, or if runs ended in faults.
     pub risk: Option<RiskEstimate>,
+    /// Probability without and with every fault as a failure. `None` without a fault.
+    pub between: Option<[Option<RiskEstimate>; 2]>,
     /// Share of the ado's decisions whose acceleration is among the likeliest 99 % of the law.
     pub usual: f64,
-    /// Likeliest crash of each kind, the most frequent kind first.
+    /// Likeliest crash of each kind, the most frequent kind first. No fault is among them.
     pub likeliest: Vec<TrafficCrash>,
 }
 
@@ -63,6 +74,8 @@ struct TrafficRun {
     usual: usize,
     /// Kind of a failure with all rules kept.
     kind: Option<String>,
+    /// Fault of the ego or the physics, which leaves no verdict.
+    fault: Option<Fault>,
 }
 
 impl TrafficCrashes {
@@ -75,10 +88,27 @@ impl TrafficCrashes {
             self.runs,
             100.0 * self.usual
         )];
+        if self.invalid > 0 {
+            let runs = counted(self.invalid, "run");
+            lines.push(format!(
+                "invalid: {runs} ended in a fault, and each might have been a failure"
+            ));
+            lines.extend(self.faults.iter().map(|fault| format!("invalid: {fault}")));
+        }
+        if let Some([least, most]) = self.between {
+            let rate = |it: Option<RiskEstimate>| it.map_or(0.0, |it| it.probability);
+            let ends = [least, most].map(rate);
+            lines.push(format!(
+                "all kinds: {:.2e} per run if no fault was a failure, {:.2e} if each was",
+                ends[0], ends[1]
+            ));
+        }
         let kinds = self.likeliest.iter();
         lines.extend(kinds.map(|crash| {
             let likelihood = &crash.likelihood;
-            let rate = format!("{:.2e} per run", likelihood.per_run);
+            // Each fault might have been a failure of this kind.
+            let bound = if self.invalid > 0 { "at least " } else { "" };
+            let rate = format!("{bound}{:.2e} per run", likelihood.per_run);
             let hourly = likelihood.exposure.map_or_else(String::new, |exposure| {
                 let all = likelihood.per_run * exposure.encounters();
                 format!(", {all:.2e} {}", exposure.unit())
@@ -112,13 +142,19 @@ impl RiskTraffic {
         let worker = || ego.bench();
         let played =
             EpisodeLoop::counted(watch, all.len()).each(&all, worker, |bench, index, _| {
-                Some(player.run(bench, [seed, *index]))
+                let run = player.run(bench, [seed, *index])?;
+                watch.faults.note(*index, run.fault.as_ref());
+                Some(run)
             });
         if watch.stopped() {
             return None;
         }
-        let played: Vec<TrafficRun> = played.into_iter().flatten().flatten().collect();
-        Some(self.summary(&played))
+        let played: Vec<TrafficRun> = played.into_iter().flatten().collect();
+        let crashes = self.summary(&played);
+        let share = crashes.invalid as f64 / played.len().max(1) as f64;
+        let row = || "the ado from natural starts".to_owned();
+        watch.faults.note_row(row, share);
+        Some(crashes)
     }
 
     fn summary(&self, played: &[TrafficRun]) -> TrafficCrashes {
@@ -134,12 +170,23 @@ impl RiskTraffic {
                 preventable: None,
             })
         });
+        let invalid = || {
+            let runs = played.iter().enumerate();
+            runs.filter_map(|(index, run)| Some((index, run, run.fault.as_ref()?)))
+        };
+        let faults = invalid().map(|(index, run, _)| WeightedFault {
+            index,
+            component: usize::from(run.is_wide),
+            weight: run.weight(draws),
+        });
         let round = Round {
             draws: draws.to_vec(),
             failures: failures.collect(),
-            faults: Vec::new(),
+            faults: faults.collect(),
         };
         let rounds = [round];
+        let risk = pooled(&rounds, |_| true);
+        let has_faults = !rounds[0].faults.is_empty();
         let mut likeliest: IndexMap<&str, &TrafficRun> = IndexMap::new();
         for run in played {
             let Some(kind) = &run.kind else {
@@ -177,7 +224,14 @@ impl RiskTraffic {
         TrafficCrashes {
             runs: own().count(),
             failures: own().filter(|run| run.kind.is_some()).count(),
-            risk: pooled(&rounds, |_| true),
+            invalid: invalid().count(),
+            faults: count_faults(invalid().map(|(index, _, fault)| (index as u64, fault))),
+            // A run that ended in a fault is no success of the ego, so there is no number.
+            risk: risk.filter(|_| !has_faults),
+            between: has_faults.then(|| {
+                let failing = rounds[0].with_failing_faults();
+                [risk, pooled(&[failing], |_| true)]
+            }),
             usual: usual as f64 / decisions.max(1) as f64,
             likeliest: crashes,
         }
@@ -265,6 +319,7 @@ impl TrafficPlayer<'_> {
             logs: [0.0; 3],
             usual: 0,
             kind: None,
+            fault: None,
         };
         while !bench.is_decided() {
             bench.observe(&mut obs);
@@ -279,7 +334,12 @@ impl TrafficPlayer<'_> {
             run.actions.push(action);
             bench.decide(action);
         }
-        if matches!(bench.verdict(), Some(Verdict::Counterexample { .. })) {
+        let verdict = bench.verdict().unwrap_or(Verdict::Invalid);
+        if verdict == Verdict::Invalid {
+            let unknown = || Fault::new(FaultKind::Physics, "the run has no verdict");
+            run.fault = Some(bench.fault().cloned().unwrap_or_else(unknown));
+        }
+        if verdict.is_success() {
             // Motion after the verdict only shows the contact.
             let mut played = run.actions.clone();
             while !bench.is_done() {
@@ -326,7 +386,59 @@ fn is_usual(law: &[f64], action: usize) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{TRAFFIC, reckless, world};
     use super::*;
+    use crate::testbench::FaultLog;
+
+    /// Ado that draws all of its actions alike, as its traffic does.
+    struct Even(usize);
+
+    impl Policy for Even {
+        fn act(&self, _: &[f32]) -> usize {
+            0
+        }
+
+        fn odds(&self, _: &[f32]) -> Option<ActionOdds> {
+            let [law, own] = [0, 1].map(|_| vec![1.0 / self.0 as f64; self.0]);
+            Some(ActionOdds { law, own })
+        }
+
+        fn value(&self, _: &[f32]) -> f32 {
+            0.0
+        }
+    }
+
+    #[test]
+    fn a_fault_of_the_ego_is_in_the_log_and_leaves_bounds_instead_of_a_rate() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let policy = Even(world.spaces().actions);
+        let crashes = |is_fragile: bool| {
+            let watch = Watch {
+                faults: FaultLog::allowing(0.01),
+                ..Watch::unwatched()
+            };
+            // An episode that ran, so that no streak of faults ends the runs.
+            watch.faults.note(0, None);
+            let ego = reckless(&world, is_fragile);
+            let crashes = traffic.crashes_of(ego.scenario(), &policy, [400, 0], &watch);
+            (crashes.expect("not stopped"), watch.faults)
+        };
+        let ((sound, silent), (fragile, log)) = (crashes(false), crashes(true));
+        assert!(silent.complaint().is_none());
+        assert!(sound.invalid == 0 && sound.faults.is_empty() && sound.between.is_none());
+        let truth = sound.risk.expect("failures and no fault");
+        assert!(fragile.invalid > 0 && fragile.risk.is_none());
+        let complaint = log.complaint().expect("more faults than are allowed");
+        let counted = [fragile.invalid as u64, fragile.faults[0].count];
+        assert_eq!([complaint.invalid; 2], counted);
+        // The same draws without the faults are the truth, which is in between.
+        let [least, most] = fragile.between.expect("faults");
+        let most = most.expect("every fault is a failure");
+        assert!(least.is_none_or(|it| it.hits < truth.hits));
+        assert!(truth.hits <= most.hits, "{truth:?}, {most:?}");
+        assert!(fragile.in_words().join("\n").contains("gave up"));
+    }
 
     #[test]
     fn a_wider_law_takes_every_action_of_the_traffic() {
@@ -354,6 +466,7 @@ mod tests {
             logs: logs.map(libm::log),
             usual: 0,
             kind: None,
+            fault: None,
         };
         let weight = run([0.1, 0.5, 0.3]).weight([1, 1]);
         assert!((weight - 0.1 / 0.4).abs() < 1e-12, "{weight}");
