@@ -251,9 +251,10 @@ impl TrafficRun {
     }
 }
 
-/// Returns the law p √V, with a share of the law p itself.
+/// Returns the geometric mean of both laws, with a share of the traffic's law p itself.
 fn wider(odds: &ActionOdds) -> Vec<f64> {
-    // The ado draws by p V, of which this is the geometric mean with p.
+    // At temperature T the ado draws by p V^(1/T), so the mean is p √V at temperature 1 only.
+    // The weights take the laws as they are and hold at each temperature.
     let pairs = odds.law.iter().zip(&odds.own);
     let roots: Vec<f64> = pairs.map(|(law, own)| libm::sqrt(law * own)).collect();
     let sum: f64 = roots.iter().sum();
@@ -455,6 +456,21 @@ mod tests {
             own: vec![1.0, 0.0],
         };
         assert!((wider(&odds)[1] - 0.025).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_wider_law_is_the_mean_of_both_at_each_temperature() {
+        let value = 1.0 / 16.0;
+        for (temperature, ratio) in [(1.0, 0.25), (2.0, 0.5)] {
+            let other = libm::pow(value, 1.0 / temperature);
+            let odds = ActionOdds {
+                law: vec![0.5, 0.5],
+                own: vec![1.0 / (1.0 + other), other / (1.0 + other)],
+            };
+            let wide = wider(&odds);
+            let found = (wide[1] - 0.5 * LAW) / (wide[0] - 0.5 * LAW);
+            assert!((found - ratio).abs() < 1e-12, "{temperature}: {found}");
+        }
     }
 
     #[test]
