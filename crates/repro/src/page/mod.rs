@@ -41,7 +41,7 @@ impl ResultPages {
     /// Makes the pages, with the digests of this version.
     ///
     /// # Errors
-    /// README cannot be read.
+    /// README cannot be read, or lacks a comment around its table.
     pub(crate) fn of(
         root: &Path,
         results: &Results,
@@ -57,7 +57,7 @@ impl ResultPages {
             .filter(|(_, row)| !row.changed(digests).is_empty());
         Ok(ResultPages {
             results: filled(&rows),
-            readme: between(&readme, &tables::readme(&rows)),
+            readme: between(&readme, &tables::readme(&rows))?,
             outdated: outdated
                 .map(|(study, row)| format!("{study}, {}: {}", row.name, rows.reason(row)))
                 .collect(),
@@ -179,15 +179,16 @@ fn filled(rows: &RecordedRows<'_>) -> String {
     text
 }
 
-/// Returns a page with another text between its borders.
-fn between(page: &str, table: &str) -> String {
+/// Returns README with another table between its borders.
+fn between(page: &str, table: &str) -> Result<String, RecordError> {
     let [begin, end] = BORDERS;
-    let parts = page
-        .split_once(begin)
-        .and_then(|(before, rest)| Some((before, rest.split_once(end)?.1)));
-    match parts {
-        Some((before, after)) => format!("{before}{begin}\n{}\n{end}{after}", table.trim_end()),
-        // Without borders nothing is replaced.
-        None => page.to_owned(),
-    }
+    // A page that is left as it is would keep an old table for good.
+    let lacking = |comment| RecordError::NoBorder {
+        path: README.into(),
+        comment,
+    };
+    let (before, rest) = page.split_once(begin).ok_or_else(|| lacking(begin))?;
+    let (_, after) = rest.split_once(end).ok_or_else(|| lacking(end))?;
+    let inner = table.trim_end();
+    Ok(format!("{before}{begin}\n{inner}\n{end}{after}"))
 }

@@ -75,6 +75,21 @@ fn a_changed_digest_marks_its_rows() {
 }
 
 #[test]
+fn a_readme_without_a_border_of_its_table_is_refused() {
+    let [begin, end] = BORDERS;
+    let page = format!("a\n{begin}\nold\n{end}\nb\n");
+    let filled = between(&page, "new\n").expect("both borders");
+    assert_eq!(filled, format!("a\n{begin}\nnew\n{end}\nb\n"));
+    for comment in BORDERS {
+        let error = between(&page.replace(comment, ""), "new").expect_err("a lacking border");
+        assert_eq!(
+            error.to_string(),
+            format!("`README.md` lacks the comment `{comment}`")
+        );
+    }
+}
+
+#[test]
 fn an_edited_row_is_refused() {
     let folder = tempfile::tempdir().expect("scratch");
     let results = folder.path().join("results");

@@ -92,6 +92,14 @@ pub enum RecordError {
         /// Name of the row.
         row: String,
     },
+    /// A page lacks a comment between which its table stands.
+    #[error("`{}` lacks the comment `{comment}`", path.display())]
+    NoBorder {
+        /// Path of the page.
+        path: PathBuf,
+        /// The comment.
+        comment: &'static str,
+    },
     /// A row names a probe of another version.
     #[error("row `{row}` depends on an unknown probe `{probe}`")]
     UnknownProbe {
