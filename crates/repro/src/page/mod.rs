@@ -41,7 +41,8 @@ impl ResultPages {
     /// Makes the pages, with the digests of this version.
     ///
     /// # Errors
-    /// README cannot be read, or lacks a comment around its table.
+    /// README cannot be read or lacks a comment around its table, or the numbers of a row do
+    /// not have the form of their table.
     pub(crate) fn of(
         root: &Path,
         results: &Results,
@@ -56,8 +57,8 @@ impl ResultPages {
             .rows()
             .filter(|(_, row)| !row.changed(digests).is_empty());
         Ok(ResultPages {
-            results: filled(&rows),
-            readme: between(&readme, &tables::readme(&rows))?,
+            results: filled(&rows)?,
+            readme: between(&readme, &tables::readme(&rows)?)?,
             outdated: outdated
                 .map(|(study, row)| format!("{study}, {}: {}", row.name, rows.reason(row)))
                 .collect(),
@@ -167,16 +168,16 @@ fn without_world(command: &str) -> String {
 }
 
 /// Returns the text of the page with its tables.
-fn filled(rows: &RecordedRows<'_>) -> String {
+fn filled(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
     let mut text = TEXT.to_owned();
-    for (name, table) in tables::all(rows) {
+    for (name, table) in tables::all(rows)? {
         // A head and a rule alone are no table.
         let lines = table.lines().filter(|line| line.starts_with('|')).count();
         let is_empty = (1..=2).contains(&lines);
         let shown = if is_empty { NOTHING } else { table.trim_end() };
         text = text.replace(&format!("{{{{{name}}}}}"), shown);
     }
-    text
+    Ok(text)
 }
 
 /// Returns README with another table between its borders.

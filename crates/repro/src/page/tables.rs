@@ -6,7 +6,7 @@ use crate::crashes::{CrashRow, CrashStudy};
 use crate::letter::LetterEnds;
 use crate::near::NearFailing;
 use crate::paper_rows::{Measured, Reached};
-use crate::record::ResultRow;
+use crate::record::{RecordError, ResultRow};
 use crate::reuse_study::ReuseBlocks;
 use crate::structures::StructureMeans;
 use crate::table1::GridCaptures;
@@ -79,41 +79,24 @@ const PAPER: [PaperNumber; 4] = [
 ];
 
 /// Returns every table of the page with its name.
-pub(super) fn all(rows: &RecordedRows<'_>) -> Vec<(&'static str, String)> {
-    vec![
-        (
-            "worlds",
-            noted(rows, "case-studies", &worlds(rows).to_markdown()),
-        ),
-        ("paper", noted(rows, "letter", &paper(rows).to_markdown())),
-        (
-            "episodes",
-            noted(rows, "paper-rows", &episodes(rows).to_markdown()),
-        ),
-        (
-            "table1",
-            noted(rows, "table1", &captures(rows).to_markdown()),
-        ),
-        (
-            "near",
-            noted(rows, "near-starts", &near(rows).to_markdown()),
-        ),
-        (
-            "crashes",
-            noted(rows, "crashes", &crashes(rows).to_markdown()),
-        ),
-        ("reuse", noted(rows, "reuse", &reuse(rows))),
-        (
-            "structures",
-            noted(rows, "structures", &structures(rows).to_markdown()),
-        ),
-        (
-            "planners",
-            noted(rows, "planners", &planners(rows).to_markdown()),
-        ),
-        ("others", others(rows)),
+///
+/// # Errors
+/// The numbers of a row do not have the form of their table.
+pub(super) fn all(rows: &RecordedRows<'_>) -> Result<Vec<(&'static str, String)>, RecordError> {
+    let table = |study: &str, lines: TextTable| noted(rows, study, &lines.to_markdown());
+    Ok(vec![
+        ("worlds", table("case-studies", worlds(rows)?)),
+        ("paper", table("letter", paper(rows)?)),
+        ("episodes", table("paper-rows", episodes(rows)?)),
+        ("table1", table("table1", captures(rows)?)),
+        ("near", table("near-starts", near(rows)?)),
+        ("crashes", table("crashes", crashes(rows)?)),
+        ("reuse", noted(rows, "reuse", &reuse(rows)?)),
+        ("structures", table("structures", structures(rows)?)),
+        ("planners", table("planners", planners(rows)?)),
+        ("others", others(rows)?),
         ("origins", origins(rows)),
-    ]
+    ])
 }
 
 fn noted(rows: &RecordedRows<'_>, study: &str, table: &str) -> String {
@@ -158,13 +141,22 @@ fn origins(rows: &RecordedRows<'_>) -> String {
     lines.collect()
 }
 
-/// Returns the numbers of the rows of a study that have this form.
+/// Returns the rows of a study with their numbers.
 fn read<'a, T: DeserializeOwned>(
     rows: &'a RecordedRows<'_>,
     study: &str,
-) -> impl Iterator<Item = (&'a ResultRow, T)> {
+) -> Result<Vec<(&'a ResultRow, T)>, RecordError> {
     let all = rows.of(study).iter();
-    all.filter_map(|row| Some((row, row.read()?)))
+    // A row that is left out would be missed by nobody.
+    all.map(|row| Ok((row, row.read(study)?))).collect()
+}
+
+/// Returns the numbers of a row, if it was measured.
+fn read_one<T: DeserializeOwned>(
+    study: &str,
+    row: Option<&ResultRow>,
+) -> Result<Option<T>, RecordError> {
+    row.map(|row| row.read(study)).transpose()
 }
 
 /// Returns a name with the mark of an earlier version, if it is.
@@ -275,8 +267,9 @@ pub(crate) fn worlds_table<'a>(
 }
 
 /// Returns the worlds in the order of the page, with their freshness.
-fn ordered(rows: &RecordedRows<'_>) -> Vec<(WorldResult, bool)> {
-    let mut all: Vec<(WorldResult, bool)> = read(rows, "case-studies")
+fn ordered(rows: &RecordedRows<'_>) -> Result<Vec<(WorldResult, bool)>, RecordError> {
+    let found = read(rows, "case-studies")?.into_iter();
+    let mut all: Vec<(WorldResult, bool)> = found
         .map(|(row, result)| (result, rows.is_fresh(row)))
         .collect();
     let place = |name: &str| WORLDS.iter().position(|world| *world == name);
@@ -284,16 +277,20 @@ fn ordered(rows: &RecordedRows<'_>) -> Vec<(WorldResult, bool)> {
         // Worlds that the page does not know come last.
         place(&result.world).unwrap_or(WORLDS.len())
     });
-    all
+    Ok(all)
 }
 
-fn worlds(rows: &RecordedRows<'_>) -> TextTable {
-    let all = ordered(rows);
-    worlds_table(all.iter().map(|(result, is_fresh)| (result, *is_fresh)))
+fn worlds(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
+    let all = ordered(rows)?;
+    let results = all.iter().map(|(result, is_fresh)| (result, *is_fresh));
+    Ok(worlds_table(results))
 }
 
 /// Table of README, with the rows that are not of this version below.
-pub(super) fn readme(rows: &RecordedRows<'_>) -> String {
+///
+/// # Errors
+/// The numbers of a row do not have the form of the table.
+pub(super) fn readme(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
     let columns = [
         "world",
         "success [95 %]",
@@ -303,7 +300,7 @@ pub(super) fn readme(rows: &RecordedRows<'_>) -> String {
         "best constant",
         "training CPU s",
     ];
-    let all = ordered(rows);
+    let all = ordered(rows)?;
     let shown = all
         .iter()
         .filter(|(result, _)| IN_README.contains(&result.world.as_str()));
@@ -331,10 +328,10 @@ pub(super) fn readme(rows: &RecordedRows<'_>) -> String {
     for row in of_page().filter(|row| !rows.is_fresh(row)) {
         text.push_str(&format!("\n{OLD} {}: {}.\n", row.name, rows.reason(row)));
     }
-    text
+    Ok(text)
 }
 
-fn paper(rows: &RecordedRows<'_>) -> TextTable {
+fn paper(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "the paper's row",
         "the paper",
@@ -345,13 +342,15 @@ fn paper(rows: &RecordedRows<'_>) -> TextTable {
         "to the letter [95 %]",
         "held, constant there",
     ];
-    let lines = PAPER.iter().map(|paper| {
+    let each = PAPER.iter().map(|paper| {
         let (study, name) = paper.here;
         let row = rows.of(study).iter().find(|row| row.name == name);
         // A row that was never measured is not of an earlier version either.
         let fresh = row.is_none_or(|row| rows.is_fresh(row));
-        let world: Option<WorldResult> = row.and_then(ResultRow::read);
-        let measured: Option<Measured> = row.and_then(ResultRow::read);
+        // The form of a row is that of its study.
+        let of = |wanted: &str| row.filter(|_| study == wanted);
+        let world: Option<WorldResult> = read_one(study, of("case-studies"))?;
+        let measured: Option<Measured> = read_one(study, of("paper-rows"))?;
         let last = measured.as_ref().and_then(|it| it.reached.last());
         let of_curve = last.map(|it: &Reached| (it.success_rate, it.ci95));
         let success = world.as_ref().map(|world| world.success).or(of_curve);
@@ -359,11 +358,11 @@ fn paper(rows: &RecordedRows<'_>) -> TextTable {
             .of("letter")
             .iter()
             .find(|row| row.name == paper.letter);
-        let ends: Option<LetterEnds> = letter.and_then(ResultRow::read);
+        let ends: Option<LetterEnds> = read_one("letter", letter)?;
         let whole = ends.as_ref().and_then(|ends| ends.letter.judged.first());
         let baselines = ends.as_ref().and_then(|ends| ends.baselines.first());
         let fresh = fresh && letter.is_none_or(|row| rows.is_fresh(row));
-        [
+        Ok([
             marked(paper.scene, fresh),
             paper.result.to_owned(),
             paper.counts.to_owned(),
@@ -374,12 +373,13 @@ fn paper(rows: &RecordedRows<'_>) -> TextTable {
             or_dash(baselines.map(|[_, held, _, constant]| {
                 format!("{}, {}", percent(*held), percent(*constant))
             })),
-        ]
+        ])
     });
-    TextTable::new(columns, lines)
+    let lines = each.collect::<Result<Vec<_>, RecordError>>()?;
+    Ok(TextTable::new(columns, lines))
 }
 
-fn episodes(rows: &RecordedRows<'_>) -> TextTable {
+fn episodes(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "world",
         "learner",
@@ -387,7 +387,8 @@ fn episodes(rows: &RecordedRows<'_>) -> TextTable {
         "success [95 %]",
         "training CPU s",
     ];
-    let lines = read::<Measured>(rows, "paper-rows").flat_map(|(row, measured)| {
+    let all = read::<Measured>(rows, "paper-rows")?.into_iter();
+    let lines = all.flat_map(|(row, measured)| {
         let name = marked(&measured.world, rows.is_fresh(row));
         // The paper's own counts are all below a thousand.
         let (last, earlier) = measured.reached.split_last().unzip();
@@ -405,11 +406,11 @@ fn episodes(rows: &RecordedRows<'_>) -> TextTable {
             ]
         })
     });
-    TextTable::new(columns, lines)
+    Ok(TextTable::new(columns, lines))
 }
 
 /// Captures of the paper's learner under the harder reading, which a chaser does not solve.
-fn captures(rows: &RecordedRows<'_>) -> TextTable {
+fn captures(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "question",
         "map",
@@ -419,7 +420,8 @@ fn captures(rows: &RecordedRows<'_>) -> TextTable {
         "chaser %",
     ];
     let tenth = |share: f64| format!("{:.1}", 100.0 * share);
-    let hard = read::<GridCaptures>(rows, "table1").filter(|(row, _)| row.name == "grid_hard");
+    let all = read::<GridCaptures>(rows, "table1")?.into_iter();
+    let hard = all.filter(|(row, _)| row.name == "grid_hard");
     let lines = hard.flat_map(|(row, captures)| {
         let is_fresh = rows.is_fresh(row);
         let ppo = captures.learners.iter().position(|name| name == "PPO");
@@ -438,11 +440,11 @@ fn captures(rows: &RecordedRows<'_>) -> TextTable {
             ]
         })
     });
-    TextTable::new(columns, lines)
+    Ok(TextTable::new(columns, lines))
 }
 
 /// Widest and narrowest neighbourhood of each world.
-fn near(rows: &RecordedRows<'_>) -> TextTable {
+fn near(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "world",
         "δ",
@@ -450,7 +452,8 @@ fn near(rows: &RecordedRows<'_>) -> TextTable {
         "of those fail [95 %]",
         "never met in training",
     ];
-    let lines = read::<NearFailing>(rows, "near-starts").flat_map(|(row, near)| {
+    let all = read::<NearFailing>(rows, "near-starts")?.into_iter();
+    let lines = all.flat_map(|(row, near)| {
         let name = marked(&near.world, rows.is_fresh(row));
         let starts = near.starts;
         let mut shown = near.rows;
@@ -470,10 +473,10 @@ fn near(rows: &RecordedRows<'_>) -> TextTable {
             ]
         })
     });
-    TextTable::new(columns, lines)
+    Ok(TextTable::new(columns, lines))
 }
 
-fn crashes(rows: &RecordedRows<'_>) -> TextTable {
+fn crashes(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "world",
         "starts with a crash",
@@ -485,7 +488,8 @@ fn crashes(rows: &RecordedRows<'_>) -> TextTable {
         "constant",
         "search ≤ 1",
     ];
-    let lines = read::<CrashStudy>(rows, "crashes").map(|(row, study)| {
+    let all = read::<CrashStudy>(rows, "crashes")?.into_iter();
+    let lines = all.map(|(row, study)| {
         let (trained, others): (Vec<&CrashRow>, Vec<&CrashRow>) =
             study.rows.iter().partition(|row| row.seed.is_some());
         // One value per training.
@@ -509,7 +513,7 @@ fn crashes(rows: &RecordedRows<'_>) -> TextTable {
             other(2),
         ]
     });
-    TextTable::new(columns, lines)
+    Ok(TextTable::new(columns, lines))
 }
 
 /// Ados of the table about reuse, with their names there. The file has more.
@@ -524,9 +528,9 @@ const REUSED: [(&str, &str); 8] = [
     ("constant", "best constant"),
 ];
 
-fn reuse(rows: &RecordedRows<'_>) -> String {
+fn reuse(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
     let mut text = String::new();
-    for (row, blocks) in read::<ReuseBlocks>(rows, "reuse") {
+    for (row, blocks) in read::<ReuseBlocks>(rows, "reuse")? {
         let [inside, outside] = blocks.egos;
         let trainings = match blocks.seeds {
             1 => "one training".to_owned(),
@@ -571,10 +575,10 @@ fn reuse(rows: &RecordedRows<'_>) -> String {
             ));
         }
     }
-    text
+    Ok(text)
 }
 
-fn structures(rows: &RecordedRows<'_>) -> TextTable {
+fn structures(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "world",
         "egos",
@@ -587,7 +591,8 @@ fn structures(rows: &RecordedRows<'_>) -> TextTable {
         "switch",
         "as expected",
     ];
-    let lines = read::<StructureMeans>(rows, "structures").map(|(row, means)| {
+    let all = read::<StructureMeans>(rows, "structures")?.into_iter();
+    let lines = all.map(|(row, means)| {
         let cell = |mean: Option<f64>| or_dash(mean.map(recall));
         let expected = means
             .expected
@@ -605,7 +610,7 @@ fn structures(rows: &RecordedRows<'_>) -> TextTable {
             or_dash(expected),
         ]
     });
-    TextTable::new(columns, lines)
+    Ok(TextTable::new(columns, lines))
 }
 
 /// Published planner that the ado of `acc_iso` played, measured by hand.
@@ -619,7 +624,7 @@ struct PlannerRow {
     closing: String,
 }
 
-fn planners(rows: &RecordedRows<'_>) -> TextTable {
+fn planners(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     let columns = [
         "ego",
         "reused ado [95 %]",
@@ -628,11 +633,12 @@ fn planners(rows: &RecordedRows<'_>) -> TextTable {
         "adapted [95 %]",
         "closing m/s",
     ];
-    let lines = read::<PlannerRow>(rows, "planners").map(|(row, it)| {
+    let all = read::<PlannerRow>(rows, "planners")?.into_iter();
+    let lines = all.map(|(row, it)| {
         let ego = marked(&it.ego, rows.is_fresh(row));
         [ego, it.reused, it.held, it.search, it.adapted, it.closing]
     });
-    TextTable::new(columns, lines)
+    Ok(TextTable::new(columns, lines))
 }
 
 /// Measurement by another program, entered by hand.
@@ -642,9 +648,10 @@ struct Other {
     result: String,
 }
 
-fn others(rows: &RecordedRows<'_>) -> String {
+fn others(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
     let columns = ["measurement", "result", "command", "day"];
-    let lines = read::<Other>(rows, "others").map(|(row, it)| {
+    let all = read::<Other>(rows, "others")?.into_iter();
+    let lines = all.map(|(row, it)| {
         [
             marked(&it.measurement, rows.is_fresh(row)),
             it.result,
@@ -653,5 +660,6 @@ fn others(rows: &RecordedRows<'_>) -> String {
         ]
     });
     let table = TextTable::new(columns, lines).to_markdown();
-    format!("{}\n\n{OLD} of an earlier version.", compact(&table))
+    let shown = compact(&table);
+    Ok(format!("{shown}\n\n{OLD} of an earlier version."))
 }

@@ -105,6 +105,38 @@ fn an_edited_row_is_refused() {
 }
 
 #[test]
+fn a_row_whose_numbers_are_of_another_form_is_refused_by_its_field() {
+    let results = recorded();
+    let sound = &results.of("planners")[0];
+    let error = |data: Value| {
+        let row = ResultRow {
+            data,
+            ..sound.clone()
+        };
+        let read = row.read::<crate::near::NearFailing>("near-starts");
+        read.expect_err("another form").to_string()
+    };
+    let acc = &results.of("near-starts")[0].data;
+    let changed = |change: fn(&mut Value)| {
+        let mut data = acc.clone();
+        change(&mut data);
+        error(data)
+    };
+    let begins = |field: &str| {
+        let row = &sound.name;
+        format!("`{field}` in row `{row}` of `results/near-starts.json` cannot be read: ")
+    };
+    let of_name = changed(|it| it["starts"] = json!("many"));
+    assert!(of_name.starts_with(&begins("starts")), "{of_name}");
+    let of_list = changed(|it| it["rows"][0]["ci95"][1] = json!("wide"));
+    assert!(of_list.starts_with(&begins("ci95")), "{of_list}");
+    let of_map = changed(|it| it["world"] = json!({ "name": "acc" }));
+    assert!(of_map.starts_with(&begins("world")), "{of_map}");
+    let of_nothing = error(json!({}));
+    assert!(of_nothing.starts_with(&begins("world")), "{of_nothing}");
+}
+
+#[test]
 fn recorded_rows_are_replaced_by_name_and_read_again() {
     let folder = tempfile::tempdir().expect("scratch");
     let row = |name: &str, data: Value| NewRow {
@@ -158,7 +190,7 @@ fn the_text_of_the_page_has_no_numbers() {
         results: &recorded(),
         digests: digests(),
     });
-    for (name, _) in tables {
+    for (name, _) in tables.expect("rows of their forms") {
         let hole = format!("{{{{{name}}}}}");
         assert_eq!(text.matches(&hole).count(), 1, "{hole}");
         text = text.replace(&hole, "");
@@ -180,7 +212,7 @@ fn an_optimal_ado_captures_from_all_starts() {
         .iter()
         .filter(|row| row.name == "grid_hard")
     {
-        let captures: crate::table1::GridCaptures = row.read().expect("captures");
+        let captures: crate::table1::GridCaptures = row.read("table1").expect("captures");
         let mut optima = captures.cells.iter().map(|cell| cell.references.optimum);
         assert!(optima.all(|optimum| optimum == 1.0));
     }

@@ -92,6 +92,18 @@ pub enum RecordError {
         /// Name of the row.
         row: String,
     },
+    /// The numbers of a row do not have the form of their table.
+    #[error("`{field}` in row `{row}` of `{}` cannot be read: {error}", path.display())]
+    Form {
+        /// Path of the file.
+        path: PathBuf,
+        /// Name of the row.
+        row: String,
+        /// Name of the field.
+        field: String,
+        /// Reason.
+        error: serde_json::Error,
+    },
     /// A page lacks a comment between which its table stands.
     #[error("`{}` lacks the comment `{comment}`", path.display())]
     NoBorder {
@@ -138,10 +150,40 @@ impl ResultRow {
         !self.depends.is_empty() && self.changed(now).is_empty()
     }
 
-    /// Returns the numbers. `None`: they are of another format.
-    pub(crate) fn read<T: DeserializeOwned>(&self) -> Option<T> {
-        // A row of another version may lack a field, and the page then shows none of it.
-        T::deserialize(&self.data).ok()
+    /// Returns the numbers of a row of a study.
+    ///
+    /// # Errors
+    /// They are of another format.
+    pub(crate) fn read<T: DeserializeOwned>(&self, study: &str) -> Result<T, RecordError> {
+        T::deserialize(&self.data).map_err(|error| RecordError::Form {
+            path: Path::new(FOLDER).join(format!("{study}.json")),
+            row: self.name.clone(),
+            field: self.unread_field::<T>(),
+            error,
+        })
+    }
+
+    /// Returns the name of the field at which reading fails.
+    fn unread_field<T: DeserializeOwned>(&self) -> String {
+        // Errors of values have no place, and those of a text have its line.
+        let text = serde_json::to_string_pretty(&self.data).unwrap_or_default();
+        let error = serde_json::from_str::<T>(&text).err();
+        let message = error.as_ref().map_or(String::new(), ToString::to_string);
+        let missing = message.split_once("missing field `");
+        if let Some((name, _)) = missing.and_then(|(_, rest)| rest.split_once('`')) {
+            return name.to_owned();
+        }
+        let indent = |line: &str| line.len() - line.trim_start().len();
+        let most = error.map_or(0, |error| error.line());
+        let lines: Vec<&str> = text.lines().take(most).collect();
+        let depth = lines.last().map_or(0, |line| indent(line));
+        // The elements of a list are below its name, and deeper.
+        let mut above = lines.iter().rev().filter(|line| indent(line) <= depth);
+        let name = above.find_map(|line| {
+            let key = line.trim_start().strip_prefix('"')?;
+            key.split_once("\": ").map(|(name, _)| name.to_owned())
+        });
+        name.unwrap_or_else(|| "data".to_owned())
     }
 }
 
