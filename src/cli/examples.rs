@@ -11,7 +11,9 @@ pub(super) const EXIT_CODES: [(Exit, &str); 6] = [
     (Exit::Done, "done"),
     (
         Exit::Counterexample,
-        "a counterexample (--fail-on-counterexample), a kept one that still fails, or a closed gate",
+        "a counterexample with `--fail-on-counterexample`, a kept crash that still fails in \
+         `replay`, a closed `gate`, a `harden` without a confirmed change, or a ratio above \
+         `--at-most`",
     ),
     (
         Exit::Input,

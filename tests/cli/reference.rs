@@ -213,6 +213,20 @@ fn the_tables_have_what_the_program_reads() {
 }
 
 #[test]
+fn the_exit_code_of_a_finding_has_the_cases_of_the_document() {
+    let page = page("verbs");
+    let (_, rows) = tables(&page)
+        .find(|(title, _)| *title == "Exit codes")
+        .expect("a table");
+    let row = rows.iter().find(|row| row["code"] == "1").expect("a row");
+    let shown: Vec<&str> = words(row["meaning"].as_str().expect("a text")).collect();
+    let text = std::fs::read_to_string(root().join("docs/reference/files.md")).expect("a page");
+    let line = text.lines().find(|line| line.starts_with("| 1 |"));
+    let stated: Vec<&str> = words(line.expect("a row")).collect();
+    assert_eq!(shown, stated);
+}
+
+#[test]
 fn the_ranges_of_derived_signals_are_those_of_worlds() {
     let dir = scratch();
     std::fs::write(dir.path().join("derived.ron"), DERIVED).expect("a file");
