@@ -141,7 +141,7 @@ pub(super) struct Chosen {
     pub(super) is_feasible: bool,
     /// Position of its own ado among the trained ones, and facts about it.
     ///
-    /// `None`: stopped, or it does not meet the conditions.
+    /// `None`: stopped, it does not meet the conditions, or no start shows that it does.
     pub(super) ado: Option<(usize, NewAdo)>,
 }
 
@@ -280,13 +280,20 @@ impl Hardening<'_> {
             }
             match self.withstands(&starts, &quiet) {
                 None => return Ok(()),
-                Some(true) => {
+                Some(Some(true)) => {
                     for other in others {
                         self.choose(other, watch)?;
                     }
                     return Ok(());
                 }
-                Some(false) => {}
+                Some(None) => {
+                    watch
+                        .note("no start of the search has a result with the change that was found");
+                    // Without its ado, the candidate stays unconfirmed.
+                    self.chosen.iter_mut().for_each(|it| it.ado = None);
+                    return Ok(());
+                }
+                Some(Some(false)) => {}
             }
             watch.note(&format!(
                 "the ado that was trained against the change of round {} makes it fail again, \
@@ -401,14 +408,14 @@ impl Hardening<'_> {
 
     /// Returns whether the latest candidate withstands its own ado on the search's starts.
     ///
-    /// `None`: stopped.
-    fn withstands(&self, starts: &TestStarts, watch: &Watch<'_>) -> Option<bool> {
+    /// The outer `None`: stopped. The inner one: no start has a result.
+    fn withstands(&self, starts: &TestStarts, watch: &Watch<'_>) -> Option<Option<bool>> {
         let chosen = self.chosen.last()?;
         let (parameters, ados) = (&self.request.parameters, &self.request.ados);
         let ego = parameters.ego("candidate", &chosen.candidate.values).ok()?;
         let outcomes = StartCount::of(&ados.outcomes(&ego, starts, watch)?);
         let allowed = (1.0 - self.request.settings.reduction) * self.searched.share();
-        Some(outcomes.share() <= allowed)
+        Some(outcomes.is_at_most(allowed))
     }
 
     /// Writes the change of a candidate, and returns its file.

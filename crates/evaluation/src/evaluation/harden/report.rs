@@ -119,6 +119,11 @@ impl StartCount {
     pub fn share(&self) -> f64 {
         self.failing as f64 / self.starts.max(1) as f64
     }
+
+    /// Returns whether at most this share fails. `None` without any start, which shows nothing.
+    pub(super) fn is_at_most(&self, share: f64) -> Option<bool> {
+        (self.starts > 0).then(|| self.share() <= share)
+    }
 }
 
 /// Changed ego that was found, with its confirmation.
@@ -386,6 +391,13 @@ mod tests {
         let mut confirmation = confirmation(2);
         change(&mut confirmation);
         confirmation.verdict(count(100, 200), 0.9).0
+    }
+
+    #[test]
+    fn an_ego_that_never_ran_does_not_withstand() {
+        assert_eq!(count(0, 0).is_at_most(0.1), None);
+        assert_eq!(count(10, 100).is_at_most(0.1), Some(true));
+        assert_eq!(count(11, 100).is_at_most(0.1), Some(false));
     }
 
     #[test]
