@@ -12,6 +12,9 @@ use crate::stats::wilson;
 /// Script that reads the sliders. It loads nothing.
 pub(super) const SCRIPT: &str = include_str!("lookup.js");
 
+/// Words for counts without a start.
+const NO_RESULT: &str = "no start has a result";
+
 /// Slider over the cells of one axis.
 struct CellSlider<'a> {
     /// Name and unit of the quantity.
@@ -24,8 +27,12 @@ struct CellSlider<'a> {
 
 /// Returns counts with the 95 % interval of their share, in words.
 pub(super) fn share_in_words(failing: usize, starts: usize) -> String {
+    // A share of nothing is unknown, which is not a share of 0.
+    if starts == 0 {
+        return NO_RESULT.to_owned();
+    }
     let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
-    let share = 100.0 * failing as f64 / starts.max(1) as f64;
+    let share = 100.0 * failing as f64 / starts as f64;
     let of = counted(starts, "start");
     let verb = if starts == 1 { "fails" } else { "fail" };
     format!("{failing} of {of} {verb}, {share:.0} % [{lo:.0}, {hi:.0}]")
@@ -183,7 +190,7 @@ fn unknown(point: &SweepPoint) -> String {
             "interrupted, at least {} of {} fail",
             point.failing, partial.of
         ),
-        None => "no start has a result".to_owned(),
+        None => NO_RESULT.to_owned(),
     }
 }
 
@@ -259,6 +266,12 @@ mod tests {
             failing,
             partial: None,
         }
+    }
+
+    #[test]
+    fn a_share_of_no_start_is_not_a_number() {
+        assert_eq!(share_in_words(0, 0), "no start has a result");
+        assert!(share_in_words(0, 1).starts_with("0 of 1 start fails, 0 % ["));
     }
 
     #[test]
