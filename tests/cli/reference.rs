@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::process::Output;
 use std::sync::LazyLock;
 
+use brakecheck::stats::{Flips, StartOutcome};
 use serde_json::{Value, json};
 
 use super::help::verbs;
@@ -30,6 +31,40 @@ const DERIVED: &str = r#"Scenario(
     },
     ego_spec: "always (ego.ado.gap >= 0.2)",
 )"#;
+
+/// World whose ados observe by default, without its road and its other agents.
+const USUAL: &str = r#"Scenario(
+    name: "usual", question: "Do ados observe what the table states?",
+    clock: (horizon_s: 10.0, decision_s: 0.5, sample_s: 0.05, substeps: 4), plant: Kinematic,
+    road: ROAD,
+    agents: [
+        Vehicle(name: "ego", body: "sedan", lane: 0, start: At(x_m: 0.0, speed_mps: 20.0), drive: Ego(RssDriver())),
+        AGENTS
+    ],
+    sensors: (position_sd_m: 0.1),
+    ego_spec: "always (ego.speed >= 1)",
+)"#;
+const STRAIGHT: &str = "Straight(lanes: 1, lane_width_m: 3.5, friction: 0.8)";
+const LANES: &str = "Straight(lanes: 2, lane_width_m: 3.5, friction: 0.8)";
+const CURVED: &str =
+    "Curved(lanes: 1, lane_width_m: 3.5, friction: 0.8, pieces: [Line(length_m: 80.0)])";
+const QUEUE: &str = r#"Vehicle(name: "queue", body: "van", lane: 0, start: At(x_m: 150.0, speed_mps: 0.0), drive: Scripted(Stand)),"#;
+const ADO: &str = r#"Vehicle(name: "ado", body: "van", lane: 0, start: Ahead(of: "ego", headway_m: 40.0, speed_mps: 20.0),
+            drive: Ado(actions: Accelerations([-3.0, 0.0]), neutral: 1, lag_s: LAG,
+                rulebook: [Rule(name: "moves", stl: "always (ado.speed >= 1)")])),"#;
+const LIGHT: &str =
+    r#"Light(name: "light", line_m: 90.0, drive: Schedule([(0.0, Yellow), (2.0, Red)])),"#;
+const FOG: &str = r#"Weather(name: "fog", bounds: (friction: (0.4, 0.8), visibility_m: (35.0, 200.0), noise_scale: (1.0, 3.0)),
+            start: (visibility_m: 200.0),
+            drive: Ado(actions: Rates([(visibility_mps: -25.0), ()]), neutral: 1,
+                rulebook: [Rule(name: "thins", stl: "always (fog.visibility >= 40)")])),"#;
+const WALKER: &str = r#"Pedestrian(name: "walker", lateral_m: -3.0, facing: Left,
+            start: Ahead(of: "ego", headway_m: 50.0, speed_mps: 0.0),
+            drive: Ado(actions: Walks([(0.0, 0.0), (0.0, 1.4)]), neutral: 0,
+                rulebook: [Rule(name: "stays", stl: "always (walker.lateral <= 9)")])),"#;
+const BEND: &str = r#"Road(name: "bend", ahead_m: 60.0, piece_m: 20.0,
+            drive: Ado(actions: Curvatures([0.0, 0.0125]), neutral: 0,
+                rulebook: [Rule(name: "is wide", stl: "always (bend.radius >= 39.5)")])),"#;
 
 /// Names of keys by verb.
 type Keys = BTreeMap<String, BTreeSet<String>>;
@@ -250,6 +285,149 @@ fn the_ranges_of_derived_signals_are_those_of_worlds() {
         .filter_map(|row| row["default range"].as_str())
         .collect();
     assert_eq!(ranges, stated);
+}
+
+/// Returns the names of what an ado of a world observes.
+fn observed(world: &str) -> BTreeSet<String> {
+    let dir = scratch();
+    std::fs::write(dir.path().join("usual.ron"), world).expect("a file");
+    let args = ["check", "usual.ron", "--json"];
+    let checked = json_of(&unchecked(dir.path(), "brakecheck", &args));
+    let all = checked["observed"].as_array().expect("signals").iter();
+    all.map(|it| it["name"].as_str().expect("a name").to_owned())
+        .collect()
+}
+
+#[test]
+fn the_table_of_observed_signals_is_what_ados_observe() {
+    let page = page("signals");
+    let (_, rows) = tables(&page)
+        .find(|(title, _)| *title == "Default observation")
+        .expect("a table");
+    // Parts of a world: the row, its letter and the name that stands for the letter.
+    let always = [(4, "", ""), (8, "", "")];
+    let ado = ADO.replace("LAG", "0.0");
+    let beside_queue = [QUEUE, &ado].concat();
+    let slow = [LIGHT, FOG, &ADO.replace("LAG", "0.5")].concat();
+    let worlds = [
+        (
+            STRAIGHT,
+            &*beside_queue,
+            vec![(0, "B", "queue"), (1, "B", "ado")],
+        ),
+        (
+            STRAIGHT,
+            &*slow,
+            vec![
+                (1, "B", "ado"),
+                (3, "B", "ado"),
+                (5, "L", "light"),
+                (6, "W", "fog"),
+            ],
+        ),
+        (LANES, &*ado, vec![(1, "B", "ado"), (2, "B", "ado")]),
+        (
+            STRAIGHT,
+            WALKER,
+            vec![(1, "B", "walker"), (2, "B", "walker")],
+        ),
+        (CURVED, BEND, vec![(7, "R", "bend")]),
+    ];
+    let mut used = BTreeSet::new();
+    for (road, agents, parts) in &worlds {
+        let mut stated = BTreeSet::new();
+        for (row, letter, name) in parts.iter().chain(&always) {
+            used.insert(*row);
+            let signals = words(rows[*row]["signals"].as_str().expect("signals"));
+            stated.extend(signals.map(|signal| {
+                let segments = signal.split('.');
+                let named = segments.map(|part| if part == *letter { *name } else { part });
+                named.collect::<Vec<&str>>().join(".")
+            }));
+        }
+        let world = USUAL.replace("ROAD", road).replace("AGENTS", agents);
+        assert_eq!(observed(&world), stated, "{world}");
+    }
+    assert_eq!(used, (0..rows.len()).collect(), "a row without a world");
+}
+
+/// Returns whether a row about starts applies to outcomes of the new ego and the baseline.
+fn applies(row: &str, new: StartOutcome, old: StartOutcome) -> bool {
+    use StartOutcome::{Invalid, NotReached, RuleViolation, Solved, Trivial};
+    let is_missing = |it| matches!(it, Invalid | NotReached);
+    let fails = |it| matches!(it, Solved | Trivial);
+    match row {
+        "an ego or the physics did not run" => is_missing(new) || is_missing(old),
+        "both egos fail without an adversary" => (new, old) == (Trivial, Trivial),
+        "both fail" => fails(new) && fails(old),
+        "the new ego fails, the baseline does not" => fails(new) && !fails(old),
+        "an ado breaks its rule against the new ego only" => {
+            new == RuleViolation && old != RuleViolation
+        }
+        "the baseline fails, the new ego does not" => !fails(new) && fails(old),
+        "neither fails" => !fails(new) && !fails(old),
+        other => panic!("no test knows the row `{other}`"),
+    }
+}
+
+/// Returns the first words of the effect that the comparison of two egos has.
+fn effect(flips: &Flips) -> &'static str {
+    let lists = [
+        (&flips.both_fail, "fails on both, "),
+        (&flips.newly_failing, "newly failing. "),
+        (&flips.no_answer, "no answer: "),
+        (&flips.newly_fixed, "newly fixed, "),
+    ];
+    let mut known = lists.iter().filter(|(starts, _)| !starts.is_empty());
+    match (known.next(), known.next(), flips.compared) {
+        (Some((_, said)), None, 1..) => said,
+        (None, None, 1..) => "compared, without an effect",
+        (None, None, 0) if flips.new_not_run + flips.old_not_run > 0 => "not compared, and counted",
+        (None, None, 0) => "not compared, because ",
+        _ => panic!("two effects: {flips:?}"),
+    }
+}
+
+#[test]
+fn the_table_of_starts_is_how_a_gate_compares_them() {
+    use StartOutcome::{Held, Invalid, NotReached, RuleViolation, Solved, Trivial, Uncounted};
+    let page = page("verbs");
+    let (_, rows) = tables(&page)
+        .find(|(title, _)| *title == "Starts of a gate")
+        .expect("a table");
+    let cell = |row: &Value, column: &str| row[column].as_str().expect("a text").to_owned();
+    // The last row is of another comparison, without an adversary.
+    let (last, compared) = rows.split_last().expect("rows");
+    assert!(cell(last, "start").contains("neutral action"), "{last}");
+    let outcomes = [
+        Solved,
+        Held,
+        RuleViolation,
+        Uncounted,
+        Trivial,
+        Invalid,
+        NotReached,
+    ];
+    let mut used = BTreeSet::new();
+    for (new, old) in outcomes
+        .iter()
+        .flat_map(|new| outcomes.map(|old| (*new, old)))
+    {
+        // Ten starts, so that McNemar's test can tell.
+        let flips = Flips::of(&[new; 10], &[old; 10]);
+        let first = compared
+            .iter()
+            .position(|row| applies(&cell(row, "start"), new, old));
+        let at = first.expect("a row for each pair");
+        used.insert(at);
+        let stated = cell(&compared[at], "effect");
+        let found = effect(&flips);
+        assert!(stated.starts_with(found), "{new:?}, {old:?}: {found}");
+        if stated.contains("McNemar's p leaves it out") {
+            assert_eq!(flips.p_value() < 0.05, old != RuleViolation, "{old:?}");
+        }
+    }
+    assert_eq!(used, (0..compared.len()).collect(), "a row without a pair");
 }
 
 #[test]
