@@ -303,7 +303,7 @@ fn what_is_no_ordinary_file_is_refused_before_it_is_read() {
 }
 
 #[test]
-fn a_search_ends_however_many_switches_are_asked_for() {
+fn a_search_has_at_most_ten_switches() {
     let dir = scratch();
     let file = path(&dir, "short.ron");
     let text = acc()
@@ -312,13 +312,21 @@ fn a_search_ends_however_many_switches_are_asked_for() {
     std::fs::write(&file, text).expect("written");
     let search = |switches: &str| {
         let asked = ["search", &file, "--starts", "3", "--switches", switches];
-        let output = brakecheck(&[&asked[..], &["--json"]].concat());
+        brakecheck(&[&asked[..], &["--json"]].concat())
+    };
+    let found = |switches: &str| {
+        let output = search(switches);
         assert_eq!(code(&output), 0, "{}", stderr(&output));
         let row = json(&output)["rows"][0].clone();
         (row["solved"].clone(), row["sims_per_start"].clone())
     };
     // Three decisions have two switches at most.
-    assert_eq!(search("18446744073709551615"), search("2"));
+    assert_eq!(found("10"), found("2"));
+    for switches in ["11", "18446744073709551615"] {
+        let refused = search(switches);
+        assert_eq!(code(&refused), 2, "{}", stderr(&refused));
+        assert!(stderr(&refused).contains("0..=10"), "{}", stderr(&refused));
+    }
 }
 
 #[test]
@@ -349,7 +357,7 @@ fn an_ego_that_still_fails_is_told_of_in_words() {
     let error = brakecheck::ErrorReport::from(kept.pass().expect_err("it fails"));
     let printed = format!("{error:?}");
     for part in [
-        "\n  × the ego still fails 1 of 1 kept counterexamples",
+        "\n  × the ego still fails 1 of 1 kept counterexample:",
         "acc-2D-plant-0002.ron: ρ = ",
         "help: look at one with `brakecheck view",
     ] {
