@@ -615,7 +615,7 @@ mod tests {
             "60 % rear-end; 40 % side-swipe",
             "more that the fuzzy safety model of UN R157 (FSM) avoids (`counts`)",
             "90.0 % of the law of starts is inside",
-            "warning: 3 known counterexamples",
+            "warning: the traffic excludes 3 known counterexamples",
         ] {
             assert!(text.contains(said), "{said}: {text}");
         }
