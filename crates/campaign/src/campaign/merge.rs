@@ -379,7 +379,7 @@ mod tests {
         let cut = Plan::make(&file, Some(1000.0), false, &watch).expect("sound");
         cut.expect("not stopped").write(&ours).expect("planned");
         // Another machine has the programs of pieces that are not copied yet.
-        fs::create_dir(&theirs).expect("made");
+        fs::create_dir_all(theirs.join(PIECES)).expect("made");
         let content = ProgramContent {
             sha256: "0".repeat(64),
             command: vec!["ego".to_owned()],
