@@ -19,29 +19,6 @@ pub type Fallible<T> = Result<T, Box<dyn Error>>;
 /// The module that is added to the copy, which knows who is on.
 const MODULE: &str = include_str!("mutant.rs.txt");
 
-/// Where the switches of a crate ask which is on.
-const CRATES: [&str; 20] = [
-    "src",
-    "crates/campaign/src",
-    "crates/crashes/src",
-    "crates/ego/src",
-    "crates/evaluation/src",
-    "crates/experiment/src",
-    "crates/files/src",
-    "crates/openx/src",
-    "crates/report/src",
-    "crates/risk/src",
-    "crates/rl/src",
-    "crates/road/src",
-    "crates/scene/src",
-    "crates/sim/src",
-    "crates/stats/src",
-    "crates/stl/src",
-    "crates/surrogate/src",
-    "crates/training/src",
-    "crates/view/src",
-    "crates/world/src",
-];
 /// What is no source: built or recorded things.
 const NOT_COPIED: [&str; 4] = ["target", "runs", "crashes", "reproduced"];
 /// Candidates that are compiled in beyond the asked number, in percent: so
@@ -145,8 +122,7 @@ impl Workshop {
             contents.insert(file.into(), switched.text.clone().into_bytes());
         }
         let module = MODULE.replace("COUNT", &(ids + 1).to_string());
-        for sources in CRATES {
-            let sources = Path::new(sources);
+        for sources in libraries(&self.root)? {
             contents.insert(sources.join("mutant.rs"), module.clone().into_bytes());
             let head = contents.get_mut(&sources.join("lib.rs"));
             head.ok_or("no lib.rs")?.extend(b"\nmod mutant;\n");
@@ -172,7 +148,7 @@ impl Workshop {
         Ok(digest(&parts))
     }
 
-    fn cargo(&self, verb: &[&str]) -> Command {
+    fn cargo(&self, verb: &[&str]) -> std::io::Result<Command> {
         let mut cargo = Command::new(std::env::var("CARGO").unwrap_or("cargo".into()));
         cargo
             .args(verb)
@@ -181,22 +157,33 @@ impl Workshop {
             .env("CARGO_INCREMENTAL", "1")
             .current_dir(&self.copy)
             .stderr(Stdio::null());
-        let below = CRATES
-            .iter()
-            .filter_map(|it| it.strip_prefix("crates/")?.strip_suffix("/src"));
-        let packages = below.map(|name| format!("brakecheck-{name}"));
-        for package in packages.chain(["brakecheck", "brakecheck-repro"].map(str::to_owned)) {
+        for sources in libraries(&self.root)? {
+            let package = match sources.strip_prefix("crates") {
+                Ok(below) => {
+                    let name = below.iter().next().unwrap_or_default();
+                    format!("brakecheck-{}", name.to_string_lossy().replace('_', "-"))
+                }
+                Err(_) => "brakecheck".to_owned(),
+            };
             let profile = format!("profile.release.package.{package}");
             cargo
                 .args(["--config", &format!("{profile}.opt-level=1")])
                 .args(["--config", &format!("{profile}.codegen-units=64")]);
         }
-        cargo
+        Ok(cargo)
     }
 
     /// Compiles the library; the ids that are to blame where it fails.
     fn compile(&self, sources: &BTreeMap<String, Switched>) -> Fallible<BTreeSet<u32>> {
-        let output = self.cargo(&["build", "--lib"]).output()?;
+        let output = self
+            .cargo(&[
+                "build",
+                "--lib",
+                "--workspace",
+                "--exclude",
+                "brakecheck-python",
+            ])?
+            .output()?;
         if output.status.success() {
             return Ok(BTreeSet::new());
         }
@@ -224,8 +211,9 @@ impl Workshop {
             // With the facade, so that the dependencies keep their features.
             verb.extend(["--lib", "-p", "brakecheck"]);
         }
+        let libraries = libraries(&self.root)?;
         for suite in suites.iter().map(|suite| program_of(suite)) {
-            let there = CRATES.iter().any(|sources| {
+            let there = libraries.iter().any(|sources| {
                 let file = self.copy.join(sources).with_file_name("tests").join(suite);
                 file.with_extension("rs").exists() || file.join("main.rs").exists()
             });
@@ -240,7 +228,7 @@ impl Workshop {
                 eprintln!("there is no suite {suite}");
             }
         }
-        let output = self.cargo(&verb).output()?;
+        let output = self.cargo(&verb)?.output()?;
         let mut programs = BTreeMap::new();
         for message in messages(&output.stdout) {
             if message["message"]["level"] == "error" {
@@ -288,6 +276,17 @@ fn places(error: &Value) -> Vec<(String, Range<usize>)> {
 fn messages(stdout: &[u8]) -> impl Iterator<Item = Value> {
     let lines = stdout.split(|byte| *byte == b'\n');
     lines.filter_map(|line| serde_json::from_slice(line).ok())
+}
+
+/// The source folders of all libraries, where the switches of a crate ask which is on.
+fn libraries(root: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut all = vec![PathBuf::from("src")];
+    for entry in fs::read_dir(root.join("crates"))? {
+        all.push(Path::new("crates").join(entry?.file_name()).join("src"));
+    }
+    all.retain(|sources| root.join(sources).join("lib.rs").exists());
+    all.sort();
+    Ok(all)
 }
 
 /// All files of a crate that are no built or recorded things, from its root.

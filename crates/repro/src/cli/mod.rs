@@ -37,8 +37,8 @@ use named::{know_worlds, world};
 
 /// First training and stream of test starts of the recorded rows.
 ///
-/// No setting was chosen by them. docs/background/intervals.md lists the seeds that were
-/// looked at, also those with which an earlier version was measured.
+/// No version had looked at them before. docs/background/intervals.md lists those that were
+/// looked at.
 const FIRST_REPORTED: u64 = 1000;
 /// Trainings per world, at most.
 const MOST_SEEDS: u64 = 100;
