@@ -1,7 +1,7 @@
 //! What it costs to ask whether a contact was preventable.
 //!
 //! `cargo bench --bench preventability`; the episodes are random ados' contacts
-//! on the kinematic plant. `preventable_by` is for training loops, which keep
+//! on the kinematic plant. `is_avoided_by_any` is for training loops, which keep
 //! the replayer; `assess` gives everything, rulebook included.
 
 use brakecheck::ego::ReferenceDriver;
@@ -47,12 +47,12 @@ fn contact(name: &str) -> (Scenario, Episode, Motion) {
 }
 
 #[divan::bench(args = WORLDS)]
-fn preventable_by(bencher: Bencher, world: &str) {
+fn is_avoided_by_any(bencher: Bencher, world: &str) {
     let (world, _, motion) = contact(world);
     let mut replayer = world.replayer().expect("a driving world");
     // The two that fail most often, so that both are asked mostly.
     let drivers = [ReferenceDriver::CcLatched, ReferenceDriver::Cc];
-    bencher.bench_local(|| replayer.preventable_by(black_box(&motion), &drivers));
+    bencher.bench_local(|| replayer.is_avoided_by_any(black_box(&motion), &drivers));
 }
 
 #[divan::bench(args = WORLDS)]

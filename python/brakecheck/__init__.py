@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from brakecheck import errors, stl
 from brakecheck._brakecheck import Command, Own, Percept, Seen, SeenLight
-from brakecheck.campaigns import eval, export, replay, report, search, train, view
+from brakecheck.commands import eval, export, replay, report, search, train, view
 from brakecheck.errors import (
     BrakecheckError,
     FaultError,

@@ -5,8 +5,8 @@
 
 mod ado;
 mod bench;
-mod campaign;
 mod cli;
+mod commands;
 mod controller;
 mod convert;
 mod ego;
@@ -31,9 +31,9 @@ mod _brakecheck {
     #[pymodule_export]
     use super::bench::RawBench;
     #[pymodule_export]
-    use super::campaign::{eval_run, eval_world, report_run, search_world, train_ado};
-    #[pymodule_export]
     use super::cli::run_program;
+    #[pymodule_export]
+    use super::commands::{eval_run, eval_world, report_run, search_world, train_ado};
     #[pymodule_export]
     use super::kept::{RawReplayed, export_kept, replay_kept};
     #[pymodule_export]

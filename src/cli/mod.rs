@@ -68,7 +68,7 @@ mod test_args;
 mod theorems;
 mod traffic_args;
 mod train;
-mod training_again;
+mod training_command;
 mod usage_error;
 mod verb_groups;
 mod verdict;

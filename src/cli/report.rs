@@ -11,7 +11,7 @@ use super::report_results;
 use super::report_texts::{MOST_EXAMPLES, ReportTexts};
 use super::run_under_test::is_world;
 use super::terminal;
-use super::training_again::training_again;
+use super::training_command::training_command;
 use super::verdict::verdict;
 use crate::crashes::{file_stem, openx, write_openx};
 use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
@@ -207,7 +207,7 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
 /// They use the world file in the run.
 fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
     let here = shell_word(&shown(run.path()));
-    let mut commands = training_again(run);
+    let mut commands = training_command(run);
     commands.extend([
         format!(
             "brakecheck eval {here} --seed {} --starts {} --ego all --ado all",

@@ -606,7 +606,8 @@ fn changing_weather_and_roads_have_no_replays() {
         let mut replayer = world.replayer().expect("driven");
         let known = replayer.assess(&motion, None);
         assert_eq!(known.not_applicable, Some(reason), "{name}");
-        assert!(!replayer.preventable_by(&motion, &[ReferenceDriver::Ideal]));
+        let avoided = replayer.is_avoided_by_any(&motion, &[ReferenceDriver::Ideal]);
+        assert_eq!(avoided, None, "{name}");
         assert!(replayer.braking(&motion).is_none());
     }
 }

@@ -122,7 +122,9 @@ fn an_assessment_agrees_with_itself() {
             for driver in PANEL.into_iter().chain([ReferenceDriver::Ideal]) {
                 let avoided = assessed.is_avoided_by(driver);
                 assert_eq!(
-                    replayer.preventable_by(&motion, &[driver]),
+                    replayer
+                        .is_avoided_by_any(&motion, &[driver])
+                        .unwrap_or(false),
                     avoided,
                     "{name} {driver:?}"
                 );
@@ -132,7 +134,8 @@ fn an_assessment_agrees_with_itself() {
             assert_eq!(humans, assessed.human_model_avoids(), "{name}");
             let applies = assessed.label != Label::NotApplicable;
             let any = PANEL.iter().any(|driver| assessed.is_avoided_by(*driver));
-            assert_eq!(world.is_preventable(&episode), applies.then_some(any));
+            let found = world.is_avoided_by_any(&episode, &PANEL);
+            assert_eq!(found, applies.then_some(any));
             let json = serde_json::to_string(&assessed).expect("JSON");
             let ron = ron::to_string(&assessed).expect("RON");
             assert_eq!(
@@ -178,7 +181,10 @@ fn somebody_on_foot_is_beyond_these_drivers() {
     let mut replayer = world.replayer().expect("a driving world");
     let assessed = replayer.assess(&motion, None);
     assert_eq!(why(assessed), Some(NotApplicable::OnFoot));
-    assert!(!replayer.preventable_by(&motion, &[ReferenceDriver::Ideal]));
+    assert_eq!(
+        replayer.is_avoided_by_any(&motion, &[ReferenceDriver::Ideal]),
+        None
+    );
 }
 
 /// Who sees danger at the first sample does the same whether it takes over

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use crate::error::StlError;
 use crate::formula::{Expr, Formula};
-use crate::kernel::SampleWindow;
 use crate::leaf::{BoundExpression, Leaf};
 use crate::monitor::Monitor;
 use crate::number::Ratio;
@@ -14,6 +13,7 @@ use crate::settings::{Constants, Names, Settings};
 use crate::syntax::{Binary, Comparison, Node, NodeKind, Term, Unary};
 use crate::trace::{Schema, SignalKind};
 use crate::undefined;
+use crate::window::SampleWindow;
 
 mod names;
 mod times;

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::kernel::{Max, Min, SampleWindow};
 use crate::leaf::{BoundExpression, ComparisonKind};
 use crate::monitor::Monitor;
 use crate::program::{BooleanOp, Id, MinMax, Op, Strength};
 use crate::settings::{TraceEnd, Until};
 use crate::syntax::{Arithmetic, NodeKind, Unary};
 use crate::trace::{RowError, Schema};
+use crate::window::{Max, Min, SampleWindow};
 
 mod piecewise;
 

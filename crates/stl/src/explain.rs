@@ -10,7 +10,6 @@ use std::sync::Arc;
 use serde::{Serialize, Serializer};
 
 use crate::apply::Bound;
-use crate::kernel::{SampleWindow, WindowTail};
 use crate::leaf::{Columns, Semantics};
 use crate::monitor::Monitor;
 use crate::offline::{Scratch, TraceEvaluation};
@@ -18,6 +17,7 @@ use crate::program::{BooleanOp, Edge, Id, MinMax, Op};
 use crate::samples::Samples;
 use crate::settings::Until;
 use crate::trace::Trace;
+use crate::window::{SampleWindow, WindowTail};
 
 /// Kind of the last step of an explanation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -6,8 +6,8 @@
 //! of its operands, and orders differ.
 
 use crate::interval::Interval;
-use crate::kernel::opposite;
 use crate::syntax::{Arithmetic, Comparison, Function};
+use crate::window::opposite;
 
 /// Samples evaluated at a time. A few buffers of this size fit the L1 cache.
 pub(crate) const CHUNK: usize = 512;

@@ -34,7 +34,6 @@ mod explain;
 mod formula;
 mod instant;
 mod interval;
-mod kernel;
 mod leaf;
 mod monitor;
 mod number;
@@ -57,6 +56,7 @@ mod time_name;
 mod token;
 pub mod trace;
 mod undefined;
+mod window;
 
 pub use bind::BoundExpr;
 pub use dense::{DenseError, DenseRowError, DenseTrace, Interpolation};

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::WindowTail;
 use crate::leaf::{Columns, Semantics};
 use crate::offline::{Scratch, TraceEvaluation};
 use crate::program::BoundProgram;
 use crate::settings::{Settings, TraceEnd};
 use crate::trace::{Schema, Trace};
+use crate::window::WindowTail;
 
 /// Formula bound to a schema, whose evaluation cannot fail.
 ///

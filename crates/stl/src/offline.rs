@@ -1,9 +1,9 @@
 //! Robustness of a whole trace, from each sample that matters, once.
 
 use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, Operands, apply, combine};
-use crate::kernel::{Extremum, Max, Min, SampleWindow, View, WindowTail, fold, opposite};
 use crate::leaf::{CHUNK, Columns, Semantics};
 use crate::program::{BoundProgram, Id, MinMax, Op};
+use crate::window::{Extremum, Max, Min, SampleWindow, View, WindowTail, fold, opposite};
 
 /// Reusable memory of evaluations.
 ///

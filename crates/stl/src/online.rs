@@ -16,12 +16,12 @@
 
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::WindowTail;
 use crate::leaf::Semantics;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
 use crate::settings::TraceEnd;
 use crate::trace::RowError;
+use crate::window::WindowTail;
 
 mod nested;
 mod open;

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::leaf::Leaf;
 use crate::syntax::Node;
 use crate::trace::Schema;
+use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
 
 /// Position of an operator in a [`BoundProgram`].
 pub(crate) type Id = usize;

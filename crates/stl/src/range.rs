@@ -2,12 +2,12 @@
 
 use crate::bind::BoundExpr;
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min};
 use crate::leaf::{BoundExpression, Leaf};
 use crate::monitor::Monitor;
 use crate::program::{MinMax, Op, Strength};
 use crate::settings::TraceEnd;
 use crate::syntax::{Arithmetic, Function};
+use crate::window::{Extremum, Max, Min};
 
 impl Monitor {
     /// Bounds ρ(φ, s, 0) over all traces whose signals stay within ranges.

@@ -10,12 +10,12 @@
 //! Its property tests hold the two together, bit for bit.
 
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::leaf::Leaf;
 use crate::monitor::Monitor;
 use crate::program::{BooleanOp, Edge, MinMax, Strength};
 use crate::settings::Until;
 use crate::sliding::UntilPart;
+use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
 
 mod block;
 mod compile;

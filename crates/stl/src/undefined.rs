@@ -19,10 +19,10 @@
 
 use std::sync::Arc;
 
-use crate::kernel::SampleWindow;
 use crate::leaf::Undefined;
 use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op};
 use crate::syntax::{Node, NodeKind, Unary};
+use crate::window::SampleWindow;
 
 /// Gives every comparison that can be undefined its worst value.
 pub(crate) fn settle(program: BoundProgram) -> BoundProgram {

@@ -4,6 +4,7 @@
 use super::Searched;
 use crate::adversary::{Evaluated, RecordedSuccess};
 use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch};
+use crate::preventability::PANEL;
 use crate::rulebook::Verdict;
 use crate::run_dir::{AdversaryId, Row};
 use crate::scene::drive::EgoDrive;
@@ -142,7 +143,7 @@ impl ExperimentCell {
         let bench = || self.ego.scenario().bench();
         let answers = EpisodeLoop::uncounted(watch).run(&sample, bench, |bench, index, _| {
             let again = self.replay(bench, *index);
-            Some(self.ego.scenario().is_preventable(&again))
+            Some(self.ego.scenario().is_avoided_by_any(&again, &PANEL))
         });
         // A start that an interruption left out is in no count.
         let judged: Vec<Option<bool>> = answers.into_iter().flatten().collect();

@@ -172,14 +172,13 @@ impl Replayer {
     }
 
     /// Returns whether any of `drivers` avoids the contact from the handover on.
-    pub fn preventable_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> bool {
-        self.judged_by(motion, drivers).unwrap_or(false)
-    }
-
-    /// Returns whether any of `drivers` avoids the contact from the handover on.
     ///
     /// `None`: the drivers do not apply, as in [`Replayer::assess`].
-    pub fn judged_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> Option<bool> {
+    pub fn is_avoided_by_any(
+        &mut self,
+        motion: &Motion,
+        drivers: &[ReferenceDriver],
+    ) -> Option<bool> {
         if reason_against(&self.world.at_start(&motion.start), motion).is_some() {
             return None;
         }

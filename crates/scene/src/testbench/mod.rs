@@ -5,7 +5,7 @@
 //! [`Actor`] act in it and records the [`Episode`].
 
 pub mod actors;
-mod counting;
+mod counted_violation;
 mod episode;
 mod faults;
 pub mod film;

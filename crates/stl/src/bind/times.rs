@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::{Binder, not_finite};
 use crate::error::{StlError, suggest};
-use crate::kernel::SampleWindow;
 use crate::number::Ratio;
 use crate::syntax::{Arithmetic, Time, TimeBounds, TimeKind, TimeUnit};
+use crate::window::SampleWindow;
 
 impl Binder<'_> {
     pub(super) fn window(&self, bounds: Option<&TimeBounds>) -> Result<SampleWindow, StlError> {

@@ -5,8 +5,8 @@
 
 use std::cmp::Ordering;
 
-use crate::kernel::{Extremum, Max, Min, opposite};
 use crate::sliding::SlidingExtremum;
+use crate::window::{Extremum, Max, Min, opposite};
 
 /// Linear function on an open interval, by its limits at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]

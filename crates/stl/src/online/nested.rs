@@ -8,10 +8,10 @@ use super::progress::{WindowProgress, opened};
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, SampleWindow};
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Op, Strength};
 use crate::settings::Until;
 use crate::sliding::{OpenPart, SlidingJoin, at};
+use crate::window::{Extremum, Max, Min, SampleWindow};
 
 /// Window over an operand that contains a single future operator.
 #[derive(Clone, Debug)]

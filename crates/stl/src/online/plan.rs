@@ -12,8 +12,8 @@ use super::open::OpenBounds;
 use super::point::Point;
 use super::progress::WindowProgress;
 use crate::apply::Bound;
-use crate::kernel::SampleWindow;
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Op};
+use crate::window::SampleWindow;
 
 /// Requirements on an operator.
 #[derive(Clone, Copy, Debug)]

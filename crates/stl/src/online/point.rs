@@ -5,9 +5,9 @@ use super::progress::{WindowProgress, opened};
 use super::track::Track;
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::kernel::{Extremum, Max, Min, SampleWindow, fold};
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Strength};
 use crate::settings::Until;
+use crate::window::{Extremum, Max, Min, SampleWindow, fold};
 
 /// Sub-formula at sample 0.
 #[derive(Clone, Debug)]

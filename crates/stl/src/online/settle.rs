@@ -4,8 +4,8 @@ use super::plan::PlannedOperator;
 use super::step::{Decided, step_edge, step_since};
 use super::track::Track;
 use crate::apply::{Bound, EvalWindow, KernelBuffers, Operands, apply};
-use crate::kernel::{Max, opposite};
 use crate::program::{BoundProgram, Id, Op};
+use crate::window::{Max, opposite};
 
 /// Updates every operator in use.
 ///

@@ -5,10 +5,10 @@
 //! back. Its operands have decided at least as much.
 
 use super::track::Track;
-use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::program::{BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::Until;
 use crate::sliding::UntilPart;
+use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
 
 /// Decided values of the operands of an operator, when sample `now` is the latest.
 #[derive(Clone, Copy)]

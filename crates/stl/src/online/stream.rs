@@ -4,11 +4,11 @@ use super::plan::{self, PlannedOperator};
 use super::settle::settle;
 use super::track::Track;
 use crate::apply::EvalWindow;
-use crate::kernel::WindowTail;
 use crate::monitor::Monitor;
 use crate::offline::Scratch;
 use crate::settings::TraceEnd;
 use crate::trace::RowError;
+use crate::window::WindowTail;
 
 /// Exact robustness at every sample, as soon as the horizon of the formula is known.
 ///

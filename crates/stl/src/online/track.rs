@@ -1,8 +1,8 @@
 //! Memory of an online monitor for one operator.
 
 use crate::apply::OperandBounds;
-use crate::kernel::View;
 use crate::sliding::{SlidingExtremum, SlidingJoin, UntilPart};
+use crate::window::View;
 
 /// Bounds of an operator at the known samples `first ..`.
 ///

@@ -2,9 +2,9 @@
 
 use super::{RunningInstant, RunningMonitor, pick};
 use crate::BoundExpr;
-use crate::kernel::{Min, fold};
 use crate::leaf::{CHUNK, Columns, Semantics};
 use crate::program::MinMax;
+use crate::window::{Min, fold};
 
 /// Consecutive samples of a run: a column per signal, an entry per sample.
 #[derive(Clone, Copy, Debug)]

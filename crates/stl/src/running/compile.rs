@@ -1,10 +1,10 @@
 //! Compilation of a bound formula to instants and points.
 
 use super::{RunningInstant, RunningMonitor, RunningPoint};
-use crate::kernel::{Extremum, Max, Min, SampleWindow, opposite};
 use crate::monitor::Monitor;
 use crate::program::{BoundProgram, Id, MinMax, Op};
 use crate::settings::TraceEnd;
+use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
 
 impl Monitor {
     /// Compiles the formula for runs of `len` samples, if running numbers decide it.

@@ -11,9 +11,9 @@ use super::scenario_kind::DriveScenario;
 use super::starts::EntryPositions;
 use super::warnings::Warnings;
 use super::{
-    Scenario, check, counting, dry_run, environment, family_check, includes, kind_of_world, limits,
-    odd_starts, per_ado, plans, points, road_ado, roads, slope_and_wind, starts, storyboards,
-    trained, turns, vacuous,
+    Scenario, check, counts_check, dry_run, environment, family_check, includes, kind_of_world,
+    limits, odd_starts, per_ado, plans, points, road_ado, roads, slope_and_wind, starts,
+    storyboards, trained, turns, vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -121,8 +121,8 @@ fn assemble(
     slope_and_wind::check(&mut problems, &file);
     let roads = roads::placed(&mut problems, &top.to("roads"), &road, &file.roads);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
-    counting::check(&mut problems, &top, &file);
-    let others = counting::others(&file);
+    counts_check::check(&mut problems, &top, &file);
+    let others = counts_check::others(&file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
     let traffic = includes::traffic(&mut problems, &file);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
@@ -217,7 +217,7 @@ fn assemble(
         if let Some(board) = &file.storyboard {
             spec.story = storyboards::read(&mut problems, &top.to("storyboard"), board, &spec);
             storyboards::check_actors(&mut problems, &list, &file, &spec, &entries);
-            counting::check_story(&mut problems, &top, &file.counts, spec.story.as_deref());
+            counts_check::check_story(&mut problems, &top, &file.counts, spec.story.as_deref());
         }
         starts::check(&mut problems, &list, &spec, &entries);
         starts::on_the_road(&mut problems, &list, &spec, in_list);
@@ -300,7 +300,7 @@ fn assemble(
     };
     let rulebook = rulebook(world.schema(), &ego_spec, &rules, &names, judging)
         .map_err(|error| problems.ended_in_stl(&top.to("ego_spec"), &error))?;
-    let default_goals = counting::default_goals(others, &learner, &rulebook, world.schema());
+    let default_goals = counts_check::default_goals(others, &learner, &rulebook, world.schema());
     let scenario = Scenario {
         name: file.name,
         question: file.question,

@@ -8,7 +8,7 @@ use super::family::TrainingEgos;
 use super::language::{Judging, Language, constants, rule_of, rulebook};
 use super::warnings::Warnings;
 use super::{
-    Change, Repeats, RuleSpec, Scenario, check, counting, dry_run, includes, limits, vacuous,
+    Change, Repeats, RuleSpec, Scenario, check, counts_check, dry_run, includes, limits, vacuous,
 };
 use crate::ron_file::Problem;
 use crate::ron_file::Problems;
@@ -60,7 +60,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     warnings.question(&file.question);
     warnings.ado(&top.to("ado"), &file.ado.rulebook, &file.ado.observe);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
-    counting::nothing_touches(&mut problems, &top, file.judge, &file.counts);
+    counts_check::nothing_touches(&mut problems, &top, file.judge, &file.counts);
     let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     moves(&mut problems, &top.to("ado"), &file.ado);

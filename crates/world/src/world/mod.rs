@@ -19,7 +19,7 @@ mod bodies;
 mod build;
 mod changed;
 mod check;
-mod counting;
+mod counts_check;
 mod dry_run;
 mod environment;
 pub mod family;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Scenario;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::{
-    BrakingReplays, FilmedDriver, NotApplicable, PANEL, Preventability, Replayer,
+    BrakingReplays, FilmedDriver, NotApplicable, Preventability, Replayer,
 };
 use crate::testbench::{Episode, film, motion_of};
 
@@ -35,17 +35,10 @@ impl Scenario {
         }
     }
 
-    /// Returns whether any reference driver of the panel avoids an episode's contact.
+    /// Returns whether any of some reference drivers avoids an episode's contact.
     ///
     /// This takes few of the replays of [`Scenario::preventability`]. `None`: there is no
     /// contact, or the drivers do not apply to it.
-    pub fn is_preventable(&self, episode: &Episode) -> Option<bool> {
-        self.is_avoided_by_any(episode, &PANEL)
-    }
-
-    /// Returns whether any of some reference drivers avoids an episode's contact.
-    ///
-    /// `None` as in [`Scenario::is_preventable`].
     pub fn is_avoided_by_any(
         &self,
         episode: &Episode,
@@ -57,7 +50,7 @@ impl Scenario {
         if motion.is_empty() {
             return None;
         }
-        replayer.judged_by(&motion, drivers)
+        replayer.is_avoided_by_any(&motion, drivers)
     }
 
     /// Returns replays of an episode's motion with full braking in the ego's place.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::family::EgoSample;
 use super::language::{Judging, rulebook};
 use super::{ChangeError, DriveScenario, Repeats, Scenario, ScenarioKind, TrainingEgos};
-use super::{changed, check, counting};
+use super::{changed, check, counts_check};
 use crate::ego::{Command, Transcripts};
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::ron_file::{LoadError, ScenarioError, ValuePath, read};
@@ -90,7 +90,7 @@ impl Scenario {
         let spec = self.drive().map(DriveScenario::spec);
         // Every agent but the ego has a body that can touch it.
         let others = spec.map(|spec| spec.agents.len().saturating_sub(1));
-        if let Some((what, help)) = counting::against_goals(goals, others) {
+        if let Some((what, help)) = counts_check::against_goals(goals, others) {
             return Err(ChangeError {
                 what,
                 help: Some(help),

@@ -15,7 +15,7 @@ const MOST_DIFFERENCES: usize = 5;
 ///
 /// Remarks follow if the command alone does not repeat it. They begin with `#`, so that a
 /// shell skips them.
-pub(super) fn training_again(run: &RunDir) -> Vec<String> {
+pub(super) fn training_command(run: &RunDir) -> Vec<String> {
     let manifest = run.manifest();
     let file = run.path().join("world.ron");
     let world = Scenario::load(&file).ok();

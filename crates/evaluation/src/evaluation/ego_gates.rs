@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::gate_decision::{Gate, GateContact, GateEgo};
+use super::gate::{Gate, GateContact, GateEgo};
 use super::table::EvaluationTable;
 use crate::evaluation::error::EvaluationError;
 use crate::experiment::{EpisodeLoop, Watch};

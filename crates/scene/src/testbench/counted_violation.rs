@@ -49,7 +49,9 @@ impl Testbench {
                 world.and_then(|world| Replayer::new(&world, Arc::clone(&self.rulebook)));
         }
         match (&mut self.replayer, self.recording.motion()) {
-            (Some(replayer), Some(motion)) => replayer.preventable_by(motion, by),
+            (Some(replayer), Some(motion)) => {
+                replayer.is_avoided_by_any(motion, by).unwrap_or(false)
+            }
             // Without a recorded motion there is nothing to replay.
             _ => false,
         }
