@@ -26,6 +26,13 @@ const BAND: f64 = 0.99;
 /// weights would miss them.
 const LAW: f64 = 0.05;
 
+/// Most frequent kinds of crashes whose likeliest one is sought among neighbours.
+const CLIMBED_KINDS: usize = 5;
+/// Likeliest runs of a kind from which a climb begins, because each may end elsewhere.
+const CLIMBS: usize = 3;
+/// Passes over all actions of a run, at most.
+const PASSES: usize = 4;
+
 /// Crashes of an ado that was trained as traffic, among runs from natural starts.
 #[derive(Clone, Debug, Serialize)]
 pub struct TrafficCrashes {
@@ -62,7 +69,14 @@ pub struct TrafficCrash {
     pub likelihood: TrafficLikelihood,
 }
 
+/// Laws of the next action of a run.
+struct Laws<'a> {
+    odds: &'a ActionOdds,
+    wide: &'a [f64],
+}
+
 /// Run of the ado from a natural start.
+#[derive(Clone)]
 struct TrafficRun {
     start: (Start, u64),
     actions: Vec<usize>,
@@ -119,6 +133,39 @@ impl TrafficCrashes {
     }
 }
 
+impl TrafficCrashes {
+    /// Replaces the crashes of the most frequent kinds by likelier ones near them.
+    ///
+    /// A draw contains needless rare actions. Without them the crash is what the traffic does
+    /// most often.
+    fn climb(&mut self, player: &TrafficPlayer<'_>, played: &[TrafficRun], watch: &Watch<'_>) {
+        let kinds = self.likeliest.iter().take(CLIMBED_KINDS);
+        let firsts = kinds.flat_map(|crash| {
+            let is_of_kind = |run: &&TrafficRun| run.kind.as_ref() == Some(&crash.likelihood.kind);
+            let mut runs: Vec<&TrafficRun> = played.iter().filter(is_of_kind).collect();
+            runs.sort_by(|a, b| b.logs[0].total_cmp(&a.logs[0]));
+            runs.truncate(CLIMBS);
+            runs
+        });
+        let firsts: Vec<&TrafficRun> = firsts.collect();
+        let worker = || player.ego.bench();
+        let climbed = EpisodeLoop::uncounted(watch).each(&firsts, worker, |bench, run, _| {
+            Some(player.climbed(bench, run))
+        });
+        for run in climbed.into_iter().flatten() {
+            let is_kind =
+                |crash: &&mut TrafficCrash| run.kind.as_ref() == Some(&crash.likelihood.kind);
+            let log = run.logs[0] / std::f64::consts::LN_10;
+            if let Some(crash) = self.likeliest.iter_mut().find(is_kind)
+                && log > crash.likelihood.log10_probability
+            {
+                crash.likelihood.log10_probability = log;
+                (crash.start, crash.actions) = (run.start, run.actions);
+            }
+        }
+    }
+}
+
 impl RiskTraffic {
     /// Plays an ado that was trained as this traffic, from natural starts.
     ///
@@ -150,7 +197,11 @@ impl RiskTraffic {
             return None;
         }
         let played: Vec<TrafficRun> = played.into_iter().flatten().collect();
-        let crashes = self.summary(&played);
+        let mut crashes = self.summary(&played);
+        crashes.climb(&player, &played, watch);
+        if watch.stopped() {
+            return None;
+        }
         let share = crashes.invalid as f64 / played.len().max(1) as f64;
         let row = || "the ado from natural starts".to_owned();
         watch.faults.note_row(row, share);
@@ -303,20 +354,78 @@ struct TrafficPlayer<'a> {
 impl TrafficPlayer<'_> {
     /// Plays a run. `None`: its start is outside X_init, or the policy has no law.
     fn run(&self, bench: &mut Testbench, key: [u64; 2]) -> Option<TrafficRun> {
-        let (starts, policy) = (&self.traffic.starts, self.policy);
+        let starts = &self.traffic.starts;
         let mut rng = generator("crashes of traffic", &key);
         let shares: Vec<f64> = (0..starts.dimensions())
             .map(|_| rng.random::<f64>())
             .collect();
         let noise = rng.next_u64();
         let start = starts.start(&shares)?;
-        bench.begin(&start, noise, Aftermath::Play);
+        let is_wide = !key[1].is_multiple_of(2);
         let mut dice = draws(noise, 0);
+        self.play(bench, start, noise, is_wide, |_, laws| {
+            let drawn = if is_wide { laws.wide } else { &laws.odds.own };
+            draw(drawn, dice.random::<f64>())
+        })
+    }
+
+    /// Returns the likeliest run that single changes of an action lead to, with the same kind
+    /// of failure.
+    fn climbed(&self, bench: &mut Testbench, run: &TrafficRun) -> TrafficRun {
+        let (mut best, mut changed) = (run.clone(), true);
+        for _ in 0..PASSES {
+            if !std::mem::take(&mut changed) {
+                break;
+            }
+            let mut at = 0;
+            // A run that fails earlier has fewer actions.
+            while at < best.actions.len() {
+                for action in 0..self.accelerations.len() {
+                    let mut actions = best.actions.clone();
+                    actions[at] = action;
+                    let found = self.replayed(bench, run, &actions);
+                    let better =
+                        found.filter(|it| it.kind == run.kind && it.logs[0] > best.logs[0]);
+                    if let Some(better) = better {
+                        (best, changed) = (better, true);
+                        break;
+                    }
+                }
+                at += 1;
+            }
+        }
+        best
+    }
+
+    /// Plays other actions from the start of a run, the last of them until the run ends.
+    fn replayed(
+        &self,
+        bench: &mut Testbench,
+        run: &TrafficRun,
+        actions: &[usize],
+    ) -> Option<TrafficRun> {
+        let (start, noise) = run.start.clone();
+        let last = actions.len().saturating_sub(1);
+        self.play(bench, start, noise, run.is_wide, |at, _| {
+            actions[at.min(last)]
+        })
+    }
+
+    /// Plays a run whose actions a function chooses. `None`: the policy has no law.
+    fn play(
+        &self,
+        bench: &mut Testbench,
+        start: Start,
+        noise: u64,
+        is_wide: bool,
+        mut choose: impl FnMut(usize, Laws<'_>) -> usize,
+    ) -> Option<TrafficRun> {
+        bench.begin(&start, noise, Aftermath::Play);
         let mut obs = vec![0.0; bench.spaces().observation];
         let mut run = TrafficRun {
             start: (start, noise),
             actions: Vec::new(),
-            is_wide: !key[1].is_multiple_of(2),
+            is_wide,
             logs: [0.0; 3],
             usual: 0,
             kind: None,
@@ -324,10 +433,13 @@ impl TrafficPlayer<'_> {
         };
         while !bench.is_decided() {
             bench.observe(&mut obs);
-            let odds = policy.odds(&obs)?;
+            let odds = self.policy.odds(&obs)?;
             let wide = wider(&odds);
-            let drawn = if run.is_wide { &wide } else { &odds.own };
-            let action = draw(drawn, dice.random::<f64>());
+            let laws = Laws {
+                odds: &odds,
+                wide: &wide,
+            };
+            let action = choose(run.actions.len(), laws);
             for (log, of) in run.logs.iter_mut().zip([&odds.law, &odds.own, &wide]) {
                 *log += libm::log(of[action]);
             }
@@ -439,6 +551,78 @@ mod tests {
         assert!(least.is_none_or(|it| it.hits < truth.hits));
         assert!(truth.hits <= most.hits, "{truth:?}, {most:?}");
         assert!(fragile.in_words().join("\n").contains("gave up"));
+    }
+
+    /// Ado whose traffic nearly always takes action 0, and that draws all actions alike.
+    struct Needless(usize);
+
+    impl Policy for Needless {
+        fn act(&self, _: &[f32]) -> usize {
+            0
+        }
+
+        fn odds(&self, _: &[f32]) -> Option<ActionOdds> {
+            let rare = 0.05;
+            let mut law = vec![rare; self.0];
+            law[0] = 1.0 - rare * (self.0 - 1) as f64;
+            let own = vec![1.0 / self.0 as f64; self.0];
+            Some(ActionOdds { law, own })
+        }
+
+        fn value(&self, _: &[f32]) -> f32 {
+            0.0
+        }
+    }
+
+    #[test]
+    fn a_likeliest_crash_has_no_rare_action_that_a_common_one_could_replace() {
+        let world = world();
+        let traffic = RiskTraffic::parse(&world, "t.ron", TRAFFIC).expect("sound");
+        let policy = Needless(world.spaces().actions);
+        let ego = reckless(&world, false);
+        let ego = ego.scenario();
+        let player = TrafficPlayer {
+            traffic: &traffic,
+            ego,
+            policy: &policy,
+            accelerations: accelerations(ego),
+        };
+        let mut bench = ego.bench();
+        let mut draws = (0..400).filter_map(|index| player.run(&mut bench, [0, 2 * index]));
+        let run = draws.find(|run| run.kind.is_some()).expect("a crash");
+        drop(draws);
+        let best = player.climbed(&mut bench, &run);
+        assert!(best.kind == run.kind && best.logs[0] > run.logs[0]);
+        let again = player
+            .replayed(&mut bench, &run, &best.actions)
+            .expect("a law");
+        assert_eq!((&again.kind, again.logs), (&best.kind, best.logs));
+        for at in 0..best.actions.len() {
+            let mut actions = best.actions.clone();
+            actions[at] = 0;
+            let common = player.replayed(&mut bench, &run, &actions).expect("a law");
+            let is_likelier = common.logs[0] > best.logs[0];
+            assert!(
+                common.kind != run.kind || !is_likelier,
+                "{at} of {actions:?}"
+            );
+        }
+        // The report has it, with the rate of the draws.
+        let report = traffic.crashes_of(ego, &policy, [400, 0], &Watch::unwatched());
+        let report = report.expect("not stopped");
+        let kind = |it: &&TrafficCrash| Some(&it.likelihood.kind) == run.kind.as_ref();
+        let found = report.likeliest.iter().take(CLIMBED_KINDS).find(kind);
+        let found = found.expect("a frequent kind");
+        let start = player.replayed(
+            &mut bench,
+            &TrafficRun {
+                start: found.start.clone(),
+                ..run.clone()
+            },
+            &found.actions,
+        );
+        let log = start.expect("a law").logs[0] / std::f64::consts::LN_10;
+        assert!((log - found.likelihood.log10_probability).abs() < 1e-9);
     }
 
     #[test]
