@@ -73,6 +73,7 @@ pub fn two_behaviours(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Show
         success.then_some(episode.judged as f64)
     };
     let find = |sign: f64, what| {
+        // The search maximizes, and the earliest violation is the greatest negated time.
         let score = |episode: &Episode| violated_at(episode).map(|at| sign * at);
         let found = extreme(scenario, &start, 0, SWITCHES, score, watch);
         found.ok_or_else(|| not_found(scenario, SWITCHES, what))
@@ -108,6 +109,7 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
     };
     // A cut-in breaks the rule while the ado moves to the other lane.
     let rude = |episode: &Episode| {
+        // Rule 0 is the most important one, which in `merge` is about the gap.
         let broken = matches!(episode.verdict, Verdict::Foul { rule: 0, .. });
         let moved = last(episode, "ado.lateral")? < ON_THE_WAY_M;
         // The earliest violation of the rule is the clearest picture.
@@ -160,6 +162,7 @@ pub fn two_at_the_light(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Sh
     for index in 0..TRIED {
         let key = StartKey {
             purpose: Purpose::Test,
+            // An open stream, because a picture is chosen and is no evidence.
             seed: 0,
             index,
         };

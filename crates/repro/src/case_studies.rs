@@ -109,9 +109,11 @@ pub fn case_study(
         starts: &starts,
     };
     let others = experiment.rows(watch);
+    // `BASELINES` begins with held random actions, and the search was added last.
     let (Some(held), Some(searched)) = (others.first(), others.last()) else {
         return Ok(None);
     };
+    // A stop leaves rows of some starts, whose rates would look like results.
     if watch.stopped() {
         return Ok(None);
     }
@@ -201,6 +203,7 @@ fn finished_runs(
         .par_iter()
         .map(|&seed| trained_run(scenario, seed, request.runs, watch))
         .collect::<Result<_, _>>()?;
+    // A stopped training returns as well, but without a policy to play.
     Ok((!watch.stopped()).then_some(runs))
 }
 
@@ -245,11 +248,13 @@ pub fn trained_contacts(
         let bench = || scenario.bench();
         let looked = all.each(&solved, bench, |bench, start, _| {
             let episode = cell.replay(bench, *start);
+            // A success without a contact is no crash, so no driver can avoid it.
             let closing = episode.contact.as_ref()?.closing_speed_mps;
             Some((closing, scenario.is_avoided_by_any(&episode, &[COMPETENT])))
         });
         for (speed, avoided) in looked.into_iter().flatten() {
             closing.push(speed);
+            // A contact to which the driver does not apply is in neither number.
             answers.extend(avoided);
         }
     }
@@ -290,6 +295,7 @@ pub fn deeper_search(
         solved: 0,
         recall_median: None,
     };
+    // Before the trainings, because this answer needs none.
     if scenario.world().spaces().actions > DEEPER_ACTIONS {
         return Ok(Some(deeper));
     }
@@ -314,6 +320,7 @@ pub fn deeper_search(
     deeper.switches = Some(DEEPER);
     deeper.starts = searched.row.starts;
     deeper.solved = searched.row.successes;
+    // As in `case_study`, the upper one of two in the middle.
     deeper.recall_median = recalls.get(recalls.len() / 2).copied();
     Ok((!watch.stopped()).then_some(deeper))
 }
@@ -409,6 +416,7 @@ pub fn trained_run(
         seed,
         ego: None,
     })?;
+    // A finished run is returned as it is, so kept runs cost no training.
     let trained = train(scenario, &mut run, watch)?;
     Ok((path, trained.done.cpu_s))
 }

@@ -152,6 +152,7 @@ impl Study<'_> {
             ado: name.unwrap_or(&cell.row.method).to_owned(),
             seed: cell.row.train_seed,
             warning: None,
+            // From the marks, because the starts of a row leave out those with a fault.
             starts: self
                 .starts
                 .trivial
@@ -181,6 +182,7 @@ impl Study<'_> {
             .collect();
         // The median does not depend on the order of the parallel loop.
         shares.sort_by(f64::total_cmp);
+        // The upper one of two in the middle, so that it is the share of a crash.
         shares.get(shares.len() / 2).copied()
     }
 }
@@ -218,6 +220,7 @@ pub fn crash_study(
         .map(|&seed| Ok(trained_run(scenario, seed, request.runs, watch)?.0))
         .collect::<Result<_, TrainError>>()?;
     let starts = test_starts(scenario, request.seeds.starts, request.starts, watch);
+    // A stopped training has no policy to play.
     let (Some(starts), false) = (starts, watch.stopped()) else {
         return Ok(None);
     };
@@ -250,6 +253,7 @@ pub fn crash_study(
                 }),
         );
     }
+    // The page reads these three by position.
     rows.extend(study.row(&Ado::Held, Some(Ado::Held), None));
     rows.extend(study.row(&BestConstant, None, None));
     let searched = study.row(&Search::switches(1), None, Some("search, switches ≤ 1"));

@@ -53,6 +53,7 @@ pub(crate) fn extreme(
 /// Returns all sequences with at most `switches` switches, fewest first.
 fn sequences(actions: usize, decisions: usize, switches: usize) -> Vec<Vec<usize>> {
     let mut all: Vec<Vec<usize>> = (0..actions).map(|a| vec![a; decisions]).collect();
+    // Position 0 means that nothing has switched, so the first switch is at decision 1.
     let mut last: Vec<(usize, Vec<usize>)> = all.iter().map(|s| (0, s.clone())).collect();
     for _ in 0..switches {
         let mut next = Vec::new();

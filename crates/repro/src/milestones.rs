@@ -59,6 +59,7 @@ pub(crate) fn milestones(
         learner.train(&mut gym, &mut |progress| {
             // The last report before a stop gives the number of finished episodes.
             played = progress.episodes;
+            // A learner ends with a whole step, so it may take more than was requested.
             (watch.progress)(progress.decisions.min(requested), requested);
             if watch.stopped() || target.is_some_and(|target| target <= played) {
                 Control::Stop
@@ -68,6 +69,7 @@ pub(crate) fn milestones(
         });
         // Only the training is timed, and the evaluation below is not.
         cpu_s += clock.elapsed().as_secs_f64();
+        // A stop ends the training as a milestone does, and is none.
         if watch.stopped() {
             return None;
         }

@@ -199,6 +199,7 @@ pub fn near_starts_markdown(all: &[NearFailing]) -> String {
                 .below_above
                 .iter()
                 .map(|(name, [less, more])| format!("{name} {less} / {more}"));
+            // Without a near start the share is 0, and its interval from 0 to 1.
             let share = row.failing as f64 / row.near.max(1) as f64;
             let [share, lo, hi] = [share, row.ci95[0], row.ci95[1]].map(|rate| 100.0 * rate);
             [

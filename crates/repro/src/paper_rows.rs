@@ -70,6 +70,8 @@ pub fn measure_paper_row(
         .collect::<Vec<u64>>()
         .par_iter()
         .map(|&seed| milestones(row.scenario, seed, row.episodes, &starts, watch))
+        // One stopped training stops the row, because a mean of the others would look
+        // whole.
         .collect::<Option<_>>()?;
     // Trainings of equal length differ by a few episodes. Only milestones that all of
     // them reached are averaged, and the last of each.
@@ -77,6 +79,7 @@ pub fn measure_paper_row(
     let mut reached: Vec<Reached> = (0..common.saturating_sub(1))
         .map(|at| together(trainings.iter().filter_map(|training| training.get(at))))
         .collect();
+    // Trainings end with different episodes, so their ends are averaged apart.
     reached.push(together(trainings.iter().filter_map(|all| all.last())));
     // The starts are the same for all trainings, so any row gives their number.
     let last = trainings.first().and_then(|all| all.last());

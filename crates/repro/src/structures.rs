@@ -159,6 +159,8 @@ impl StructureMeans {
             adapted: mean(|row| &row.adapted),
             again: mean(|row| &row.again),
             few: mean(|row| &row.few),
+            // The expectation is of a rate and not of a recall, so no row is left out
+            // here.
             expected: Some([
                 rows.iter().filter(|row| row.observed().1).count(),
                 rows.len(),
@@ -205,6 +207,7 @@ pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError>
 fn kin(ego: &EgoUnderTest) -> Vec<&'static str> {
     let controller = ego.change().controller.as_ref();
     let Some(kind) = controller.map(|it| it.controller.kind()) else {
+        // An ego that keeps the world's controller has no kind to leave out here.
         return Vec::new();
     };
     let line = KIN.iter().find(|line| line.contains(&kind));
@@ -313,11 +316,13 @@ impl StructureStudy<'_> {
         if let Some(error) = table.failure.take() {
             return Err(error);
         }
+        // A stopped evaluation may have rows of some starts only.
         if watch.stopped() {
             return Ok(None);
         }
         Ok(Some(StructureRows {
             rows: table.rows(),
+            // One ego was asked for, so this is the only entry.
             adapted_to: table.adapted_to.pop(),
         }))
     }
@@ -386,6 +391,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
         let recalls: Vec<f64> = reachable.iter().filter_map(|row| of(row).recall).collect();
         let mean = recalls.iter().sum::<f64>() / recalls.len().max(1) as f64;
         let worst = recalls.iter().copied().fold(f64::INFINITY, f64::min);
+        // Without a recall the sum is 0 and the minimum infinite, and neither is shown.
         if recalls.is_empty() {
             "–".to_owned()
         } else {

@@ -54,6 +54,7 @@ impl Ado<'_> {
             Ado::Neutral => AdversaryId::Neutral,
             Ado::Random => AdversaryId::Random,
             Ado::Held => AdversaryId::Hold,
+            // The row states the label as its method, so the id needs no name.
             Ado::Constant(action) => AdversaryId::Constant { action, name: None },
             Ado::Rule(_, name, _) => name.into(),
             Ado::Script(_) => "script".into(),
@@ -89,6 +90,7 @@ impl Ado<'_> {
     pub fn actor(&self, spaces: &Spaces, run: u64) -> Box<dyn Actor + '_> {
         let actions = spaces.actions;
         match *self {
+            // A policy that draws its actions makes another draw in each run of a start.
             Ado::Trained(policy, _) => trained_actor(policy, run),
             Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
             Ado::Sampled(policy, _, temperature) => {

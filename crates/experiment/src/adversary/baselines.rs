@@ -40,6 +40,8 @@ impl Baselines {
             .any(|ado| matches!(ado, AdversaryId::Replays { .. }));
         Ok(Baselines {
             heuristic,
+            // Reading them parses every line and draws every start again, so only a
+            // request pays.
             stored: replays.then(|| run.counterexamples()).transpose()?,
         })
     }

@@ -30,6 +30,7 @@ impl<'a> NearestReplay<'a> {
 
 impl Actor for NearestReplay<'_> {
     fn begin(&mut self, _seed: u64, start: &Start) {
+        // The list is sorted by distance, so a rank is found behind all lower ones.
         let by_distance = self.stored.nearest(start, self.rank + 1);
         let nearest = by_distance.get(self.rank);
         self.actions = nearest.map_or(&[], |nearest| &nearest.actions);
@@ -59,11 +60,13 @@ pub(super) fn replay_nearest(
         let mut actor = NearestReplay::new(stored, rank);
         play(bench, from.start, from.noise, &mut actor, Aftermath::Play)
     };
+    // Played even if nothing is stored, so that the start has an outcome.
     let mut first = one(0);
     let (mut simulations, mut physics_steps) = (1, first.physics_steps);
     if first.verdict.is_success() {
         return (first, simulations, physics_steps);
     }
+    // A rank beyond the list would only repeat action 0.
     for rank in 1..nearest.min(stored.all().len()) {
         let episode = one(rank);
         simulations += 1;

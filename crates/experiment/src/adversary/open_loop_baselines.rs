@@ -12,6 +12,7 @@ use crate::world::Scenario;
 pub fn best_constant(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) -> Evaluated {
     let constant = |action| eval(&ego.against(Ado::Constant(action), starts), watch);
     let actions = ego.scenario().world().spaces().actions;
+    // The fold begins with action 0, so a world with a single action has a best one too.
     let others = (1..actions).map(constant);
     let mut best = others.fold(constant(0), more_successful);
     best.row.ado = AdversaryId::BestConstant;
@@ -51,6 +52,7 @@ pub fn best_then_brake(
 }
 
 fn more_successful(best: Evaluated, other: Evaluated) -> Evaluated {
+    // Strict, so that the first of equals stays, which both baselines promise.
     if best.row.successes < other.row.successes {
         other
     } else {
@@ -63,6 +65,7 @@ pub fn in_words(scenario: &Scenario, actions: &[usize]) -> String {
     let (Some(&first), Some(&last)) = (actions.first(), actions.last()) else {
         return "nothing".to_owned();
     };
+    // The last entry is held to the end, so it is not among the counted decisions.
     match actions.len() - 1 {
         0 => format!("{} throughout", scenario.action_label(first)),
         held => format!(

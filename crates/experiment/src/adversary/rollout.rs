@@ -108,6 +108,8 @@ impl RecordedSuccess {
         }
         // The ego may act otherwise this time, so its recorded commands drive instead.
         let world = scenario.with_commands(&self.commands);
+        // The caller's bench holds the ego itself, so the recorded commands need their
+        // own.
         play(&mut world.bench(), start, noise, &mut ado, Aftermath::Play)
     }
 }
@@ -264,6 +266,8 @@ impl EvalRequest<'_> {
         RepeatedEpisode {
             fault: episodes.iter().find_map(|episode| episode.fault.clone()),
             episode: episodes.swap_remove(standing),
+            // A single run cannot differ from itself, so its row says nothing of
+            // repetitions.
             repeated: (runs > 1).then_some(repeated),
             simulations,
             physics_steps,
@@ -295,6 +299,7 @@ impl EvalRequest<'_> {
         {
             row.train_seed = Some(seed);
         }
+        // Costs include invalid episodes, because their time was spent as well.
         let all = played.iter().flatten().map(|played| &played.outcome);
         row.physics_steps = all.clone().map(|outcome| outcome.physics_steps).sum();
         // Not `sum`, which is -0.0 of nothing.
@@ -333,6 +338,7 @@ impl EvalRequest<'_> {
         row.faults = count_faults(faults);
         let repeated = played.iter().map(|p| p.as_ref()?.repeated.as_ref());
         row.repeats = Repeated::of(self.scenario.repeats, repeated);
+        // Without a valid start the mean is 0, because no row is read back with NaN here.
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         let broken = played.iter().flatten().map(|played| &played.broken[..]);
         row.violations = BrokenRule::counted(self.scenario.rulebook(), broken);
@@ -351,6 +357,7 @@ impl EvalRequest<'_> {
             .filter(|outcome| outcome.closing_speed_mps.is_some());
         let closing = touching.clone().filter_map(|it| it.closing_speed_mps);
         row.success_closing_mps = ClosingSpeed::of(closing.collect());
+        // `None` and not zeros, because without a success nothing was asked.
         row.success_contacts = (row.successes > 0)
             .then(|| SuccessContacts::counted(touching.map(|outcome| outcome.impact)));
         let failures: Vec<Option<&RecordedFailure>> = solved.map(|p| p.failure.as_ref()).collect();
@@ -367,6 +374,7 @@ impl EvalRequest<'_> {
 ///
 /// `None`: a failure was not recorded, or there are none.
 pub fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
+    // An unrecorded failure may be like another or not, so no number would be right.
     let recorded: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
     let mut all = recorded.filter(|all| !all.is_empty())?;
     // Clusters are led by their first member, which must be the worst.
@@ -444,6 +452,7 @@ pub fn count_solved(row: &mut Row) {
     row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
     row.trivial = row.solved.count(StartOutcome::Trivial);
     row.invalid = row.solved.count(StartOutcome::Invalid);
+    // An invalid start is in no rate, but nothing about it is left to play.
     let decided = row.starts + row.invalid;
     let missing = row.solved.count(StartOutcome::NotReached);
     row.partial = (missing > 0).then_some(Partial {
@@ -452,6 +461,7 @@ pub fn count_solved(row: &mut Row) {
     });
     // The starts decided so far were chosen by their cost, so they represent no others.
     let whole = row.partial.is_none();
+    // Starts that were not reached may all turn out unsolved, so this share is the least.
     row.success_rate = share(row.successes, row.starts + missing);
     row.ci95 = whole.then(|| wilson(row.successes, row.starts));
     let no_success = row.successes == 0 && row.starts > 0;

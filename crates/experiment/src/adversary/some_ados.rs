@@ -47,6 +47,7 @@ impl<'a> SomeAdos<'a> {
     }
 
     fn of_some(&self, joint: usize) -> usize {
+        // Digits of the other ados stay, so that each acts as in the whole joint action.
         self.idle.iter().fold(joint, |joint, ado| {
             let own = joint / ado.unit % ado.actions;
             joint - own * ado.unit + ado.neutral * ado.unit
@@ -65,6 +66,8 @@ impl Actor for SomeAdos<'_> {
     }
 
     fn act_among(&mut self, obs: &[f32], allowed: &[bool]) -> usize {
+        // The result may be forbidden. The bench then plays the most similar allowed
+        // action.
         let joint = self.all.act_among(obs, allowed);
         self.of_some(joint)
     }

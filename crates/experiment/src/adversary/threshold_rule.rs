@@ -97,6 +97,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
     watch.phase("tuning the heuristic (generations)");
     // Thresholds are drawn as ranks among these, so no signal needs a range of its own.
     let (values, mut cost) = usual_values(scenario, seed, watch);
+    // The first sample may decide every episode, and then a signal has no value to rank.
     if values.iter().any(Vec::is_empty) || values.is_empty() {
         return None;
     }
@@ -131,6 +132,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
         ranked.truncate(ELITES);
         let elites: Vec<&QuantileRule> = ranked.iter().map(|(_, rule)| rule).collect();
         chances.learn(&elites);
+        // The rest of the ranking is not read again, so its order may break.
         let first = ranked.swap_remove(0);
         // A later generation may be worse than an earlier one.
         if best
@@ -228,6 +230,7 @@ impl QuantileRule {
 
 fn describe(scenario: &Scenario, zones: Zones, cost: Cost) -> String {
     let observed = &scenario.world().observed()[zones.position];
+    // The rule compares scaled observations, and a reader wants the signal's own unit.
     let value = |threshold: f32| observed.mid + observed.half * f64::from(threshold);
     let [low, high] = zones.thresholds.map(value);
     let [below, between, above] = zones.actions.map(|action| scenario.action_label(action));
@@ -309,6 +312,7 @@ impl Chances {
 
     fn draw(&self, rng: &mut ChaCha8Rng) -> QuantileRule {
         let signal = pick(&self.signal, rng);
+        // A normal draw may leave the ranks, which end at 0 and 1.
         let mut quantiles = self
             .quantiles
             .map(|(mean, spread)| (mean + spread * seed::normal(rng)).clamp(0.0, 1.0));

@@ -94,6 +94,7 @@ pub fn clusters(shapes: &[CrashFeatures]) -> Vec<Vec<usize>> {
 
 /// Returns the criteria of severity, the most important first.
 pub fn badness(episode: &Episode) -> [f64; 4] {
+    // A contact without the ego has no severity and ranks like none.
     let severity = Severity::of(episode);
     let risk = severity.and_then(|severity| severity.injury_risk);
     let depth = match episode.verdict {

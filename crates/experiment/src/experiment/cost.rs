@@ -24,6 +24,7 @@ impl Cost {
                 + manifest
                     .calibration
                     .map_or(0, |calibration| calibration.simulations),
+            // The steps of the search are among those of the manifest already.
             physics_steps: manifest.physics_steps,
             cpu_s: manifest.cpu_s,
         }

@@ -55,6 +55,7 @@ impl EgoUnderTest {
         // The ending tells a file from a mistyped name, which needs another help.
         if path.extension().is_some_and(|extension| extension == "ron") {
             let (change, scenario) = world.changed_by(path)?;
+            // A change has no name of its own, so rows name the file.
             let name = requested.to_owned();
             return Ok(vec![EgoUnderTest {
                 name,
@@ -259,6 +260,7 @@ pub fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
     // Structures of a family without a training are never started.
     let family = world.family().filter(|_| !world.against.is_nominal());
     let mut programs = family.into_iter().flat_map(|family| family.programs());
+    // One program without consent is enough for a refusal, before any is started.
     match programs.next().filter(|_| !world.may_start_programs()) {
         Some((name, program)) => Err(EgoError::NotAllowed {
             who: format!("the structure `{name}`"),

@@ -122,6 +122,8 @@ impl EpisodeFrames {
             frames: Vec::with_capacity(filmed.frames.len()),
             recorded: filmed.frames.len(),
             contact: filmed.contact.clone(),
+            // The verdict stays that of the recorded ego, with which the driver is
+            // compared.
             ..*self
         };
         shown.push_all(&filmed.frames, None);

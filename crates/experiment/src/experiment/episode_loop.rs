@@ -51,6 +51,7 @@ impl<'a> EpisodeLoop<'a> {
 
     /// Creates a counting loop in which some items are done already.
     pub fn counted_from(watch: &'a Watch<'a>, done: usize, total: usize) -> EpisodeLoop<'a> {
+        // Reported at once, so that a bar shows its total while the first item runs.
         (watch.progress)(done as u64, total as u64);
         EpisodeLoop {
             watch,
@@ -73,6 +74,7 @@ impl<'a> EpisodeLoop<'a> {
         work: impl Fn(&mut W, &I, &WorkItem) -> Option<R> + Sync + Send,
     ) -> Vec<Option<R>> {
         let items = items.par_iter().enumerate();
+        // A thread may make several workers, so no result may depend on their number.
         let results = items.map_init(worker, |kept, (index, item)| {
             // Parallel iterators cannot be cut short, so the remaining items return at
             // once.

@@ -22,6 +22,7 @@ pub fn leaf(scenario: &Scenario, episode: &Episode) -> String {
 pub fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
     let lost = RunningRobustness::of_spec(scenario, episode).lost;
     let mut judged = episode.trace.clone();
+    // The robustness runs on over the aftermath, and only judged samples count.
     judged.truncate(lost.map_or(episode.judged, |sample| episode.judged.min(sample + 1)));
     judged
 }

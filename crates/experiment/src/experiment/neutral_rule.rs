@@ -53,6 +53,8 @@ impl NeutralRule {
                 Verdict::Foul { rule, .. } => broken[rule] += 1,
                 // Ados that cross the ego's way keep such rules from few starts only.
                 Verdict::Held { .. } => return None,
+                // All others end the episode before a rule could break, so they say
+                // nothing of it.
                 _ => {}
             }
         }

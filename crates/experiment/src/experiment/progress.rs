@@ -104,6 +104,7 @@ impl<'a> Watch<'a> {
         caption: &dyn Fn() -> String,
         episode: impl FnOnce() -> Episode,
     ) {
+        // `is_ready` reserves the place of an episode, so nothing may return in between.
         if let Some(audience) = self.audience.filter(|audience| audience.is_ready()) {
             audience.episode(&ShownEpisode {
                 scenario,
@@ -116,6 +117,8 @@ impl<'a> Watch<'a> {
 
     /// Creates a watch without reports and without a stop.
     pub fn unwatched() -> Watch<'static> {
+        // A watch borrows its stop, so the flag that is never set must outlive all
+        // watches.
         static GO_ON: AtomicBool = AtomicBool::new(false);
         Watch::new(&|_, _| {}, &GO_ON)
     }

@@ -19,6 +19,7 @@ pub fn check_repeatability<'a>(
     rows: impl IntoIterator<Item = &'a mut Row>,
     watch: &Watch<'_>,
 ) {
+    // A transcript knows its episode by the seed of the noise only.
     let position = |seed| starts.starts.iter().position(|(_, noise)| *noise == seed);
     let found = unrepeatable(ego.scenario(), ego.name(), position, watch);
     if let Some(found) = found {
@@ -43,6 +44,7 @@ pub fn unrepeatable(
     if watch.stopped() {
         return None;
     }
+    // A program from the pool would bring along the state that is looked for.
     let check = transcripts.check(&|| controller.build_apart());
     if let Some(Fault { message, .. }) = check.failed {
         watch.note(&format!(

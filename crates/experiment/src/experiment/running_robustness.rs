@@ -30,6 +30,7 @@ impl RunningRobustness {
     /// Returns that of ψ_ego.
     pub fn of_spec(scenario: &Scenario, episode: &Episode) -> RunningRobustness {
         let monitor = &scenario.rulebook().spec;
+        // Lost strictly below 0, because ψ_ego holds at ρ = 0.
         follow(
             scenario,
             "ego spec",
@@ -58,6 +59,7 @@ pub fn decided(scenario: &Scenario, episode: &Episode) -> Option<SampleInstant> 
             RunningRobustness::of_spec(scenario, episode).lost
         }
         Verdict::Foul { rule, .. } => RunningRobustness::of_rule(scenario, rule, episode).lost,
+        // A fault decides at the last judged sample, whatever the formulas say.
         Verdict::Invalid => None,
         Verdict::Held { .. } => return None,
     };

@@ -118,6 +118,8 @@ fn test_key(seed: u64, index: usize) -> StartKey {
 
 fn with_noise(scenario: &Scenario, seed: u64, starts: Vec<Start>) -> Vec<(Start, u64)> {
     let bench = scenario.bench();
+    // The noise follows from the position, as it does for drawn starts, so that a listed
+    // start is repeated by its index alone.
     let starts = starts
         .into_iter()
         .enumerate()
@@ -196,6 +198,7 @@ impl TestStarts {
         // Faults of an ego that does not run belong to the work that follows.
         let apart = Watch {
             faults: FaultLog::default(),
+            // A watch has no `Clone`, and the one that is later by 0 steps is its copy.
             ..watch.later(0)
         };
         let Some(own) = TrivialStarts::stored(dir, ego, self.seed, &self.starts, &apart) else {
@@ -240,6 +243,7 @@ impl TestStarts {
         worker: impl Fn() -> W + Sync + Send,
         work: impl Fn(&mut W, &(Start, u64), &WorkItem) -> Option<R> + Sync + Send,
     ) -> Vec<Option<R>> {
+        // Trivial starts count as done, so that the bar reaches its total.
         let all = EpisodeLoop::counted(watch, self.starts.len());
         all.run(&self.starts, worker, |kept, start, turn| {
             if self.trivial[turn.index] {

@@ -61,6 +61,7 @@ impl TrafficError {
 /// # Errors
 /// No ado drives a vehicle, or the file cannot be read or is no model.
 pub fn in_named_traffic(world: &Scenario, name: Option<&str>) -> Result<Scenario, TrafficError> {
+    // Before the file is read, because its mistakes do not matter in such a world.
     if !has_driving_ados(world) {
         return Err(TrafficError::NoVehicle {
             world: world.name().to_owned(),
@@ -98,6 +99,7 @@ fn has_driving_ados(world: &Scenario) -> bool {
     let agents = world.drive().map(|driving| &driving.spec().agents);
     agents.is_some_and(|agents| {
         let drives = |it: &Agent| matches!(it.drive, Drive::Ado { .. });
+        // The models describe vehicles, so they rate no pedestrian.
         agents.iter().any(|it| drives(it) && !it.body.is_on_foot())
     })
 }

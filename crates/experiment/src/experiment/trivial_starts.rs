@@ -39,6 +39,7 @@ impl TrivialStarts {
         watch: &Watch<'_>,
     ) -> Option<TrivialStarts> {
         watch.phase("playing starts without an adversary");
+        // Placed ados whose rules are judged are adversaries, so they must idle as well.
         let idle = &scenario.with_idle_ados(|_| true);
         let neutral = idle.world().spaces().neutral;
         let all = EpisodeLoop::counted(watch, starts.len());
@@ -62,6 +63,7 @@ impl TrivialStarts {
                 Some((fails, Some(turn.cpu_s())))
             },
         );
+        // A stop leaves gaps, and the list would be stored as if it were whole.
         if watch.stopped() {
             return None;
         }
@@ -144,6 +146,7 @@ fn file_of(
         "change": ego.change(),
         "plant": scenario.plant(),
         "seed": seed,
+        // A digest, because the list may be long and is only compared.
         "starts": fingerprint(&json!(starts)),
     });
     let name = fingerprint(&json!([sha256(scenario.text().as_bytes()), request]));

@@ -215,6 +215,7 @@ impl Bisimulation {
             (first.ado.y, second.ado.y),
         ];
         let apart = |(cell, fine)| centres_apart(&self.first, &self.second, cell, fine);
+        // Each game counts its own fine cells, so both are brought to whole cells.
         let manhattan = |game: &Game, both: Position| {
             f64::from(both.ego.manhattan(both.ado)) / f64::from(game.arena.refine)
         };
@@ -256,6 +257,8 @@ impl Bisimulation {
         let mut slot = 0;
         for (cell, fine) in axes {
             let offset = usize::try_from(cell - self.lowest[fine as usize]).ok()?;
+            // A cell at the border has fewer cells within ε than the widest window. Its
+            // spare slots hold cells beyond ε, which `within` never relates.
             if self.width <= offset {
                 return None;
             }
@@ -292,6 +295,7 @@ fn near(first: &Game, second: &Game, epsilon: f64) -> Vec<(i32, usize)> {
         cells.filter(move |cell| centres_apart(first, second, *cell, fine) <= epsilon + ROUNDING)
     };
     let axis = 0..second.arena.side();
+    // Cells within ε of a centre are consecutive, so the lowest and their number suffice.
     axis.map(|fine| (within(fine).next().unwrap_or(0), within(fine).count()))
         .collect()
 }

@@ -92,6 +92,7 @@ impl Game {
         for _ in 0..self.steps {
             // Each pass reads the chances with one step fewer left.
             let before = chance.clone();
+            // A capture is absorbing, so pairs in contact keep their chance of 1.
             for pair in (0..self.pairs()).filter(|pair| !caught[*pair]) {
                 let next = &successors[pair * actions..(pair + 1) * actions];
                 let sum: f64 = next.iter().map(|s| before[*s as usize]).sum();
@@ -105,6 +106,7 @@ impl Game {
     pub fn captures(&self, start: Position, mut act: impl FnMut(Position) -> usize) -> bool {
         let mut both = start;
         for _ in 0..self.steps {
+            // Before the move, because a start may be in contact already.
             if self.arena.touching(both) {
                 return true;
             }
@@ -118,6 +120,8 @@ impl Game {
     ///
     /// `action` is called once per pair, in order of the pairs.
     pub fn table_captures(&self, mut action: impl FnMut() -> usize) -> usize {
+        // Filled before any start is played, so that the calls of `action` do not depend
+        // on the captures.
         let table: Vec<usize> = (0..self.pairs()).map(|_| action()).collect();
         let captured = |start: &Position| self.captures(*start, |both| table[self.pair(both)]);
         self.arena.starts().filter(captured).count()

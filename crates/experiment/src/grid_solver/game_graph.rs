@@ -63,6 +63,7 @@ impl Next {
     const END: u32 = 1 << 31;
 
     fn state(number: usize) -> Next {
+        // A returned graph has at most `MOST_TRANSITIONS` states, far below the tag.
         Next(number as u32)
     }
 
@@ -133,6 +134,7 @@ impl GameGraph {
             Starts::Pairs(pairs) => pairs.len(),
             Starts::AllPairs | Starts::Uniform => world.spec().arena.cells().pow(2),
         };
+        // The product may overflow in a large world, and a wrapped one would look small.
         if listed.saturating_mul(world.spec().moves.len()) > MOST_TRANSITIONS {
             let limit = MOST_TRANSITIONS;
             return Err(NotSolvable::TooLarge { limit });
@@ -183,6 +185,8 @@ impl GameGraph {
                 let limit = MOST_TRANSITIONS;
                 return Err(NotSolvable::TooLarge { limit });
             }
+            // Pushed even if it has no state, because its position is a number of
+            // decisions.
             graph
                 .layers
                 .push(explorer.layer(step, &here, &mut frontier));
@@ -243,6 +247,7 @@ fn judge_of(
     rulebook: &Rulebook,
     depth: Depth,
 ) -> Result<StateJudge, NotSolvable> {
+    // The horizon fixes the windows of the formulas, so the judge depends on it.
     let judge = StateJudge::new(rulebook, world.clock().samples(), depth == Depth::Exact);
     judge.map_err(|formula| NotSolvable::Formula {
         formula: match formula {
@@ -350,6 +355,8 @@ impl Explorer<'_> {
         frontier: &mut Frontier,
     ) -> Next {
         let sample = sample as usize;
+        // The judge changes the numbers in place, and they are the memory of the next
+        // state.
         let state = &mut self.state;
         let verdict = self
             .judge

@@ -53,6 +53,8 @@ impl PositionPolicy {
         let mut scene = world.scene();
         let mut obs = vec![0.0; world.spaces().observation];
         for both in world.spec().arena.starts() {
+            // Any step would do, because the key leaves out all numbers that depend on
+            // time.
             scene.observe_at(both, 0, &mut obs);
             let key = policy.key(&obs);
             let (action, value) = rule(both);
@@ -82,6 +84,8 @@ impl PositionPolicy {
         world: &GridWorld,
         rulebook: &Rulebook,
     ) -> Result<PositionPolicy, NoOptimalPolicy> {
+        // The values read the kind of a verdict and the broken rule only, which `Sign`
+        // keeps exact with far fewer states.
         let table = ValueTable::soonest(GameGraph::explore(world, rulebook, Depth::Sign)?);
         // The best action may depend on the time as well, so every number is read.
         let mut policy = PositionPolicy::reading(vec![true; world.spaces().observation], world);
@@ -89,6 +93,7 @@ impl PositionPolicy {
         let mut scene = world.scene();
         let mut obs = vec![0.0; world.spaces().observation];
         let mut row = vec![0.0; world.schema().len()];
+        // Only states on the ado's own ways are needed, since it never leaves them.
         for start in table.graph().starts() {
             // An ado's speed follows from its move, which takes both positions.
             let mut before = start;

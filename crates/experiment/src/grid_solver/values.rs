@@ -47,7 +47,11 @@ impl ValueTable {
     /// where a counterexample exists.
     pub fn soonest(graph: Arc<GameGraph>) -> ValueTable {
         ValueTable::exact(graph, SOONER, |verdict| match verdict {
+            // The depth is left out, because only the moment of the success orders the
+            // actions.
             Verdict::Counterexample { .. } => 1.0,
+            // Discounted like a success, so a rule that must break is broken as late as
+            // possible.
             Verdict::Foul { forfeited, .. } => -(*forfeited as f64),
             _ => 0.0,
         })
@@ -68,6 +72,8 @@ impl ValueTable {
         let close = alpha * (1.0 - discount) / (2.0 * discount);
         let mut sweeps = 0;
         loop {
+            // All layers read the iterate before. Updated in place, one sweep from the
+            // last layer would do, and the number of sweeps would show nothing.
             let next: Vec<Vec<f64>> = (0..table.layers.len())
                 .map(|layer| table.backed_up(layer))
                 .collect();
@@ -164,6 +170,8 @@ impl ValueTable {
         let mut here = self.graph.start(start);
         // One decision per layer, so a walk ends with the horizon at the latest.
         for layer in 0..self.layers.len() {
+            // A start that the graph lacks, or that its first sample decides, has no
+            // decision.
             let Some(GameStep::State(state)) = here.map(Next::step) else {
                 return;
             };
@@ -207,6 +215,8 @@ impl ValueTable {
     ///
     /// Under `discount`, it is 0 for V* and for no other table.
     pub fn residual(&self, discount: f64) -> f64 {
+        // A sweep leaves a table unchanged if it is V* of this discount, whichever
+        // discount it was computed with.
         let truth = ValueTable {
             discount,
             ..self.clone()
@@ -222,6 +232,8 @@ impl ValueTable {
     fn ahead(&self, layer: usize, state: usize, action: usize) -> f64 {
         match self.graph.next(layer, state)[action].step() {
             GameStep::End(verdict) => self.rewards[verdict],
+            // The horizon ends every action of the last layer, so a next layer exists
+            // here.
             GameStep::State(next) => self.discount * self.layers[layer + 1][next],
         }
     }
@@ -230,6 +242,7 @@ impl ValueTable {
     fn greedy(&self, layer: usize, state: usize) -> usize {
         let actions = 0..self.game().moves.len();
         let values = actions.map(|action| (action, self.ahead(layer, state, action)));
+        // Strict, so that the first of equal actions stays.
         let best = values.reduce(|best, other| if other.1 > best.1 { other } else { best });
         best.map_or(0, |(action, _)| action)
     }

@@ -509,6 +509,7 @@ impl Display for Persistence {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (all, share) = (self.variations.len(), 100.0 * self.share());
         match self.answered() {
+            // A share over no answers is 0, which would read as a failure that is gone.
             0 => write!(f, "no answer in {all} variations")?,
             answered => write!(f, "still fails in {share:.0} % of {answered} variations")?,
         }

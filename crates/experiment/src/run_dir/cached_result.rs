@@ -129,6 +129,7 @@ fn forget_times(value: &mut Value) {
     match value {
         Value::Object(map) => {
             for (name, value) in map {
+                // Names of processor times end so, such as `train_cpu_s`.
                 if name.ends_with("cpu_s") {
                     *value = Value::Null
                 } else {

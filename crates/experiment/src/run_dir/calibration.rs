@@ -161,6 +161,7 @@ impl Calibration {
                 self.comparison(seconds),
             );
         }
+        // Invariant: without a start that the search solves, a branch above has returned.
         let [lo, hi] = self.recall_ci95()?;
         let result = self.in_words();
         if hi < LEARNED || both == 0 {

@@ -180,6 +180,7 @@ impl Counterexample {
                 .iter()
                 .map(|command| (command.accel_mps2, command.lateral_mps))
                 .collect(),
+            // These three follow from the samples, and `as_now` fills them in.
             signals: Vec::new(),
             digests: String::new(),
             motion_after_contact: String::new(),
@@ -412,6 +413,7 @@ impl Counterexample {
     ///
     /// Returns an error if this version cannot use the world.
     pub fn nominal(&self, path: &Path) -> Result<Scenario, KeptError> {
+        // The world is part of the kept file, so its errors name that file.
         let name = format!("{} (in {})", self.world, path.display());
         let world =
             Scenario::parse(&name, &self.world_file).map_err(|source| KeptError::World {

@@ -66,6 +66,7 @@ impl RunDir {
             Some(natural) => natural.to_string(),
             None => "no limit".to_owned(),
         };
+        // Compared by value, because the words have only the first digits of a hash.
         let now = NaturalTraining::of(scenario.traffic());
         if begun.natural != now {
             let (begun, now) = (natural(begun.natural.as_ref()), natural(now.as_ref()));
@@ -85,6 +86,7 @@ impl RunDir {
             None => "nominal".to_owned(),
         };
         compare("ego", ego(begun.ego.as_ref()), ego(requested.ego));
+        // Other names are a difference already, which says more than their fields.
         if let (Some(was), Some(is)) = (&begun.ego, requested.ego)
             && was.name == is.name
         {

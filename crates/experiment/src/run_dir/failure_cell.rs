@@ -150,6 +150,7 @@ impl RunDir {
         };
         let text = serde_json::to_string(known).map_err(|error| self.invalid(&error))?;
         self.write(KNOWN, text.as_bytes())?;
+        // The manifest follows, so a run that names this hash has the file.
         self.manifest.known_sha256 = Some(sha256(text.as_bytes()));
         Ok(())
     }

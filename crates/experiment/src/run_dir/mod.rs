@@ -283,6 +283,7 @@ impl RunDir {
     /// Returns an error if the disk refuses. The previous checkpoint is then
     /// still valid.
     pub fn save_checkpoint(&mut self, bundle: &TensorFile, done: Done) -> Result<(), RunError> {
+        // Named by its decisions, so that a later one never overwrites the one in use.
         let name = format!("checkpoint-{}.safetensors", done.decisions);
         let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
         self.write(&name, &bytes)?;
@@ -310,6 +311,7 @@ impl RunDir {
             .to_bytes()
             .map_err(self.damaged("policy.safetensors"))?;
         self.write("policy.safetensors", &bytes)?;
+        // A finished run is used by its policy, so it names no checkpoint any more.
         let before = self.manifest.checkpoint.take();
         self.manifest.policy_sha256 = Some(sha256(&bytes));
         self.note(done)?;

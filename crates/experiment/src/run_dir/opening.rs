@@ -51,6 +51,7 @@ impl RunDir {
         let mut run = RunDir::open(path)?;
         run._lock = Some(lock);
         run.sweep()?;
+        // A finished run is complete: `open` refuses bytes beyond those of its manifest.
         if !run.manifest.is_finished() {
             let (progress, stored) = (path.join(PROGRESS), path.join(COUNTEREXAMPLES));
             run.progress = Growing::cut_back(progress, &run.manifest.progress)?;
@@ -73,6 +74,8 @@ impl RunDir {
         // Neither is part of the files, so both survive the reopening here.
         if self._lock.is_none() {
             let (allowed, fresh) = (self.programs_allowed, self.fresh_egos);
+            // Opened again under the lock, because another process may have trained
+            // meanwhile.
             *self = RunDir::resume(&self.path.clone())?;
             self.programs_allowed = allowed;
             self.fresh_egos = fresh;
@@ -91,6 +94,7 @@ impl RunDir {
         for entry in fs::read_dir(&self.path).map_err(&failed)?.flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();
             let is_checkpoint = name.starts_with("checkpoint-") && name.ends_with(".safetensors");
+            // The training continues from the checkpoint that the manifest names.
             if is_checkpoint && current != Some(&name) {
                 disk::remove(&entry.path()).map_err(&failed)?;
             }

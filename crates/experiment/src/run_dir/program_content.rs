@@ -57,6 +57,7 @@ impl ProgramContent {
                 .iter()
                 .zip(arguments[1.min(arguments.len())..].iter())
             {
+                // A word that exists on the disk is read as an argument below.
                 if is_text(word) && !Path::new(next).exists() {
                     let missing = format!("what `{word} {next}` starts or loads");
                     reading.not_covered.push(missing);
@@ -70,6 +71,8 @@ impl ProgramContent {
             files, not_covered, ..
         } = reading;
         ProgramContent {
+            // A program that is started anew per episode may act otherwise than one that
+            // stays.
             sha256: fingerprint(&json!([files, process.fresh])),
             command: command.clone(),
             files,
@@ -79,6 +82,7 @@ impl ProgramContent {
 
     /// Returns the names of the files that differ from those of an earlier content.
     fn changed_since(&self, before: &ProgramContent) -> Vec<String> {
+        // Both sides, because a file that was added or left out is a change as well.
         let names: BTreeSet<&String> = self.files.keys().chain(before.files.keys()).collect();
         let differs = |name: &&&String| self.files.get(**name) != before.files.get(**name);
         names
@@ -145,6 +149,8 @@ impl Reading {
         let extension = path.extension().and_then(|it| it.to_str());
         let is_python = extension == Some("py") || is_python_script(bytes);
         if !is_python {
+            // These languages name the files that they load in ways that are not parsed
+            // here.
             if matches!(
                 extension,
                 Some("sh" | "js" | "mjs" | "rb" | "lua" | "jl" | "pl")
@@ -256,6 +262,7 @@ pub fn bind_programs(
     programs: &ProgramContents,
     has_results: bool,
 ) -> Result<(), RunError> {
+    // Results of other egos need no such file, and none is written.
     if programs.is_empty() {
         return Ok(());
     }
@@ -343,6 +350,7 @@ struct ProgramsFile {
 
 fn text_of(programs: &ProgramContents) -> String {
     let blank = content_hash::BLANK;
+    // Sealed at the end, because names before the hash may contain as many zeros.
     content_hash::seal_last(&format!(
         "{}\n",
         json!({ "programs": programs, "sha256": blank })

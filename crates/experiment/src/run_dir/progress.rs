@@ -67,6 +67,8 @@ impl RunDir {
     pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
         let manifest = self.manifest();
         let path = self.path().join(PROGRESS);
+        // While a training runs, lines beyond the last checkpoint are usual. Later they
+        // are damage.
         let bytes = verified(&path, &manifest.progress, manifest.is_finished())?;
         // The hash was verified, so these are the very bytes that were written.
         let text = String::from_utf8_lossy(&bytes);
@@ -116,6 +118,7 @@ impl RunDir {
         };
         let report: ReportFile<'_> =
             serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
+        // The text names its own seal, so it is parsed before it is checked.
         content_hash::check(&text, &report.seal).map_err(damaged)?;
         Ok(report.rows.into_owned())
     }

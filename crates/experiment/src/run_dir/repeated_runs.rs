@@ -40,6 +40,7 @@ impl Repeated {
         };
         let all: Vec<Outcomes> = (0..runs as usize).map(of_run).collect();
         let count = |outcome| all.iter().map(|run| run.count(outcome)).sum::<usize>();
+        // Invalid runs are in neither number, as in every rate.
         let failing = count(StartOutcome::Solved);
         let held = count(StartOutcome::Unsolved);
         Some(Repeated {
@@ -69,6 +70,7 @@ impl StartRepeated {
     pub fn of(episodes: &[Episode], gate: u32) -> (StartRepeated, usize) {
         use StartOutcome::{Invalid, Solved, Unsolved};
         let verdicts = episodes.iter().map(|episode| &episode.verdict);
+        // Marks join held runs and broken rules, and both are `Unsolved` from here on.
         let outcomes: Outcomes = verdicts.map(StartOutcome::from).collect();
         let first = |wanted| outcomes.iter().position(|outcome| *outcome == wanted);
         let standing = if gate.max(1) as usize <= outcomes.count(Solved) {

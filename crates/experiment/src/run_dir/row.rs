@@ -301,6 +301,7 @@ impl Row {
     ///
     /// The row is no result then.
     pub fn is_unrepeatable(&self) -> bool {
+        // `void` puts such a fault before all others.
         let first = self.faults.first();
         first.is_some_and(|fault| fault.kind.is_unrepeatable())
     }
@@ -319,6 +320,7 @@ impl Row {
         self.solved = self.solved.iter().map(voided).collect();
         self.invalid = self.solved.count(StartOutcome::Invalid);
         (self.starts, self.successes) = (0, 0);
+        // Not 0, which would read as an ego that no adversary makes fail.
         self.success_rate = f64::NAN;
         self.foul_rate = f64::NAN;
         self.contact_rate = f64::NAN;

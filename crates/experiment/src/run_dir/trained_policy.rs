@@ -115,6 +115,8 @@ impl RunDir {
         }
         // A policy per ado may be an option of the training, of which the world says nothing.
         let settings = serde_json::from_value::<LearnerConfig>(self.manifest.settings.clone());
+        // Settings of another version may not parse. The name of the learner then
+        // decides.
         if let Ok(learner) = settings
             && learner.is_per_ado()
         {
@@ -176,6 +178,7 @@ impl RunDir {
             (KNOWN, &self.manifest.known_sha256),
         ];
         for (name, seal) in sealed {
+            // A run that was begun without such a file names no hash of it.
             if seal.is_some() {
                 let bytes = self.read_verified(name, seal.as_deref())?;
                 write_file(&path.join(name), &bytes)?;

@@ -109,6 +109,8 @@ impl RunDir {
     ///
     /// Returns an error if the disk refuses.
     pub fn append_counterexamples(&mut self, successes: &[Success]) -> Result<(), RunError> {
+        // An empty list makes the entry as well, because `None` stands for a training
+        // that stores nothing.
         let count = self.manifest.counterexamples.get_or_insert(StoredCount {
             kept: 0,
             dropped: 0,

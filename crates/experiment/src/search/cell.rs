@@ -142,6 +142,7 @@ impl ExperimentCell {
             .collect();
         let bench = || self.ego.scenario().bench();
         let answers = EpisodeLoop::uncounted(watch).run(&sample, bench, |bench, index, _| {
+            // The cell keeps actions and commands, from which the motion is made again.
             let again = self.replay(bench, *index);
             Some(self.ego.scenario().is_avoided_by_any(&again, &PANEL))
         });
@@ -168,6 +169,7 @@ impl ExperimentCell {
         }
         let neutral = scenario.world().spaces().neutral;
         for (result, trivial) in self.results.iter_mut().zip(&self.starts.trivial) {
+            // A start that was played after all keeps its own result.
             if *trivial && result.is_none() {
                 *result = Some(StartResult {
                     outcome: StartOutcome::Trivial,

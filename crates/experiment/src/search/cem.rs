@@ -73,6 +73,8 @@ impl SearchMethod<'_> for Cem {
 fn solve(trials: &mut Trials<'_>, cem: Cem) {
     let mut rng = seed::generator("cem", &[trials.noise()]);
     let (decisions, actions) = (trials.decisions(), trials.actions());
+    // The settings are public. A hold of 0 would divide by 0, and an empty generation
+    // would never spend the budget.
     let blocks = decisions.div_ceil(cem.hold.max(1));
     // The distribution starts uniform, with a share per action and block.
     let mut shares = vec![vec![1.0 / actions as f64; actions]; blocks];
@@ -91,6 +93,7 @@ fn solve(trials: &mut Trials<'_>, cem: Cem) {
             let held = drawn
                 .iter()
                 .flat_map(|&a| std::iter::repeat_n(a, cem.hold.max(1)));
+            // The last block may reach beyond the episode.
             let sequence: Vec<usize> = held.take(decisions).collect();
             // The budget is spent, a success was found, or the search was stopped.
             let Some(reward) = trials.replay(&sequence) else {
@@ -101,6 +104,7 @@ fn solve(trials: &mut Trials<'_>, cem: Cem) {
         }
         // The sort is stable, so equal rewards keep the order of their draws.
         tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+        // Without an elite, the shares would become NaN.
         tried.truncate(cem.elites.max(1));
         for (block, share) in shares.iter_mut().enumerate() {
             for (action, share) in share.iter_mut().enumerate() {

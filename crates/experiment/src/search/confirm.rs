@@ -76,6 +76,8 @@ impl Confirmer<'_> {
                 return self.replay(actions);
             };
             next.decide(action);
+            // The copy counts the steps of its prefix as well, which an earlier turn has
+            // added.
             self.physics_steps += next.physics_steps() - here.physics_steps();
             self.actions.push(action);
             self.benches.push(next);
@@ -88,6 +90,7 @@ impl Confirmer<'_> {
     ///
     /// `None` if the ego did not fail, or if it cannot be copied and was replayed.
     pub fn failure(&self) -> Option<RecordedFailure> {
+        // A replay leaves the root at its first sample, so its episode is not at hand.
         let last = self.benches.last().filter(|bench| bench.is_done())?;
         let episode = last.episode(self.from.start, self.from.noise, self.actions.clone());
         RecordedFailure::of(self.scenario, &episode)
@@ -99,7 +102,9 @@ impl Confirmer<'_> {
     fn replay(&mut self, actions: &[usize]) -> Confirmed {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut failures, mut shown) = (0, Confirmed::default());
+        // The world of a caller may ask for 0 runs, which would confirm nothing.
         for _ in 0..runs.max(1) {
+            // Invariant: `confirm` has made the root before it replays.
             let Some(bench) = self.benches.first_mut() else {
                 return Confirmed::default();
             };
@@ -122,6 +127,7 @@ impl Confirmer<'_> {
             bench.begin(self.from.start, self.from.noise, Aftermath::Play);
             self.note(episode.fault);
         }
+        // A gate of 0 would confirm a sequence without a failure.
         if gate.max(1) <= failures {
             Confirmed {
                 success: true,

@@ -41,6 +41,7 @@ impl SearchResult {
 
     /// Returns the simulations spent with a budget, and whether they suffice.
     pub fn within(&self, budget: u64) -> (u64, bool) {
+        // A search ends with its success, so its simulations are those until then.
         let solved = self.actions.is_some() && self.simulations <= budget;
         (self.simulations.min(budget), solved)
     }

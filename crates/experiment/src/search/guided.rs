@@ -93,6 +93,7 @@ fn solve(trials: &mut Trials<'_>, policy: &dyn Policy) {
         });
         (actor.given, actor.temperature) = match drawn.flatten() {
             Some((given, at)) => (given, Some(at)),
+            // A draw that never left the known runs gives its turn to a departure.
             None => match runs.departure() {
                 Some(given) => (given, None),
                 // Every sequence that is allowed was played.
@@ -115,6 +116,7 @@ fn without_values(
 ) {
     let count = trials.actions();
     let mut best = (reward, actions(greedy));
+    // The greedy run has failed already, so what follows the given actions is drawn.
     actor.temperature = Some(OWN);
     loop {
         actor.given.clear();
@@ -155,6 +157,8 @@ impl Proposal<'_> {
             // The softmax gives −∞ no weight, so a forbidden action is never drawn.
             barred.for_each(|(value, _)| *value = f32::NEG_INFINITY);
         }
+        // The run has an entry per decision so far, so its length is the present
+        // decision.
         let action = match self.given.get(self.run.len()) {
             Some(&given) => given,
             None => self.own(obs, &values, allowed),

@@ -97,6 +97,7 @@ impl JointActions {
     /// Returns the first successful sequence of a search from a start, if it finds any.
     pub fn searched(ego: &EgoUnderTest, start: &Start, noise: u64) -> Option<JointActions> {
         let starts = TestStarts {
+            // A single start is of no stream, and the row that states the seed is dropped.
             seed: 0,
             starts: vec![(start.clone(), noise)],
             // Here the search has to answer even for a start on which the ego fails by

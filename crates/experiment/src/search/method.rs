@@ -150,6 +150,8 @@ impl MethodInfo {
     /// Returns the text of the default of an option.
     pub fn default_text(&self, option: MethodOption) -> String {
         match option {
+            // The option lists the defaults of all methods, and only one of them is meant
+            // here.
             MethodOption::Budget => self.budget.to_string(),
             other => other.default_text(),
         }

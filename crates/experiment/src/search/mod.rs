@@ -96,6 +96,8 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
         .starts
         .each(watch, searcher, |searcher, start, turn| {
             let from = NoisyStart::from(start);
+            // A search that was stopped has no result, so its start is one that was not
+            // reached.
             let mut found = searcher.solve(from, turn.index, watch)?;
             found.cpu_s = turn.cpu_s();
             // A program would have to play the episode again.
@@ -158,6 +160,7 @@ impl SearchRequest<'_> {
         let first = (self.method.adversary() == AdversaryId::Guided).then_some(1);
         let budgets = first.into_iter().chain(steps);
         let mut budgets: Vec<u64> = budgets.take_while(|&budget| budget < self.budget).collect();
+        // Steps end below the budget, so that it is listed once.
         budgets.push(self.budget);
         budgets
     }
@@ -170,6 +173,8 @@ impl SearchRequest<'_> {
             sequences: searched.clone().map(|found| found.unconfirmed).sum(),
             starts: searched
                 .clone()
+                // A start with a confirmed sequence is solved, whatever else did not
+                // carry over.
                 .filter(|found| found.unconfirmed > 0 && found.actions.is_none())
                 .count(),
         });
@@ -226,6 +231,7 @@ pub(crate) fn count_contacts<'a>(
     row.foul_before_contact_rate = Some(share(late_violations.count()));
     row.contact_rate = share(contacts.len());
     row.closing_speed_mps = ClosingSpeed::of(contacts);
+    // A search keeps only contacts after a success, so both numbers are of the same ones.
     row.success_closing_mps = row.closing_speed_mps;
     let touching = found.clone().filter(|it| it.closing_speed_mps.is_some());
     row.success_contacts =

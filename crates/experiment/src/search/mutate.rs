@@ -101,11 +101,13 @@ pub fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
     if len == 0 {
         return;
     }
+    // A switch is the decision of the new action, so the first decision is none.
     let switches: Vec<usize> = (1..len)
         .filter(|&at| sequence[at - 1] != sequence[at])
         .collect();
     let kind = rng.random_range(0..3);
     match kind {
+        // Without a switch there is none to move, and the last arm mutates instead.
         0 if !switches.is_empty() => {
             let at = switches[rng.random_range(0..switches.len())];
             let by = rng.random_range(1..=REACH);

@@ -39,6 +39,7 @@ pub struct Search<'a> {
 }
 
 /// Ados that anything learned must beat.
+// Studies read these rows by position: held, random, and the best constant.
 pub const BASELINES: [&dyn Adversary; 3] = [&Ado::Held, &Ado::Random, &BestConstant];
 
 /// What the players of some adversaries are made of.
@@ -65,6 +66,8 @@ impl<'a> PlayerParts<'a> {
         id: &'a AdversaryId,
     ) -> Result<Option<Box<dyn Adversary + 'a>>, SearchError> {
         let ado = match id {
+            // These two choose among several ados after playing them, so neither is an
+            // `Ado`.
             AdversaryId::BestConstant => return Ok(Some(Box::new(BestConstant))),
             AdversaryId::BestSwitch => return Ok(Some(Box::new(BestSwitch))),
             AdversaryId::Search {

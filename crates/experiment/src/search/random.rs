@@ -11,6 +11,7 @@ use crate::testbench::{Actor, HeldRandom};
 pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {
     let mut actor = Reseeded {
         held: HeldRandom::new(trials.actions(), hold),
+        // Each trial replaces it.
         seed: 0,
     };
     loop {

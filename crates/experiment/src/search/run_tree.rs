@@ -69,6 +69,7 @@ impl RunTree {
     fn reach(&mut self, parent: Option<TreeAction>, decision: &ValuedDecision) -> usize {
         let known = match parent {
             None => (!self.nodes.is_empty()).then_some(0),
+            // Invariant: `add` has entered the action that leads here.
             Some(edge) => self.nodes[edge.node].next[&edge.action],
         };
         if let Some(node) = known {
@@ -95,6 +96,8 @@ impl RunTree {
         let mut best: Option<(f64, TreeAction)> = None;
         for (node, known) in self.nodes.iter().enumerate() {
             for (action, &value) in known.values.iter().enumerate() {
+                // A departure must be new and allowed, since the bench would replace a
+                // barred action.
                 if value == f32::NEG_INFINITY || known.next.contains_key(&action) {
                     continue;
                 }
@@ -124,6 +127,8 @@ impl RunTree {
             let mut values = node.values.clone();
             let ended = node.next.iter().filter(|(_, next)| next.is_none());
             ended.for_each(|(&action, _)| values[action] = f32::NEG_INFINITY);
+            // Once every allowed action here has ended a run, this draw has nowhere to
+            // go.
             let action = drawn(&values, temperature, rng)?;
             actions.push(action);
             match node.next.get(&action) {
@@ -183,6 +188,7 @@ fn softmax(values: &[f32], temperature: f64) -> Option<Vec<f64>> {
 pub(super) fn temperature(run: &[ValuedDecision], reward: f64, departures: f64) -> f64 {
     let hope = |decision: &ValuedDecision| {
         let best = decision.values.iter().copied().fold(f32::MIN, f32::max);
+        // The reward of an invalid run is −∞, which would make every hope infinite.
         (f64::from(best) - reward.max(LEAST_REWARD)).max(0.0)
     };
     let hopes: Vec<f64> = run.iter().map(hope).collect();
@@ -199,6 +205,7 @@ pub(super) fn temperature(run: &[ValuedDecision], reward: f64, departures: f64) 
     let leaving = |temperature: f64| {
         let shares = run.iter().zip(&weights).map(|(decision, weight)| {
             let shares = softmax(&decision.values, temperature);
+            // A decision without an allowed action cannot leave the run.
             let stays = shares.map_or(1.0, |shares| shares[decision.action]);
             weight * (1.0 - stays)
         });
@@ -206,6 +213,7 @@ pub(super) fn temperature(run: &[ValuedDecision], reward: f64, departures: f64) 
     };
     // Temperatures span five decades, so the halvings work on logarithms.
     let [mut low, mut high] = TEMPERATURES.map(libm::log);
+    // Forty halvings shrink the interval of 11.5 to 1e-11, far below any visible change.
     for _ in 0..HALVINGS {
         let middle = f64::midpoint(low, high);
         if leaving(libm::exp(middle)) < departures {

@@ -66,6 +66,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
     let mut confirmer = Confirmer::new(original, from, index, watch);
     let mut found = SearchResult::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
+        // The walk ends at the verdict, and the row describes the contact after it.
         let played = confirmer.confirm(actions);
         // Without pre-screening the confirmation repeats an episode that is already counted.
         if cheap.is_some() {
@@ -94,6 +95,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
     for switches in 0..=most {
         // Fewest switches first, so the simplest success is found.
         for action in 0..scenario.world().spaces().actions {
+            // Two nested loops are left by skipping what remains of them.
             if next == WalkControl::Continue {
                 next = tree.begin(&mut root, action, switches);
             }

@@ -112,6 +112,7 @@ impl<'a> Tree<'a> {
         } else {
             self.walk_anew(bench, action, switches)
         };
+        // Each branch returns the prefix as it was, because its siblings share it.
         self.prefix.truncate(depth);
         next
     }
@@ -180,6 +181,8 @@ impl<'a> Tree<'a> {
         }
         let depth = self.prefix.len();
         while !bench.is_done() {
+            // The steps of this run are added at its end, so the budget stops the next
+            // one.
             if self.is_stopped() {
                 return WalkControl::Stop;
             }
@@ -223,6 +226,7 @@ impl<'a> Tree<'a> {
             return WalkControl::Stop;
         };
         let next = self.explore(&mut branch, action, switches);
+        // The branch took the samples of this bench with it, and here they come back.
         bench.rejoin(branch);
         next
     }

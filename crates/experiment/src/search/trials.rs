@@ -65,8 +65,11 @@ impl<'a> Trials<'a> {
     /// An invalid episode ranks last.
     pub(super) fn play(&mut self, actor: &mut dyn Actor) -> Option<f64> {
         if self.one.watch.stopped() {
+            // Noted, because `spend` tells a stopped search from one that found nothing,
+            // and only the former has no result.
             self.stopped = true;
         }
+        // Asked before the simulation, so that none is cut short by the budget.
         if self.stopped || self.is_over() {
             return None;
         }
@@ -79,6 +82,8 @@ impl<'a> Trials<'a> {
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
             return None;
         }
+        // A success that did not repeat often enough keeps its reward, which is above
+        // that of any held run, so that methods search on near it.
         let reward = self.one.bench.rulebook().reward_of(&episode.verdict);
         Some(reward.unwrap_or(f64::NEG_INFINITY))
     }
@@ -119,6 +124,7 @@ impl<'a> Trials<'a> {
     }
 
     fn is_over(&self) -> bool {
+        // Repetitions of a failure may overshoot the budget, so equality is not enough.
         self.found.actions.is_some() || self.one.budget <= self.found.simulations
     }
 }

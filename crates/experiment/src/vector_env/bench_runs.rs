@@ -38,7 +38,9 @@ impl BenchRuns {
     pub(super) fn begin_at(&mut self, at: usize, from: NoisyStart<'_>, observation: &mut [f32]) {
         let (bench, run) = (&mut self.benches[at], &mut self.runs[at]);
         run.begin(None);
+        // Learners get nothing after a verdict, so it ends the motion.
         bench.begin(from.start, from.noise, Aftermath::Skip);
+        // The first sample may have decided the episode already.
         run.verdict = bench.verdict();
         bench.observe(observation);
     }

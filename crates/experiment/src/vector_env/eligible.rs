@@ -57,6 +57,8 @@ impl LaneWorld {
             return None;
         }
         let published = published(&layout, &rulebook, rows);
+        // Arithmetic on finite signals may give NaN or ∞, so every derived one is
+        // checked.
         let derived = layout.sources.len()..layout.schema.len();
         let checked = published.iter().map(|it| it.position);
         Some(LaneWorld {

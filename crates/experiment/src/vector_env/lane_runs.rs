@@ -127,6 +127,7 @@ impl LaneRuns {
     }
 
     pub(super) fn begin(&mut self, run: usize, key: StartKey, observation: &mut [f32]) {
+        // The stream of `Testbench::noise_of`, so that both layouts play the same noise.
         let noise = key.generator("", "noise").next_u64();
         let start = (self.world.layout.draw(key), noise);
         self.begin_at(run, NoisyStart::from(&start), observation);
@@ -140,6 +141,7 @@ impl LaneRuns {
         NoisyStart { start, noise }: NoisyStart<'_>,
         observation: &mut [f32],
     ) {
+        // A handle of its own, because the calls below borrow all of these runs.
         let layout = Arc::clone(&self.world.layout);
         let spec = &layout.spec;
         let drawn = spec.drawn(start);
@@ -153,6 +155,7 @@ impl LaneRuns {
             // The first sample comes before the first decision.
             vehicle.chosen[run] = Maneuver::NONE;
         }
+        // A spawn sets the loaded run only, and `store` makes it this one.
         self.plant.store(run);
         if let Some(sensing) = self.sensing.get_mut(run) {
             sensing.reset(noise);
@@ -215,6 +218,8 @@ impl LaneRuns {
         let sample_s = self.world.layout.spec.clock.sample_s;
         self.plant.load(run);
         self.scene.sample = self.samples[run];
+        // The scene shows one run at a time, and the one before may have ended in
+        // contact.
         self.scene.touch = None;
         self.look();
         let mut driven = DrivenLane {

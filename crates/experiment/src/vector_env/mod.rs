@@ -203,6 +203,7 @@ impl VectorEnv {
             "an action that does not exist"
         );
         for (i, group) in self.groups.iter_mut().enumerate() {
+            // The last group may have fewer environments.
             let part = i * LANES..self.count.min((i + 1) * LANES);
             let rows = part.start * width..part.end * width;
             let into = StepInto {

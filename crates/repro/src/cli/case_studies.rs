@@ -55,6 +55,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         // Intervals follow from the rows, so a kept piece gets those of this version.
         let measured = made.made.with_intervals();
         let result = WorldResult::of(&measured, &contacts.made, deeper.made);
+        // The clock of a piece misses the trainings that an earlier command finished.
         let cpu_s = measured.cpu_s() + contacts.cpu_s + deeper.cpu_s;
         let only = format!(" --world {name}");
         rows.push(study.row(name, &only, depends, cpu_s, &result));

@@ -23,6 +23,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         // Reference drivers judge every crash, so another driver outdates the rows.
         depends.insert(DigestProbe::Drivers);
         let settings = study.settings(json!({ "starts": request.starts }));
+        // The piece is a file, so an interrupted study goes on with the next world.
         let piece = format!("{name}, crashes");
         let made = study.once(&piece, &scenario, &depends, settings, |watch| {
             let found = crash_study(&scenario, &request, watch);

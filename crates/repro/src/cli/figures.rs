@@ -133,6 +133,7 @@ fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
         ado_speed_mps: over_time(episode, "ado.speed"),
         distance_m: over_time(episode, distance),
         paths_m: paths(scenario, episode),
+        // A period such as 0.05 s has no exact binary form, so its reciprocal is rounded.
         per_second: (1.0 / episode.trace.dt_s()).round() as usize,
         decided: (verdict_instant(scenario, episode).time_s, word),
     }

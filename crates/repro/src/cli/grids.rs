@@ -29,6 +29,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         // Each learner that the world names has rows of its own.
         depends.extend(scenario.learners().keys().map(|key| learner(Some(key))));
         let piece = format!("{name}, Table I");
+        // The extent is that of the paper, so only the seeds can differ.
         let settings = study.settings(json!({}));
         let made = study.once(&piece, &scenario, &depends, settings, |watch| {
             Ok(table1(&scenario, &request, watch)?)
@@ -36,6 +37,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let Some(StudyPiece { cpu_s, made }) = made else {
             return Ok(None);
         };
+        // The study plays both worlds at once, so no option selects one of them.
         rows.push(study.row(name, "", depends, cpu_s, &made.captures()));
         studies.push(made);
     }

@@ -23,11 +23,13 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         } else {
             path.ends().collect()
         };
+        // The probe of a step covers its world and its learner, which have no others here.
         let mut depends = BTreeSet::from([DigestProbe::Search, DigestProbe::Intervals]);
         depends.extend(steps.iter().map(|step| DigestProbe::Letter {
             path: at,
             step: *step,
         }));
+        // Before the steps, which are compared with the search among these rows.
         let Some((baselines, first_s)) = baselines(study, path, letter.text())? else {
             return Ok(None);
         };

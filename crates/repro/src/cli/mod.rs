@@ -208,6 +208,8 @@ impl StudyRun<'_> {
 
     /// Returns the settings of a piece: its own and the seeds.
     fn settings(&self, mut own: Value) -> Value {
+        // Seeds decide trainings and starts, so pieces of other seeds answer other
+        // questions.
         let seeds = self.seeds();
         own["seeds"] = seeds.count.into();
         own["first_seed"] = seeds.first.into();
@@ -240,7 +242,9 @@ impl StudyRun<'_> {
             }
             Err(error) => return Err(error.into()),
         }
+        // Only here, because a kept piece has nothing to show on a bar.
         let bar = terminal::bar(&self.args.common, piece);
+        // A piece works on several threads, so the time is that of the process.
         let clock = ProcessTime::now();
         let made = make(&bar.watch())?.map(|made| StudyPiece {
             cpu_s: clock.elapsed().as_secs_f64(),
@@ -326,6 +330,7 @@ impl CommandLine for ReproduceArgs {
 }
 
 fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    // Pages are made from recorded rows alone, without a world or a training.
     if args.what == What::Page {
         return pages::write(args);
     }
@@ -349,6 +354,7 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
         if records {
             pages::record(args, study.name, made.rows)?;
         }
+        // JSON is a single document, which is printed after the last study.
         if !args.common.json {
             terminal::data(made.markdown.trim_end())?;
         }
@@ -359,6 +365,7 @@ fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     if args.common.json {
         terminal::json(&Value::Object(results).to_string())?;
     }
+    // Once and at the end, because a page has rows of all studies.
     if records {
         pages::write(args)
     } else {

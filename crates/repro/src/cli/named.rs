@@ -12,6 +12,7 @@ pub(super) fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failur
     match Scenario::shipped(name) {
         Some(world) => Ok(world?),
         None => {
+            // Test protocols are shipped as well, and are found by the same look-up.
             let known: Vec<&str> = Scenario::shipped_names()
                 .chain(Scenario::protocol_names())
                 .collect();

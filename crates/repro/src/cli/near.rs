@@ -85,6 +85,7 @@ fn near(
     let alumnus = TrainedPolicy {
         policy: &*policy,
         seed: run.manifest().seed,
+        // The starts of a training follow from its seed and the number of its episodes.
         episodes: run.manifest().episodes,
     };
     Ok(near_starts(

@@ -23,6 +23,7 @@ pub(super) fn record(args: &ReproduceArgs, study: &str, rows: Vec<NewRow>) -> Re
     if rows.is_empty() {
         return Ok(());
     }
+    // Read from the disk for each study, because the one before has written to it.
     let mut results = Results::read(&args.root)?;
     Ok(results.record(&args.root, study, rows)?)
 }
@@ -39,6 +40,8 @@ pub(super) fn write(args: &ReproduceArgs) -> Result<Exit, Failure> {
     if args.check {
         return check(args, &pages);
     }
+    // Both pages are made before the first is written, so a mistake in a row changes
+    // none.
     for (file, text) in pages.files() {
         write_file(&args.root.join(file), text.as_bytes())?;
     }

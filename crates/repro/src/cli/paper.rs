@@ -77,6 +77,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
             world: of.world.to_owned(),
             learner: of.learner.map(str::to_owned),
         };
+        // Nothing is searched here, so the probe of searches is left out.
         let world = DigestProbe::World(of.world.to_owned());
         let depends = BTreeSet::from([world, learner, DigestProbe::Intervals]);
         let settings = study.settings(json!({

@@ -27,6 +27,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
     };
     let (mut studies, mut rows) = (Vec::new(), Vec::new());
     let worlds = study.worlds_or(USUAL);
+    // `all --world` names worlds for every study, and some of them have no family.
     for name in worlds
         .iter()
         .filter(|name| FAMILIES.contains(&name.as_str()))
@@ -40,6 +41,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
             return Ok(None);
         };
         let (mut results, mut cpu_s) = (Vec::new(), 0.0);
+        // `all` begins with the nominal ego, which `conclude` requires.
         for ego in &EgoUnderTest::find(&scenario, "all")? {
             let own = json!({ "starts": config.starts, "tries": config.tries });
             // One piece per ego, so that an interruption costs a single ego.

@@ -26,6 +26,7 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let mut depends = DigestProbe::of_training(name);
         depends.extend([
             DigestProbe::Surrogate,
+            // Every world plays the changed egos of this one.
             DigestProbe::Egos("acc_structures".to_owned()),
         ]);
         let Some(StudyPiece { cpu_s, made: rows }) = rows(study, &depends, name)? else {
@@ -63,6 +64,8 @@ fn rows(
             let own = json!({
                 "starts": starts, "ego": ego.name(), "training": seed, "runs": RUNS,
             });
+            // A piece per training and ego, so that an interruption costs one of them at
+            // most.
             let piece = format!("{name} {seed}, {}", ego.name());
             let settings = study.settings(own);
             let made = study.once(&piece, &scenario, depends, settings, |watch| {

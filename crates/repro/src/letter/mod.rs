@@ -248,6 +248,7 @@ pub fn letter_row(
         .par_iter()
         .map(|&seed| trained_run(&scenario, seed, request.runs, watch))
         .collect::<Result<_, _>>()?;
+    // A stopped training has no policy to evaluate.
     if watch.stopped() {
         return Ok(None);
     }
@@ -268,6 +269,7 @@ pub fn letter_row(
             let ado = Ado::Trained(&*policy, run.manifest().seed);
             rows.extend(ado.play(&ego, &starts, watch).map(|cell| cell.row));
         }
+        // The first row of the baselines is the search.
         if let Some(searched) = baselines.rows.first() {
             rows.iter_mut()
                 .for_each(|row| row.compare_with_search(&searched.solved));
@@ -297,6 +299,7 @@ fn together(rows: &[Row]) -> Judged {
         rates: rows.iter().map(|row| row.success_rate).collect(),
         success_rate: mean(|row| row.success_rate),
         ci95: seeds_interval(&solved),
+        // The upper one of two in the middle, so that it belongs to a training.
         recall: recalls.get(recalls.len() / 2).copied(),
         foul_rate: mean(|row| row.foul_rate),
     }
@@ -425,6 +428,7 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
                     format!("{} [{lo:.1}, {hi:.1}]", percent(row.success_rate))
                 })
             };
+            // As in the rows of the steps, rules are those of the whole run.
             let violations = study.baselines.first().and_then(|one| one.rows.get(at));
             lines.push([
                 format!("*{name}*"),

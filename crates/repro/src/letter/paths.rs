@@ -156,6 +156,8 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
                 what: "state: and the ego's acceleration, the time left",
                 edits: &[
                     ACC_STATE,
+                    // A table has a count of cells per observed signal, so two more
+                    // signals need two.
                     (
                         "[(count: 30), (count: 16), (count: 16)]",
                         "[(count: 30), (count: 16), (count: 16), (count: 5), (count: 30)]",
@@ -166,6 +168,7 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
             REWARD,
             LetterChange {
                 what: "exploration: 0.1 → from 1 to 0.05, held",
+                // `acc` gives its own table this fraction, and the path must end there.
                 edits: &[(
                     "\n            exploration: 0.1, final_exploration: 0.1, hold: 1,",
                     "\n            exploration_fraction: 0.8,",

@@ -91,6 +91,7 @@ impl RecordedRows<'_> {
     fn reason(&self, row: &ResultRow) -> String {
         let changed = row.changed(self.digests);
         let origin = &row.origin;
+        // A row of which no probe vouches has no digest that could have changed.
         if changed.is_empty() {
             format!(
                 "of an earlier version, measured on {} by `{}`",
@@ -123,6 +124,7 @@ impl RecordedRows<'_> {
         for (command, rows) in commands {
             let cpu_s: f64 = rows.iter().filter_map(|row| row.cpu_s).sum();
             let names: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
+            // A single command has measured all rows, so no list of names follows it.
             let of = if several {
                 format!(" ({})", names.join(", "))
             } else {
@@ -146,6 +148,7 @@ impl RecordedRows<'_> {
             text.push('\n');
         }
         for (reason, names) in old {
+            // A list of all names would only repeat the first column of the table.
             let names = if names.len() == rows.len() {
                 "all rows".to_owned()
             } else {
@@ -163,6 +166,7 @@ fn without_world(command: &str) -> String {
     let Some((before, after)) = command.split_once(" --world ") else {
         return command.to_owned();
     };
+    // The selected world is a single word, so the next blank ends it.
     let rest = after.split_once(' ').map_or("", |(_, rest)| rest);
     format!("{before} {rest}").trim_end().to_owned()
 }
@@ -175,6 +179,7 @@ fn filled(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
         let lines = table.lines().filter(|line| line.starts_with('|')).count();
         let is_empty = (1..=2).contains(&lines);
         let shown = if is_empty { NOTHING } else { table.trim_end() };
+        // A test requires that the text has one place for each table.
         text = text.replace(&format!("{{{{{name}}}}}"), shown);
     }
     Ok(text)
@@ -188,6 +193,7 @@ fn between(page: &str, table: &str) -> Result<String, RecordError> {
         path: README.into(),
         comment,
     };
+    // Only the text between the borders is made here, and the rest of the page is kept.
     let (before, rest) = page.split_once(begin).ok_or_else(|| lacking(begin))?;
     let (_, after) = rest.split_once(end).ok_or_else(|| lacking(end))?;
     let inner = table.trim_end();

@@ -86,6 +86,7 @@ pub(super) fn all(rows: &RecordedRows<'_>) -> Result<Vec<(&'static str, String)>
     let table = |study: &str, lines: TextTable| noted(rows, study, &lines.to_markdown());
     Ok(vec![
         ("worlds", table("case-studies", worlds(rows)?)),
+        // Its other rows have their notes below the tables of their own studies.
         ("paper", table("letter", paper(rows)?)),
         ("episodes", table("paper-rows", episodes(rows)?)),
         ("table1", table("table1", captures(rows)?)),
@@ -130,6 +131,7 @@ fn origins(rows: &RecordedRows<'_>) -> String {
             origin.version, origin.commit, origin.date, origin.machine
         );
         match origins.iter_mut().find(|(known, _)| *known == text) {
+            // A study is named once, however many of its rows have this origin.
             Some((_, studies)) if studies.contains(&study) => {}
             Some((_, studies)) => studies.push(study),
             None => origins.push((text, vec![study])),
@@ -321,6 +323,7 @@ pub(super) fn readme(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
         let all = rows.of("case-studies").iter();
         all.filter(|row| IN_README.contains(&row.name.as_str()))
     };
+    // Rows of one study may be recorded by commands with different seeds.
     let mut seeds: Vec<&str> = of_page().map(|row| row.seeds.as_str()).collect();
     seeds.sort_unstable();
     seeds.dedup();
@@ -359,6 +362,7 @@ fn paper(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
             .iter()
             .find(|row| row.name == paper.letter);
         let ends: Option<LetterEnds> = read_one("letter", letter)?;
+        // The first of `JUDGES` judges the whole run, as the paper does.
         let whole = ends.as_ref().and_then(|ends| ends.letter.judged.first());
         let baselines = ends.as_ref().and_then(|ends| ends.baselines.first());
         let fresh = fresh && letter.is_none_or(|row| rows.is_fresh(row));
@@ -370,6 +374,7 @@ fn paper(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
             paper.here_counts.to_owned(),
             or_dash(world.as_ref().map(|world| contact(world)[0].clone())),
             or_dash(whole.map(|judged| with_interval(judged.success_rate, judged.ci95))),
+            // The order of `letter_baselines`: search, held, random, constant.
             or_dash(baselines.map(|[_, held, _, constant]| {
                 format!("{}, {}", percent(*held), percent(*constant))
             })),
@@ -421,9 +426,11 @@ fn captures(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     ];
     let tenth = |share: f64| format!("{:.1}", 100.0 * share);
     let all = read::<GridCaptures>(rows, "table1")?.into_iter();
+    // Under the other reading a chaser is as good as the best ado, which shows nothing.
     let hard = all.filter(|(row, _)| row.name == "grid_hard");
     let lines = hard.flat_map(|(row, captures)| {
         let is_fresh = rows.is_fresh(row);
+        // Found by name, because the world file decides the order of the learners.
         let ppo = captures.learners.iter().position(|name| name == "PPO");
         captures.cells.into_iter().map(move |cell| {
             let learned = ppo.and_then(|ppo| cell.trained.get(ppo)).map(|trained| {
@@ -457,6 +464,8 @@ fn near(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
         let name = marked(&near.world, rows.is_fresh(row));
         let starts = near.starts;
         let mut shown = near.rows;
+        // A file may have the values of δ in any order, and the last one left is the
+        // least.
         shown.sort_by(|a, b| b.delta.total_cmp(&a.delta));
         if let Some(narrowest) = shown.pop() {
             shown.truncate(1);
@@ -490,6 +499,7 @@ fn crashes(rows: &RecordedRows<'_>) -> Result<TextTable, RecordError> {
     ];
     let all = read::<CrashStudy>(rows, "crashes")?.into_iter();
     let lines = all.map(|(row, study)| {
+        // Only a trained ado has a seed, which separates trainings from baselines.
         let (trained, others): (Vec<&CrashRow>, Vec<&CrashRow>) =
             study.rows.iter().partition(|row| row.seed.is_some());
         // One value per training.
@@ -548,6 +558,7 @@ fn reuse(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
             "recall outside (least)",
         ];
         let shown = REUSED.iter().filter_map(|(word, name)| {
+            // A study may lack an ado, such as the rule that was not tuned.
             let ado = blocks.ados.iter().find(|ado| ado.ado == *word)?;
             Some((name, ado))
         });

@@ -147,6 +147,7 @@ impl ResultRow {
 
     /// Returns whether the numbers are those of this version.
     pub(crate) fn is_fresh(&self, now: &BTreeMap<String, String>) -> bool {
+        // No probe vouches for a row that was entered by hand.
         !self.depends.is_empty() && self.changed(now).is_empty()
     }
 
@@ -234,6 +235,7 @@ impl Results {
         study: &str,
         rows: Vec<NewRow>,
     ) -> Result<(), RecordError> {
+        // Taken once, so that all rows of a command have one origin.
         let origin = RowOrigin::here(root);
         let mut probes: BTreeSet<DigestProbe> = BTreeSet::new();
         probes.extend(rows.iter().flat_map(|row| row.depends.iter().cloned()));
@@ -243,6 +245,7 @@ impl Results {
         for new in rows {
             let digest_of = |probe: &DigestProbe| {
                 let name = probe.to_string();
+                // Invariant: the digests are those of all probes of these rows.
                 let digest = digests.get(&name).cloned().unwrap_or_default();
                 (name, digest)
             };
@@ -256,6 +259,7 @@ impl Results {
                 // measurement.
                 cpu_s: new.cpu_s.map(|cpu_s| cpu_s.round()),
                 data: rounded(new.data),
+                // The hash leaves this field out, and `sealed` fills it in.
                 seal: String::new(),
             }
             .sealed();

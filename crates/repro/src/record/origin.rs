@@ -33,6 +33,7 @@ impl RowOrigin {
 
 fn commit(root: &Path) -> Option<String> {
     let git = |args: &[&str]| {
+        // Without git, as in an unpacked archive, the commit stays unknown.
         let output = Command::new("git")
             .current_dir(root)
             .args(args)
@@ -69,10 +70,12 @@ fn today() -> String {
 /// Returns the day that is so many days after 1970-01-01 (Hinnant 2013).
 fn date(days: u64) -> String {
     // Years begin in March here, so that a leap day is the last day of a year.
+    // From 0000-03-01 to 1970-01-01 there are 719,468 days.
     let days = days + 719_468;
     let (era, of_era) = (days / 146_097, days % 146_097);
     let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
     let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    // From March on, every five months have 153 days.
     let month = (5 * of_year + 2) / 153;
     let day = of_year - (153 * month + 2) / 5 + 1;
     let month = if month < 10 { month + 3 } else { month - 9 };

@@ -171,6 +171,7 @@ pub(crate) fn digests(probes: &BTreeSet<DigestProbe>) -> BTreeMap<String, String
 
 impl Display for DigestProbe {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        // Rows are recorded under these names, and `from_str` reads them again.
         match self {
             DigestProbe::World(name) => write!(f, "world {name}"),
             DigestProbe::Egos(name) => write!(f, "egos {name}"),
@@ -192,6 +193,7 @@ impl FromStr for DigestProbe {
     type Err = ();
 
     fn from_str(text: &str) -> Result<DigestProbe, ()> {
+        // No name of a world or a learner has a blank.
         let words: Vec<&str> = text.split(' ').collect();
         let number = |word: &str| word.parse().map_err(|_| ());
         match words[..] {
@@ -229,6 +231,7 @@ fn shipped(name: &str) -> Result<Scenario, String> {
 /// Action of a decision in an episode: constants first, then held and changing ones.
 fn scripted(episode: u64, decision: usize, actions: usize) -> usize {
     let (episode, decision) = (episode as usize, decision);
+    // With many actions, constants alone would fill all episodes.
     if episode < actions.min(4) {
         // Constant actions bring about the most contacts.
         return episode;
@@ -250,6 +253,7 @@ impl Bits {
     }
 
     fn number(&mut self, number: f64) {
+        // The order of the bytes is fixed, so no digest depends on that of a processor.
         self.0.extend(number.to_bits().to_le_bytes());
     }
 
@@ -268,6 +272,7 @@ impl Bits {
     /// Plays scripted episodes as a training would.
     fn episodes(&mut self, scenario: &Scenario, count: u64) {
         let mut gym = Gym::new(scenario.bench(), Purpose::Train, SEED);
+        // The contact after a success is a result as well, so the digest covers it.
         gym.play_aftermath();
         let spaces = gym.spaces().clone();
         let mut obs = vec![0.0; spaces.observation];
@@ -300,6 +305,7 @@ impl Bits {
 
     /// Trains briefly, with the goals of the world and some demonstrations.
     fn training(&mut self, scenario: &Scenario) -> Result<(), String> {
+        // The world's own training takes too long for a probe.
         let shorter = scenario.training_for(DECISIONS);
         let brief = shorter.map_err(|error| error.to_string())?;
         let mut gym = TrainingGym::new(&brief, Purpose::Train, SEED);

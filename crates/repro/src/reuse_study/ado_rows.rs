@@ -23,6 +23,7 @@ pub(super) struct EgoOnStarts<'a> {
 impl EgoOnStarts<'_> {
     /// Returns the rows of a training seed.
     pub(super) fn ados(&self, policies: &SeedPolicies, tries: u64) -> Result<Vec<Row>, RunError> {
+        // Both ados of the pair are trained with this seed.
         let seed = policies.wide.manifest().seed;
         let policy = policies.wide.policy()?;
         let tried = Search {
@@ -37,6 +38,7 @@ impl EgoOnStarts<'_> {
         rows[1].method = format!("{}, {WIDE}", rows[0].method);
         let tried = self.rows(vec![&tried]).into_iter();
         rows.extend(tried.map(|row| Row {
+            // A search names no training, although this one plays a trained policy.
             train_seed: Some(seed),
             ..called(WIDE_TRIES, row)
         }));
@@ -55,6 +57,7 @@ impl EgoOnStarts<'_> {
         ados.extend(heuristic.map(Ado::Heuristic));
         let ados = ados.iter().map(|ado| ado as &dyn Adversary);
         let mut rows = self.rows(ados.chain(BASELINES).collect());
+        // The budgets rise, so the last one is the largest.
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
         // One search with the largest budget contains the smaller ones.
         let request = SearchRequest {

@@ -69,6 +69,7 @@ fn of_ego(training: f64, ego: &ReusedOn) -> Option<CostComparison> {
     let enough = searched.iter().find(|row| success <= row.success_rate);
     // Without a sufficient budget the largest budget counts as a lower bound of the cost.
     let row = enough.or(searched.last())?;
+    // An ado that never succeeds needs no search to match it.
     (success > 0.0).then(|| CostComparison {
         ego: Some(ego.ego.clone()),
         once: training,
@@ -82,6 +83,7 @@ fn of_ego(training: f64, ego: &ReusedOn) -> Option<CostComparison> {
 fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
     // The ado itself takes a simulation per start and ego.
     let saved = search - egos as f64;
+    // A search that costs no more per start never pays for the training.
     (saved > 0.0).then(|| once / saved)
 }
 

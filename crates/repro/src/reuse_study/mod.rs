@@ -133,6 +133,8 @@ impl ReuseReport {
             world: self.world.clone(),
             starts: self.starts,
             seeds: self.seeds,
+            // Whether search solves enough depends on the ego alone, so any ado has this
+            // number.
             egos: blocks.map(|it| block(it).next().map_or(0, |sum| sum.egos_with_recall)),
             train_cpu_s: self
                 .train_cpu_s
@@ -140,6 +142,7 @@ impl ReuseReport {
                 .map(|(ado, cpu_s)| ((*ado).to_owned(), *cpu_s))
                 .collect(),
             ados: ados.collect(),
+            // With several egos the line of all of them is the last one.
             cheaper_from: self.costs.last().and_then(|all| all.starts),
         }
     }
@@ -243,12 +246,16 @@ impl<'a> ReuseStudy<'a> {
             Some(tuned) => tuned,
             None => {
                 let tuned = tune_heuristic(self.scenario, self.config.seeds.first, watch);
+                // A stopped tuning gives no rule, and `None` would be kept for all
+                // further egos.
                 if watch.stopped() {
                     return Ok(None);
                 }
                 self.heuristic.get_or_init(|| tuned)
             }
         };
+        // These need no training but the counterexamples of one, so the first run serves
+        // all.
         rows.extend(on_starts.rivals(
             &self.trainings[0].nominal,
             heuristic.as_ref(),
@@ -262,6 +269,7 @@ impl<'a> ReuseStudy<'a> {
 
     /// Concludes the study from the egos' results, the nominal ego first.
     pub fn conclude(&self, results: Vec<EgoResult>) -> ReuseReport {
+        // A result is stored without the rows inside, and they are put back here.
         let egos: Vec<ReusedOn> = results
             .into_iter()
             .map(|result| ReusedOn {

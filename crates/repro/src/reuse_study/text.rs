@@ -75,6 +75,7 @@ fn one_markdown(study: &ReuseReport) -> String {
     });
     text.push_str(&TextTable::new(columns, lines).to_markdown());
     text.push_str(EGOS_EXPLAINED);
+    // Differences are from one ado each, so both reference ados have a table.
     for (reference, summaries) in [
         (WIDE, &study.summary),
         (WIDE_TRIES, &study.summary_of_tries),
@@ -113,6 +114,8 @@ fn costs_markdown(study: &ReuseReport) -> String {
         match &line.ego {
             Some(ego) => [ego.clone(), training, search, starts],
             None => {
+                // The line sums over the egos, so each of them needs this number of
+                // starts.
                 let starts = format!("{starts} on each");
                 ["all of them".to_owned(), training, search, starts]
             }
@@ -139,6 +142,7 @@ fn or_dash(text: Option<String>) -> String {
 fn mean_of(ego: &ReusedOn, ado: &str, of: fn(&Row) -> Option<f64>) -> Option<f64> {
     let rows = ego.rows.iter().filter(|row| row.ado == ado.into());
     let values: Vec<f64> = rows.filter_map(of).collect();
+    // An ado without a row has no mean, which differs from a mean of 0.
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 

@@ -51,6 +51,7 @@ pub(super) fn maps(largest: u32) -> Vec<Map> {
         step(2, 0.6792, 0.0292),
         step(1, 0.6792, 0.0708),
     ];
+    // A study in small leaves the larger maps out.
     all.retain(|map| map.change.size.is_none_or(|size| size <= largest));
     all
 }

@@ -283,6 +283,7 @@ pub fn table1(
 /// Returns the world's learner and its further learners, with their names in the table.
 fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
     let own = (
+        // The table names learners as the paper does, in capitals.
         scenario.learner().name().to_uppercase(),
         scenario.learner().clone(),
     );
@@ -318,7 +319,9 @@ fn learn(
         // The learner reports totals, so only the difference is added.
         let new = report.decisions - before;
         before = report.decisions;
+        // The addition returns the number before it, which lacks these decisions.
         let done = progress.done.fetch_add(new, Ordering::Relaxed) + new;
+        // A learner ends with a whole step, so the sum may exceed the plan.
         (progress.watch.progress)(done.min(progress.total), progress.total);
         if progress.watch.stopped() {
             Control::Stop
@@ -331,6 +334,7 @@ fn learn(
     let at = |success: &Success| success.start.0.iter().map(|x| x.to_bits()).collect();
     let mut seen: HashSet<Vec<u64>> = HashSet::new();
     counterexamples.retain(|success| seen.insert(at(success)));
+    // A stopped learner has the policy of a part of its training, which is no result.
     learner.finished().then(|| Learned {
         learner: index,
         seed,
@@ -380,6 +384,7 @@ fn measure(
     let mut changed = scenario.with(&map.change.clone().into())?;
     // The maps of Table I list their starts, so none is drawn.
     let starts = starts_of(&changed, request.seeds.starts, 0);
+    // An evaluation is a part of the table, and its own phases would hide those.
     let quiet = watch.quiet();
     let mut trained = Vec::new();
     for (learner, (_, config)) in learners.iter().enumerate() {
@@ -447,6 +452,7 @@ impl References {
     ) -> Result<References, NotSolvable> {
         let world = grid.world();
         let starts = positions.iter().copied();
+        // Only the sign of a value is read below, which the smaller graph keeps.
         let graph = GameGraph::explore_from(world, grid.rulebook(), Depth::Sign, starts)?;
         let best = ValueTable::soonest(graph);
         let game = &Game::of(world);
@@ -474,6 +480,7 @@ fn spread(shares: &[f64]) -> LearnerOnMap {
     let mut sorted = shares.to_vec();
     sorted.sort_by(f64::total_cmp);
     LearnerOnMap {
+        // The upper one of two in the middle, so that it belongs to a training.
         median: sorted.get(sorted.len() / 2).copied().unwrap_or(0.0),
         mean: shares.iter().sum::<f64>() / shares.len().max(1) as f64,
         // The widest interval, until the caller replaces it.
@@ -522,6 +529,8 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
         RandomAdos {
             ados,
             paper,
+            // Random actions are drawn anew in each run, so every run is a trial of its
+            // own. A table serves all starts, so its runs depend on each other.
             actions: (captured as f64 / n as f64, wilson(captured, n)),
             tables: (ones as f64 / n as f64, seeds_interval(&solved)),
         }

@@ -69,6 +69,7 @@ pub(super) fn refined(
     let jobs: Vec<(usize, u64)> = (0..learners.len())
         .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))
         .collect();
+    // RQ5 has more training starts than RQ4, so its ados are trained apart.
     let trained: Option<Vec<Learned>> = jobs
         .par_iter()
         .map(|&(index, seed)| {
@@ -88,6 +89,8 @@ pub(super) fn refined(
             refine: Some(refine),
             // The ego moves as far as before, in fine cells.
             ego_step: Some(refine),
+            // A fine map has too many pairs of cells to play all, so its starts are
+            // drawn.
             starts: Some(Starts::Uniform),
             ..GridChange::default()
         };
@@ -124,6 +127,8 @@ impl<'a> Reuse<'a> {
     ) -> Result<Option<Reuse<'a>>, Table1Error> {
         // The last relation has the largest ε below τ.
         let relations = bisimulations(coarse, fine, TAU);
+        // Invariant: a refined map has the size, the horizon and the moves of the coarse
+        // one.
         let Some(relation) = relations.and_then(|mut all| all.pop()) else {
             return Ok(None);
         };

@@ -16,6 +16,7 @@ pub fn table1_markdown(studies: &[GridStudy]) -> String {
 fn one(study: &GridStudy, text: &mut String) {
     let wall = match study.reading {
         'A' => AtWall::Stays,
+        // `AtWall::reading` knows the letters A and B only.
         _ => AtWall::FirstInMap,
     };
     text.push_str(&format!(
@@ -152,6 +153,7 @@ fn near(study: &GridStudy, text: &mut String) {
     let everywhere = near
         .everywhere
         .iter()
+        // No δ applies to all starts, so their condition is empty.
         .flat_map(|share| [percent(*share), String::new()]);
     let before = ["all starts", "–"].map(str::to_owned).into_iter();
     lines.push(before.chain(everywhere).collect());

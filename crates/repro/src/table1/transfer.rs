@@ -73,6 +73,7 @@ impl Sums {
         let slower_ones = recorded(&slower, &starts, learned);
         let at: Vec<Position> = starts.iter().map(|s| position_of(s, &game.arena)).collect();
         self.starts += starts.len();
+        // A sequence is recorded wherever the policy itself captures.
         self.policy += sequences.iter().flatten().count();
         for (own, actions) in sequences.iter().enumerate() {
             let Some(actions) = actions else {
@@ -121,6 +122,8 @@ fn recorded(scenario: &Scenario, starts: &[Start], learned: &Learned) -> Vec<Opt
 fn replayed(game: &Game, start: Position, actions: &[usize]) -> bool {
     let mut next = 0;
     game.captures(start, |_| {
+        // Starts are a cell apart, so a capture takes a decision and no sequence is
+        // empty.
         let action = actions[next.min(actions.len() - 1)];
         next += 1;
         action

@@ -253,6 +253,7 @@ impl LargeMap {
             .filter_map(|success| {
                 let start = self
                     .starts
+                    // Coordinates are whole numbers of cells, so they compare exactly.
                     .iter()
                     .position(|start| *start == success.start)?;
                 // The capture ends the episode, so its decision is the last decision.
@@ -263,6 +264,8 @@ impl LargeMap {
                     seed: learned.seed,
                     start: success.start.clone(),
                     decision,
+                    // The mildest penalty gives the least reach, so the premise is never
+                    // met too easily.
                     reach: weight * (reward.lawful(success.by) - reward.foul(1, rules)),
                 };
                 Some((start, centre))

@@ -67,6 +67,7 @@ impl fmt::Display for ReadTrace {
         if let Some(since) = &self.since {
             write!(f, ", dates since {since}")?;
         }
+        // Below this share the stamps count as even, and no rounding is worth a word.
         if self.off_s > UNEVEN * dt_s {
             write!(f, ", stamps rounded by up to {:.6} s", self.off_s)?;
         }
@@ -171,6 +172,8 @@ impl SampleTable {
     ) -> Result<SampleTable, SamplesError> {
         let times = time_columns(&mut names, options.time, options.dt_s.is_none())?;
         Ok(SampleTable {
+            // Boolean until a value is no word, so that one pass over the rows decides
+            // it.
             boolean: vec![true; names.len()],
             names,
             digits: vec![0; times.len()],
@@ -294,6 +297,7 @@ impl SampleTable {
 
     /// Returns the sampling of the time columns, `None` without one or for one sample.
     fn time(&self, dt_s: Option<f64>) -> Result<Option<TimeFit>, SamplesError> {
+        // One time has no period to fit.
         if self.rows.len() < 2 {
             return Ok(None);
         }

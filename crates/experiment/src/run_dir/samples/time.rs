@@ -26,6 +26,7 @@ pub(super) fn time_columns(
 ) -> Result<Vec<TimeIndex>, SamplesError> {
     let columns = || names.join("`, `");
     if let Some(given) = given {
+        // A column is asked for with its unit or without.
         let is_given = |it: &String| it == given || bare(it) == given;
         let named = names.iter().position(is_given);
         let column = named.ok_or_else(|| SamplesError::NoSuchTime {
@@ -53,9 +54,11 @@ pub(super) fn time_columns(
     if found.is_empty() && needs_time {
         return Err(SamplesError::NoTime { columns: columns() });
     }
+    // Only here, because the errors above show the names as the file has them.
     for (column, name) in shortened {
         names[column] = name;
     }
+    // The sort is stable, so equal ranks keep the order of the columns.
     found.sort_by_key(|(rank, _)| *rank);
     Ok(found.into_iter().map(|(_, time)| time).collect())
 }
