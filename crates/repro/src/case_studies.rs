@@ -15,7 +15,6 @@ use brakecheck::stats::{Outcomes, paired_difference, seeds_interval};
 use brakecheck::training::TrainError;
 use brakecheck::world::{Scenario, TrainingEgos};
 
-use crate::page::worlds_table;
 use brakecheck_experiment::experiment::episode_loop::EpisodeLoop;
 use brakecheck_training::training::train_loop::train;
 
@@ -419,19 +418,4 @@ pub fn trained_run(
     // A finished run is returned as it is, so kept runs cost no training.
     let trained = train(scenario, &mut run, watch)?;
     Ok((path, trained.done.cpu_s))
-}
-
-/// Formats the studies as the table of the page, with warnings below.
-pub fn case_studies_markdown(studies: &[CaseStudy], results: &[WorldResult]) -> String {
-    let mut text = worlds_table(results.iter().map(|result| (result, true))).to_markdown();
-    // Warnings follow the table, so a failed training cannot be overlooked.
-    for row in studies.iter().flat_map(|study| &study.rows) {
-        if let (Some(warning), Some(seed)) = (&row.warning, row.train_seed) {
-            text.push_str(&format!(
-                "- warning: {}, training {seed}: {}\n",
-                row.world, warning.what
-            ));
-        }
-    }
-    text
 }

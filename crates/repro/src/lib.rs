@@ -39,8 +39,8 @@ pub use behaviours::{
     FigureError, Shown, start_with, three_merges, two_at_the_light, two_behaviours,
 };
 pub use case_studies::{
-    CaseStudies, CaseStudy, DeeperSearch, TrainedContacts, WorldResult, case_studies_markdown,
-    case_study, deeper_search, trained_contacts, trained_run,
+    CaseStudies, CaseStudy, DeeperSearch, TrainedContacts, WorldResult, case_study, deeper_search,
+    trained_contacts, trained_run,
 };
 pub use cli::main;
 pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
@@ -49,6 +49,7 @@ pub use letter::{
     LetterStudy, LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
 pub use near::{NearFailing, TrainedPolicy, near_starts, near_starts_markdown};
+pub use page::case_studies_markdown;
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
 pub use reuse_study::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 pub use structures::{

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use crate::record::{RecordError, ResultRow, Results};
 
-pub(crate) use tables::worlds_table;
+pub use tables::case_studies_markdown;
 
 /// Page with all tables, below the root of the repository.
 pub(crate) const RESULTS: &str = "docs/background/results.md";

@@ -1,7 +1,7 @@
 //! Tables of the pages.
 
 use super::{OLD, RecordedRows};
-use crate::WorldResult;
+use crate::case_studies::{CaseStudy, WorldResult};
 use crate::crashes::{CrashRow, CrashStudy};
 use crate::letter::LetterEnds;
 use crate::near::NearFailing;
@@ -211,10 +211,23 @@ fn contact(result: &WorldResult) -> [String; 3] {
     ]
 }
 
+/// Formats the studies as the table of the page, with warnings below.
+pub fn case_studies_markdown(studies: &[CaseStudy], results: &[WorldResult]) -> String {
+    let mut text = worlds_table(results.iter().map(|result| (result, true))).to_markdown();
+    // Warnings follow the table, so a failed training cannot be overlooked.
+    for row in studies.iter().flat_map(|study| &study.rows) {
+        if let (Some(warning), Some(seed)) = (&row.warning, row.train_seed) {
+            text.push_str(&format!(
+                "- warning: {}, training {seed}: {}\n",
+                row.world, warning.what
+            ));
+        }
+    }
+    text
+}
+
 /// Formats worlds as the main table. A false mark is an earlier version.
-pub(crate) fn worlds_table<'a>(
-    results: impl Iterator<Item = (&'a WorldResult, bool)>,
-) -> TextTable {
+fn worlds_table<'a>(results: impl Iterator<Item = (&'a WorldResult, bool)>) -> TextTable {
     let columns = [
         "world",
         "starts (trivial)",
