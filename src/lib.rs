@@ -57,6 +57,7 @@ pub mod cli;
 pub use brakecheck_conformance::conformance;
 #[doc(inline)]
 pub use brakecheck_crashes::crashes;
+// Users need no hashes, and code here writes `crate::content_hash`.
 use brakecheck_files::content_hash;
 #[doc(inline)]
 pub use brakecheck_recorded_world::commonroad;
@@ -75,6 +76,7 @@ pub use brakecheck_experiment::experiment;
 #[doc(inline)]
 pub use brakecheck_scene::natural;
 /// OpenSCENARIO and OpenDRIVE files: export of crashes, and import of test protocols.
+// Export and import are in two crates, which users see as one module.
 pub mod openx {
     pub use brakecheck_crashes::openx::*;
     #[doc(inline)]
@@ -84,6 +86,7 @@ pub mod openx {
 pub mod rulebook {
     #[doc(inline)]
     pub use brakecheck_scene::rulebook::*;
+    // Goals change the reward, so they belong here, although worlds define them.
     #[doc(inline)]
     pub use brakecheck_world::world::TrainingGoal;
 }

@@ -9,6 +9,7 @@ use super::headings::OUTPUT;
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub(super) struct AnswerArgs {
     /// Also print the reasons of the verdict: more tables, remarks and labels.
+    // A JSON object has all details anyway.
     #[arg(long, conflicts_with = "json", help_heading = OUTPUT)]
     pub(super) details: bool,
     /// Also print the meaning of the columns.

@@ -15,6 +15,7 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
     let test = &args.test;
     let options = [
         (!test.ado.is_empty(), "--ado"),
+        // One try is the default, so more than one was asked for.
         (test.tries > 1, "--tries"),
         (test.temperature.is_some(), "--temperature"),
         (test.runs > 0, "--runs"),
@@ -22,6 +23,7 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
         (test.keep.dir().is_some() && !has_points, "--keep"),
         (args.theorems, "--theorems"),
     ];
+    // One message has all of them, so that one correction suffices.
     let given: Vec<&str> = options
         .iter()
         .filter(|(is_given, _)| *is_given)
@@ -44,6 +46,7 @@ fn refuse_options_of_runs(args: &EvalArgs, has_points: bool) -> Result<(), Failu
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let test = &args.test;
     let mut world = load_world(&args.run, &test.common)?;
+    // A stream that cannot be written is refused before minutes of simulation.
     test.live.admit(test.common.json)?;
     let has_points = world.has_points();
     world = test.traffic.limited(world)?;
@@ -56,12 +59,15 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let live = args.open_live(&world)?;
     let bar = progress::bar(&args.test.common, "");
     let watch = bar.watch().first_of(egos.len()).shown_to(live.audience());
+    // Every sequence is a whole run of a program, so its usual search is smaller.
     let switches = test.search.unwrap_or_else(|| usual_switches(&egos));
     let Some(baselines) = untrained(&world, &egos, test.seed, test.starts, switches, &watch)?
     else {
+        // The bar would overwrite the note about the interruption.
         drop(bar);
         return interrupted_early(&test.common);
     };
+    // The note passes through the watch, so the bar is still needed here.
     note_program_costs(&egos, &watch);
     drop(bar);
     let effects = ado_effects(&baselines.rows);
@@ -74,6 +80,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     } else {
         let mut answer = table::rows(&baselines.rows);
         table::add_effects(&mut answer, &effects);
+        // A rule that blocks the adversaries explains low rates, so it is no detail.
         for why in &baselines.in_the_way {
             answer.table.push_str(&format!("\n{why}"));
         }

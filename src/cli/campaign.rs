@@ -116,6 +116,7 @@ pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
     match &args.step {
         CampaignVerb::Plan(args) => plan(args),
         CampaignVerb::Run(args) => match args.piece {
+            // The parser allows nine digits, so the number fits into 32 bits.
             Some(number) => one(args, number as usize),
             None => all(args),
         },
@@ -177,6 +178,7 @@ fn in_words(cost: &PlanCost) -> String {
     } else {
         "guessed from the worlds"
     };
+    // Below an hour, tenths of an hour would be too coarse.
     let hours = if *cpu_s < 3600.0 {
         format!("{cpu_s:.0} s")
     } else {
@@ -207,6 +209,7 @@ fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
     } else {
         terminal::note(&format!("piece {number} {word}"))
     }
+    // After Ctrl-C the code is 130, so an engine does not take the piece for made.
     Ok(finished(Exit::Done))
 }
 
@@ -344,6 +347,7 @@ fn answer(merged: &Merged, page: &Path) -> PrintedAnswer {
             row.ado
         )
     });
+    // The details repeat the rows of the table, so that each world stays one table.
     let mut details = rates(rows, SHOWN_IN_DETAILS);
     if !all.is_empty() {
         details.push_str(&gates(all));
@@ -448,6 +452,7 @@ fn gates(gates: &[UnitGate]) -> String {
 /// Returns the number of gates that are open.
 fn open_gates(gates: &[UnitGate]) -> String {
     let open = gates.iter().filter(|gate| !gate.decided.is_closed());
+    // An open gate that compares nothing must not count among those that passed.
     let (unanswered, answered): (Vec<&UnitGate>, Vec<&UnitGate>) =
         open.partition(|gate| gate.is_unanswered());
     let without = match unanswered.len() {

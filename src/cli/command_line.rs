@@ -64,6 +64,7 @@ pub(super) fn read<P: CommandLine>(
     arguments: impl IntoIterator<Item = OsString>,
 ) -> Result<ReadLine<P>, Ended> {
     let arguments = with_help_as_option(arguments.into_iter().collect());
+    // A directory that no longer exists has no file with defaults.
     let directory = std::env::current_dir().unwrap_or_default();
     // A help is printed even if this file is invalid.
     let (defaults, refused) = match Defaults::in_directory(&directory) {
@@ -113,6 +114,7 @@ pub(super) fn command<P: CommandLine>(shows_all: bool) -> Command {
         .global(true)
         .help("Print all options, with details");
     let command = P::laid_out(P::command())
+        // The flag of clap prints another page for `-h` than for `--help`.
         .disable_help_flag(true)
         // `help VERB` is rewritten as an option, so that both print the same page.
         .disable_help_subcommand(true)
@@ -138,6 +140,7 @@ fn shaped(command: Command, shows_all: bool) -> Command {
             shown
         }
     };
+    // `campaign` has verbs of its own, so every level is shaped.
     command
         .mut_args(argument)
         .mut_subcommands(|verb| shaped(verb, shows_all))
@@ -159,6 +162,7 @@ fn with_help_as_option(arguments: Vec<OsString>) -> Vec<OsString> {
     // Options of the program may stand before the verb.
     let is_verb = |at: &usize| {
         // This is the only option of the program that takes a value in front of a verb.
+        // The search begins at 1, so there always is a word before.
         let is_value = arguments[at - 1] == "--color";
         !is_value && !arguments[*at].as_encoded_bytes().starts_with(b"-")
     };

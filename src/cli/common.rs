@@ -66,6 +66,7 @@ pub(super) fn note_warnings(path: &Path, world: &Scenario) {
     let file = path.display().to_string();
     let notes = failure::warnings(&file, &world.text, &world.warnings);
     if !notes.is_empty() {
+        // The failure only renders the notes, so its exit code is never used.
         let shown = Failure::of(Exit::Done, notes);
         let text = shown.render(theme(), message_columns());
         terminal::note_rendered(text.trim_end());

@@ -167,6 +167,7 @@ fn answer(worlds: &[&Coverage], remark: Option<String>) -> PrintedAnswer {
         several => (several_in_words(several), FEW_LINES),
     };
     let table = |coverage: &&Coverage| {
+        // The verdict of a single world is above the table already.
         let title = match worlds {
             [_] => String::new(),
             _ => format!("{}\n", coverage.verdict().join("\n")),

@@ -52,6 +52,7 @@ impl KilledVerb<'_> {
     fn now(&self, dir: &Path) -> Vec<String> {
         let mut command = (self.command)(dir);
         let begun = ["manifest.json", "population.json"].map(|file| dir.join("run").join(file));
+        // The other verbs go on by the same command.
         if command[0] == "train" && begun.iter().any(|file| file.exists()) {
             // A training that was killed before its manifest is begun again.
             command.push("--resume".to_owned());
@@ -63,6 +64,7 @@ impl KilledVerb<'_> {
     fn undisturbed(&self) -> (BTreeMap<PathBuf, Vec<u8>>, u64) {
         let dir = tempfile::tempdir().expect("scratch");
         let command = self.now(dir.path());
+        // No run has so many steps, so none fails and all are counted.
         let (done, steps) = failing(dir.path(), u64::MAX, StepFailure::Killed, || run(&command));
         assert!(done, "{}", self.name);
         (files(dir.path()), steps)
@@ -101,6 +103,7 @@ impl KilledVerb<'_> {
                 let differing = files_differing(&whole, &other);
                 let place = format!("{}, {how:?} at step {at} and {again} of {steps}", self.name);
                 assert!(differing.is_empty(), "{place}: {differing:?}");
+                // The resumption failed at a step, too.
                 points += 2;
             }
         }
@@ -165,6 +168,7 @@ fn unsealed(line: &str) -> String {
         return line.to_owned();
     };
     let digits = |c: char| c.is_ascii_hexdigit() || " \"".contains(c);
+    // The seal is a hash of the content, so it differs with the times.
     format!("{before}{}", seal.trim_start_matches(digits))
 }
 

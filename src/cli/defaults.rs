@@ -168,6 +168,7 @@ fn value_of(name: &str, value: &DeValue<'_>) -> Result<String, String> {
             // TOML also has hexadecimal, octal and binary numbers.
             let jobs = u16::from_str_radix(number.as_str(), number.radix());
             let valid = jobs.ok().filter(|jobs| (1..=MOST_JOBS).contains(jobs));
+            // The option reads decimal numbers only.
             valid
                 .map(|jobs| jobs.to_string())
                 .ok_or_else(|| format!("write a whole number from 1 to {MOST_JOBS}"))
@@ -178,6 +179,7 @@ fn value_of(name: &str, value: &DeValue<'_>) -> Result<String, String> {
             word_of(value, words.map(str::to_owned).collect())
         }
         _ => {
+            // Of the settings, only `color` is left.
             let choices = ColorChoice::value_variants().iter();
             let words = choices.map(ToString::to_string);
             word_of(value, words.collect())

@@ -89,6 +89,7 @@ pub(super) fn is_verbose() -> bool {
 ///
 /// Conventions: `--color`, then NO_COLOR, CLICOLOR_FORCE and CLICOLOR, then the terminal.
 pub(super) fn theme() -> GraphicalTheme {
+    // Messages go to stderr, so its terminal decides on their colours.
     match AutoStream::choice(&io::stderr()) {
         anstream::ColorChoice::Never => super::plain_theme(),
         _ => GraphicalTheme::unicode(),

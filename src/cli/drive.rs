@@ -31,6 +31,7 @@ pub(super) struct DriveArgs {
     what: PathBuf,
     /// Train an ado before, for N decisions on the kinematic plant, and drive against it
     /// [default: 20,000].
+    // Without the equals sign, the world behind the option would be taken for the number.
     #[arg(
         long,
         value_name = "N",
@@ -95,6 +96,7 @@ pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
     let settings = DriveSettings {
         keep: args.keep.clone(),
         seed: args.seed,
+        // The parser allows fewer than a million, so the conversion never fails.
         index: usize::try_from(args.start).unwrap_or(usize::MAX),
         watch,
     };
@@ -115,6 +117,7 @@ pub(super) fn run(args: &DriveArgs) -> Result<Exit, Failure> {
 /// Returns the world with its players, or `None` if the training was interrupted.
 fn sandbox(args: &DriveArgs) -> Result<Option<Sandbox>, Failure> {
     let common = args.common();
+    // A path that does not exist is read as a world, whose error suggests shipped names.
     if is_world(&args.what) || !args.what.is_dir() {
         let world = load_world(&args.what, &common)?;
         let placed = placed(world.clone(), args.plant)?;
@@ -164,6 +167,7 @@ fn trained(
     let bar = progress::bar(common, "");
     let trained = session.train(&bar.watch())?;
     drop(bar);
+    // A half-trained ado would pass for the requested one on the page.
     if trained.interrupted {
         return Ok(None);
     }

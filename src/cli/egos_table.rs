@@ -47,6 +47,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> PrintedAnswer {
 fn by_ego(egos: &[ReusedOn]) -> String {
     let mut worst: Vec<(&ReusedOn, &Row)> = egos
         .iter()
+        // An ego without a row has no adversary to name.
         .filter_map(|ego| Some((ego, strongest(ego.rows.iter())?)))
         .collect();
     // Stable, so that egos of equal rates keep the order of the world. An unknown rate is
@@ -75,6 +76,7 @@ fn by_ego(egos: &[ReusedOn]) -> String {
         "recall",
         "alone",
     ];
+    // The two columns of names stay at the left, and numbers are aligned to the right.
     let table = TextTable::new(columns, lines)
         .numbers_from(2)
         .to_terminal(stdout_columns());

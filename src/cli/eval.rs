@@ -24,6 +24,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let Some(mut evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);
     };
+    // The theorems belong to no ego, so they are not counted as a step.
     let theorems = checked(args, &mut evaluated, &watch.unnumbered());
     drop(bar);
     // Rows are printed before files are written, so a full disk does not cost the rows.

@@ -36,8 +36,10 @@ fn members(text: &str) -> Result<usize, &'static str> {
     if text == "all" {
         return Ok(usize::MAX);
     }
+    // No member would play nothing, so 0 is refused like an unknown word.
     let number = whole_number(text).filter(|number| *number > 0);
     number
+        // A number of members need not fit into a `usize` of 32 bits.
         .and_then(|number| usize::try_from(number).ok())
         .ok_or("all, or a number of members from 1")
 }

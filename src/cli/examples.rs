@@ -89,6 +89,7 @@ mod tests {
     /// The words of a command as a shell would cut them.
     fn words(line: &str) -> Vec<String> {
         let parts = line.split('"').enumerate();
+        // Parts at odd positions are inside of quotes.
         let cut = parts.flat_map(|(i, part)| match i % 2 {
             1 => vec![part.to_owned()],
             _ => part.split_whitespace().map(str::to_owned).collect(),
@@ -125,6 +126,7 @@ mod tests {
             Some((verb.get_name(), starts.get_default_values().to_vec()))
         });
         let drawing: Vec<_> = verbs.collect();
+        // Fewer verbs would mean that one of them gives the option another name.
         assert_eq!(drawing.len(), 8, "{drawing:?}");
         for (verb, values) in &drawing {
             assert_eq!(values, &["300"], "{verb}");

@@ -37,6 +37,8 @@ impl Excerpt {
         // One line of context shows the field that a wrong value belongs to.
         let begins = match line_start {
             0 => 0,
+            // A line that begins above 0 is behind a line feed, which the search for the
+            // line before must not find again.
             feed => text[..feed - 1].rfind('\n').map_or(0, |feed| feed + 1),
         };
         // Only these lines are copied, because a file can have gigabytes.
@@ -90,6 +92,7 @@ impl ExcerptWindow {
         let ended = line.strip_suffix('\n').unwrap_or(line);
         // A carriage return would let a terminal overwrite the line.
         let words = ended.strip_suffix('\r').unwrap_or(ended);
+        // The mistake may begin before this line, or behind it.
         let mistake = self.start.clamp(at, at + words.len()) - at;
         let before = words[..mistake].char_indices().rev();
         // A mistake within the shown width needs no cut at the left.
@@ -190,6 +193,7 @@ mod tests {
         let long = format!("{}wrong{}", "x".repeat(1 << 20), "y".repeat(1 << 20));
         let (shown, marked) = excerpt(&long, "wrong");
         assert!(shown.starts_with("…x") && shown.ends_with("y…"), "{shown}");
+        // Two more characters are the ellipses at both ends.
         assert!(shown.chars().count() <= MOST_CHARS + 2);
         assert_eq!(marked, "wrong");
         let all = "z".repeat(1 << 20);

@@ -53,6 +53,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
             "refused": refused.iter().map(refusal).collect::<Vec<_>>(),
         }))?;
     } else if !files.is_empty() {
+        // Without files there would be an empty line.
         terminal::data(&files.join("\n"))?;
     }
     if refused.is_empty() {

@@ -104,6 +104,7 @@ impl Failure {
 
     /// Renders all messages, `width` columns wide.
     pub fn render(&self, theme: GraphicalTheme, width: usize) -> String {
+        // An excerpt holds one line beside a mistake, so more context would show nothing.
         let handler = GraphicalReportHandler::new_themed(theme)
             .with_width(width)
             .with_context_lines(1);
@@ -138,6 +139,7 @@ impl Note {
 fn printable(text: &str) -> String {
     let text = visible(text);
     // A line of megabytes would hide the message in a terminal.
+    // Bytes bound characters, so most texts need no count.
     if text.lines().all(|line| line.len() <= MOST_CHARS) {
         return text.into_owned();
     }

@@ -75,6 +75,7 @@ pub(super) fn run(args: &GateArgs) -> Result<Exit, Failure> {
         answer: answer(&gates),
     });
     tested.show(&evaluated, result)?;
+    // CI reads this file, so it precedes the crashes, which take many runs to keep.
     if let Some(file) = &args.junit {
         let suites = gates.iter().map(|gate| gate.suite(tested.nominal.name()));
         let suites: Vec<_> = suites.collect();

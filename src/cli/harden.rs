@@ -160,6 +160,7 @@ fn world(args: &HardenArgs) -> Result<Scenario, Failure> {
 }
 
 fn ego(args: &HardenArgs, world: &Scenario) -> Result<EgoUnderTest, Failure> {
+    // Only `all` gives several egos.
     match <[EgoUnderTest; 1]>::try_from(args.ego.find(world)?) {
         Ok([ego]) => Ok(ego),
         Err(_) => Err(Failure::input(
@@ -187,6 +188,8 @@ fn parameters(args: &HardenArgs, ego: &EgoUnderTest) -> Result<EgoParameters, Fa
 
 /// Returns the ados of the runs, the kept crashes and the search.
 fn ados(args: &HardenArgs, world: &Scenario) -> Result<AdoSet, Failure> {
+    // A world has no trained ado. The hardening trains a first one, unless `--against`
+    // names some.
     let own = (!is_world(&args.input)).then_some(&args.input);
     let mut ados = AdoSet {
         switches: args.search,
@@ -214,6 +217,7 @@ fn settings(args: &HardenArgs) -> HardenSettings {
     HardenSettings {
         reduction: args.reduction,
         search_starts: args.search_starts,
+        // The parsers bound these numbers, so no cast truncates.
         runs: args.natural_runs as usize,
         sealed_starts: args.starts,
         decisions: args.decisions,
@@ -225,6 +229,7 @@ fn settings(args: &HardenArgs) -> HardenSettings {
 fn show(args: &HardenArgs, report: &HardenReport, ego: &EgoUnderTest) -> Result<(), Failure> {
     if args.common.json {
         let mut object = json!(report);
+        // Without a confirmed change it is `null`, so that scripts always find the key.
         object["gate"] = gate_command(report, ego).map_or(Value::Null, Value::from);
         return print_json(&object);
     }

@@ -69,9 +69,11 @@ pub(super) fn verdict(report: &HardenReport) -> Vec<String> {
 }
 
 fn confirmed(report: &HardenReport, best: &HardenedEgo) -> Vec<String> {
+    // Invariant: a change is confirmed on sealed starts, so both are there.
     let Some((it, own)) = best.confirmation.as_ref().zip(report.sealed) else {
         return Vec::new();
     };
+    // Invariant: a confirmation has played the new ado on all sealed starts.
     let failing = it.new_ado.failing.unwrap_or(0);
     let losses: Vec<String> = it.losses.iter().map(loss).collect();
     vec![
@@ -104,6 +106,7 @@ fn of(count: &StartCount) -> String {
 
 /// Returns a change in words, such as `time_gap_s` 0.5 → 0.8.
 fn change(report: &HardenReport, values: &BTreeMap<String, f64>) -> String {
+    // In the order of the parameters, while the map is sorted by name.
     let parameters = report.parameters.iter();
     let parts = parameters.filter_map(|one| {
         let value = values.get(&one.name)?;
@@ -161,6 +164,7 @@ pub(super) fn table(report: &HardenReport) -> String {
     });
     let mut text = table_of(header, lines);
     for one in &report.candidates {
+        // A confirmed change has no reason to state.
         if one.verdict != HardenVerdict::Confirmed {
             let values = change(report, &one.values);
             text.push_str(&format!("\n{values}: {}", one.reasons.join("; ")));
@@ -228,6 +232,7 @@ pub(super) fn details(report: &HardenReport) -> String {
             format!("{:.2}", one.loss),
         ]
     });
+    // A header without rows would look like a lost result.
     if !report.front.is_empty() {
         let header = ["front of the search", "size", "failing", "loss of 1"];
         lines.push(table_of(header, front));

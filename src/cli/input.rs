@@ -22,12 +22,14 @@ static IS_READ: AtomicBool = AtomicBool::new(false);
 
 /// Returns whether a path names standard input.
 pub(super) fn is_stdin(path: &Path) -> bool {
+    // Compared as a whole, so that a file of this name can be given as `./-`.
     path == Path::new(STDIN)
 }
 
 /// Parser of a file or a directory that is read later, but must exist now.
 pub(super) fn existing_path() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
+        // Checked while parsing, so that a wrong path costs no computation.
         if path.exists() {
             Ok(path)
         } else {
@@ -79,6 +81,7 @@ impl Opened {
         } else if is_osi(bytes.get_ref()) {
             Some("osi")
         } else if is_xml && text.contains("<OpenSCENARIO") {
+            // OpenSCENARIO is XML, too, so it is recognized before any other XML.
             Some("xosc")
         } else if is_xml {
             Some("xml")
@@ -93,6 +96,7 @@ fn is_osi(bytes: &[u8]) -> bool {
     let Some((length, rest)) = bytes.split_first_chunk() else {
         return false;
     };
+    // OSI traces state a length in four bytes, the lowest first.
     let length = u32::from_le_bytes(*length);
     // The least length that four characters of a text would be, such as tabs.
     let is_text = length >= u32::from_le_bytes(*b"\t\t\t\t");

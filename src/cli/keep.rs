@@ -173,6 +173,7 @@ fn request(text: &str) -> Result<KeepRequest, String> {
                 ));
             }
         };
+        // The same setting twice was refused above, so this is the other one of the two.
         if request.selection.replace(selection).is_some() {
             return Err(format!("`{setting}` contradicts an earlier setting"));
         }
@@ -229,6 +230,8 @@ impl KeepArgs {
                 ..watch
             };
             watch.note("interrupted: counterexamples are kept as found, without minimization");
+            // A user who pressed Ctrl-C waits for the end, and minimization would play
+            // many more runs.
             keep(dir, settings.as_found().runs(0), &watch)?
         } else {
             keep(dir, settings, &watch)?

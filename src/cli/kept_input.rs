@@ -13,6 +13,7 @@ use crate::crashes::Regressions;
 pub(super) fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Failure> {
     let is_csv = what.extension().is_some_and(|it| it == "csv");
     let beside = what.with_extension("ron");
+    // Both files of a crash share one name, so the wrong one is easily given.
     if is_csv && beside.is_file() {
         return Err(Failure::input(
             format!(

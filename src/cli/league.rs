@@ -38,6 +38,7 @@ pub(super) fn train(
         return Ok(finished(Exit::Fault));
     }
     if common.json {
+        // The training writes the manifest that is printed, so it is read afterwards.
         let dir = PopulationDir::open(path)?;
         print_json(&json!({
             "run": path.display().to_string(),

@@ -130,6 +130,7 @@ impl RerunArgs {
             Some(CONNECT) => EpisodeStream::connect(name, learning),
             Some(STDOUT) => match terminal::stdout_for_bytes() {
                 Some(stdout) => EpisodeStream::new(Box::new(stdout), name, learning),
+                // `admit` has refused a terminal already.
                 None => return Ok(None),
             },
             // A viewer reads the file while it grows, so it cannot appear whole at the
@@ -186,6 +187,7 @@ fn check_file(file: &Path) -> Result<(), Failure> {
             "end it with `.rrd`, e.g. `--rerun live.rrd`",
         ));
     }
+    // A bare name has an empty parent, and its directory exists.
     let parent = file
         .parent()
         .filter(|parent| !parent.as_os_str().is_empty());

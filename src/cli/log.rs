@@ -105,6 +105,7 @@ pub(super) fn run(args: &LogArgs) -> Result<Exit, Failure> {
     if let Some(path) = &args.picture {
         draw(args, path, &recordings)?;
     }
+    // `fit` takes the analyses, so the reports are made before.
     let reports: Vec<Value> = recordings
         .iter()
         .map(|(analysis, map)| report(analysis, map))
@@ -133,6 +134,7 @@ fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Resul
     };
     let svg = match (args.at, &args.around) {
         (Some(at_s), Some(id)) => instant(analysis, id, at_s)?,
+        // The parser requires both or neither.
         _ => svg_overview(analysis),
     };
     write_output(path, svg.as_bytes())?;
@@ -144,6 +146,7 @@ fn draw(args: &LogArgs, path: &Path, recordings: &[(Analysis, String)]) -> Resul
 
 fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> {
     let recording = &analysis.recording;
+    // A typed time is rarely that of a sample, so the nearest one is drawn.
     let sample = (at_s / recording.dt_s).round();
     // An identity may have several tracks, because long holes split them.
     let drawn = recording.tracks.iter().enumerate().find_map(|(i, track)| {
@@ -157,6 +160,7 @@ fn instant(analysis: &Analysis, id: &str, at_s: f64) -> Result<String, Failure> 
         let spans: Vec<String> = tracks
             .map(|it| {
                 let from_s = it.first_sample as f64 * recording.dt_s;
+                // The end is the first sample behind the track.
                 let to_s = (it.end_sample() - 1) as f64 * recording.dt_s;
                 format!("{from_s:.2} to {to_s:.2} s")
             })
@@ -225,6 +229,7 @@ fn lanes_of(file: &Path) -> Result<MappedRoad<'_>, Failure> {
         } = lanes;
         match brakecheck_traffic::Path::through(right_lane_m, LEAST_PIECE_M) {
             Some(path) => carriageways.push(MappedCarriageway { path, offsets_m }),
+            // All lanes of a carriageway follow one line, and are left out with it.
             None => too_short += offsets_m.len(),
         }
     }
@@ -262,6 +267,7 @@ fn on_road(recording: TrafficRecording, road: &MappedRoad<'_>) -> Result<Analysi
 }
 
 fn column_map(name: &str) -> Result<(ColumnMap, String), Failure> {
+    // A shipped name takes precedence over a file of that name.
     if let Some(map) = ColumnMap::shipped(name) {
         return Ok((map, name.to_owned()));
     }
@@ -289,6 +295,7 @@ fn read(
     time: Option<&str>,
 ) -> Result<(TrafficRecording, String), Failure> {
     let (name, rows) = (file.display().to_string(), open(file)?);
+    // A file without an ending is read as CSV, like those with any other.
     let ending = file.extension().and_then(OsStr::to_str).unwrap_or_default();
     // Some recorders write endings in capitals.
     let format = match rows.format() {
@@ -310,6 +317,7 @@ fn read(
         "osi" => read_osi(rows, &name)?,
         "mcap" => read_mcap(rows, &name)?,
         _ => {
+            // XML is of SUMO or of CommonRoad, which only its reader knows.
             let (recording, known) = read_xml(rows, &name)?;
             return Ok((recording, known.to_owned()));
         }
@@ -343,6 +351,7 @@ fn meta_beside(file: &Path) -> Result<RecordingMeta, Failure> {
     let Some(start) = name.strip_suffix("tracks.csv") else {
         return Ok(meta);
     };
+    // Both files share the number in front of the ending, as in `03_tracks.csv`.
     let beside = |ending: &str| Some(file.with_file_name(format!("{start}{ending}.csv")));
     let is_there = |path: &PathBuf| path.is_file();
     if let Some(path) = beside("recordingMeta").filter(is_there) {
@@ -442,6 +451,7 @@ fn fit(args: &LogArgs, path: &Path, analyses: &[Analysis]) -> Result<TrafficMode
     let mut sources = Vec::new();
     for file in &args.files {
         let name = file.display().to_string();
+        // The file was read before, so an error is no mistake of the command line.
         let source = SourceFile::of(&name, open(file)?)
             .map_err(|error| Failure::fault(format!("cannot read `{name}`: {error}"), None))?;
         sources.push(source);

@@ -107,6 +107,7 @@ fn contradictions(counts: &ReadCounts) -> [(usize, &'static str); 7] {
 }
 
 fn listed(parts: &[(usize, &'static str)]) -> Vec<String> {
+    // Kinds that did not occur would hide those that did.
     let some = parts.iter().filter(|(count, _)| *count > 0);
     some.map(|(count, what)| format!("{count} {what}"))
         .collect()

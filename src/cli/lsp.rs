@@ -64,6 +64,7 @@ impl WorldLanguage for Worlds {
                 problems: shown(error.problems, false).collect(),
                 // Places of problems count in the text with its included files.
                 text: error.text,
+                // A world with a mistake may lack signals, so no list of them is right.
                 names: None,
             },
         })

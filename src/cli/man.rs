@@ -19,11 +19,13 @@ pub(super) struct ManArgs {
 }
 
 pub(super) fn run(args: &ManArgs) -> Result<Exit, Failure> {
+    // A manual lists every option, also those that `--help` hides.
     let mut program = command_line::command::<Cli>(true);
     // Only a built command has the global options in the pages of its verbs.
     program.build();
     let Some(directory) = &args.output else {
         let page = page(&Man::new(program))?;
+        // A page is UTF-8, so no byte of it is lost.
         terminal::data(String::from_utf8_lossy(&page).trim_end())?;
         return Ok(Exit::Done);
     };
@@ -36,6 +38,7 @@ pub(super) fn run(args: &ManArgs) -> Result<Exit, Failure> {
 
 /// Writes the pages of a command and of its verbs, and returns their number.
 fn write_pages(command: &Command, directory: &Path) -> Result<usize, Failure> {
+    // The command itself has a page, too.
     let mut pages = 1;
     // A hidden verb is not part of the documented interface.
     for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
@@ -49,6 +52,7 @@ fn write_pages(command: &Command, directory: &Path) -> Result<usize, Failure> {
 fn page(manual: &Man) -> Result<Vec<u8>, Failure> {
     let mut page = Vec::new();
     let rendered = manual.render(&mut page);
+    // Pages are rendered into memory, so an error is one of the program.
     rendered.map_err(|error| Failure::fault(format!("a page was not rendered: {error}"), None))?;
     Ok(page)
 }

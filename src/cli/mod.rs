@@ -219,6 +219,7 @@ impl Verb {
         if let Verb::Check(args) = self {
             return args.is_watching();
         }
+        // The other verbs have no finished work to save, so they may end at once.
         matches!(
             self,
             Verb::Train(_)

@@ -98,6 +98,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
             "name the file with --from or --from-log",
         ));
     }
+    // Users also type the name of the file instead of that of the world.
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
     let text = new_world::text_named(name)?;
@@ -121,12 +122,14 @@ fn import_or_commonroad(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let stdin = input::is_stdin(from).then(|| input::text(from));
     let files = |path: &Path| match &stdin {
         Some(Ok(text)) if path == from => Ok(text.clone()),
+        // An `io::Error` cannot be cloned, and the file may be read more than once.
         Some(Err(error)) if path == from => Err(io::Error::new(error.kind(), error.to_string())),
         _ => file_text(path),
     };
     // Editors write both formats with either ending, so the content decides.
     match files(from) {
         Ok(text) if is_commonroad(text.as_bytes()) => commonroad(args, from, &files),
+        // A file that cannot be read ends there, too, as an error with its path.
         _ => import(args, from, &files),
     }
 }
@@ -229,6 +232,7 @@ fn checked_files(
     let mut files = Vec::new();
     let mut refused = Vec::new();
     for world in worlds {
+        // The directory is the typed one, and every world has a file name of its own.
         let path = named.with_file_name(format!("{}.ron", world.name));
         let file = path.display().to_string();
         new_world::refuse_taken(&path)?;
@@ -288,6 +292,7 @@ fn print_import(files: &[PathBuf], imported: &Imported) -> Result<(), Failure> {
             counted(imported.broken, "point")
         ));
     }
+    // One command is enough, because the other files are used alike.
     if let Some(path) = files.first() {
         lines.push(format!(
             "next: `brakecheck eval {} -- python3 ego.py` lets your program drive at every \

@@ -49,6 +49,7 @@ fn in_json(world: &CommonRoadWorld, from: &Path, file: &str) -> serde_json::Valu
         .iter()
         .map(|it| json!({ "kind": it.kind, "file": from, "line": it.line, "count": it.count }));
     json!({
+        // A planning problem is a world of its own, with a single start.
         "worlds": [json!({ "file": file, "points": [0] })],
         "broken": 0,
         "dropped": dropped.collect::<Vec<_>>(),

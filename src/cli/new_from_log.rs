@@ -95,6 +95,7 @@ pub(super) fn run(
     // clap requires the kind beside a recording, so this default is never taken.
     let kind = args.kind.unwrap_or(KindArg::Following).situations();
     let name = name.strip_suffix(".ron").unwrap_or(name);
+    // A wrong name is refused before recordings are read, which may take long.
     new_world::text_named(name)?;
     let columns = log::GivenColumns {
         map: args.map.as_deref(),
@@ -111,6 +112,7 @@ pub(super) fn run(
     if recorded.worlds.is_empty() {
         return Err(nothing(args, kind, &recorded));
     }
+    // An empty folder leaves a joined path as it is.
     let folder = args.output.as_deref().unwrap_or(Path::new(""));
     let files = files_of(&recorded, folder)?;
     // The directory is made after all checks, so a refusal leaves nothing behind.
@@ -149,6 +151,7 @@ fn files_of(recorded: &RecordedWorlds, folder: &Path) -> Result<Vec<NewFile>, Fa
         let file = path.display().to_string();
         new_world::refuse_taken(&path)?;
         let written = recorded_world::world_of(world).text();
+        // Values of worlds can always be written, so an error is one of the program.
         let text = written.map_err(|error| Failure::fault(format!("`{file}`: {error}"), None))?;
         // A text that brakecheck would refuse must not reach the disk.
         if let Err(error) = Scenario::parse(&file, &text) {
@@ -203,6 +206,7 @@ fn show(recorded: &RecordedWorlds, files: &[NewFile]) -> Result<(), Failure> {
     let mut lines: Vec<String> = worlds
         .map(|(world, file)| format!("wrote {}: {}", file.name(), in_words(world)))
         .collect();
+    // All of these numbers are 0 or more, so 0 is the neutral start.
     let most =
         |number: fn(&SituationPlan) -> f64| recorded.situations().map(number).fold(0.0, f64::max);
     lines.push(format!(
@@ -229,10 +233,12 @@ fn in_words(world: &RecordedWorld) -> String {
     let Some(first) = world.situations.first() else {
         return count;
     };
+    // A situation with others has a world of its own, so the first is the only one.
     let others = match first.others.len() {
         0 => String::new(),
         others => format!(", {}", counted(others, "other")),
     };
+    // A crossing has no common lane, so it has neither a side nor a place.
     if let SituationRoad::Crossing(roads) = &first.road {
         let (pet_s, angle_deg) = (roads.pet_s, roads.angle_rad.to_degrees());
         let body = first.body.name;

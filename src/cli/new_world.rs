@@ -20,6 +20,7 @@ const WORLD: &str = include_str!("new_world.ron");
 /// # Errors
 /// The name cannot name a world.
 pub(super) fn text_named(name: &str) -> Result<String, Failure> {
+    // The placeholder is also in the remarks, whose commands then fit the file.
     let text = WORLD.replace("NAME", name);
     // The checks of the world decide on valid names.
     match Scenario::parse(name, &text) {
@@ -56,6 +57,7 @@ pub(super) fn refuse_taken(path: &Path) -> Result<(), Failure> {
 pub(super) fn refused(error: &ScenarioError, in_file: impl Fn(usize, &str) -> String) -> Vec<Note> {
     let notes = error.problems.iter().map(|problem| {
         let (line, _) = error.line_column(problem.span.start);
+        // Lines count from 1.
         let line: String = error
             .text
             .lines()

@@ -12,6 +12,7 @@ const NOTICES: &str = include_str!("../../THIRD_PARTY.txt");
 pub(super) struct NoticesArgs {}
 
 pub(super) fn run(_: &NoticesArgs) -> Result<Exit, Failure> {
+    // The last line feed is added by the printing.
     terminal::data(NOTICES.trim_end())?;
     Ok(Exit::Done)
 }

@@ -12,6 +12,7 @@ pub(super) const STARTS: usize = 300;
 
 /// Parser of a number of starts, with its limits.
 pub fn start_count() -> impl TypedValueParser<Value = usize> {
+    // The limit fits into 32 bits, so the cast truncates nowhere.
     count(1..=10_000_000).map(|count| count as usize)
 }
 
@@ -31,6 +32,7 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
         let (least, most) = (range.start(), range.end());
         let value = whole_number(text).ok_or_else(|| match *most {
             u64::MAX => "a whole number, such as 300, 1_000, 300k or 1.5M".to_owned(),
+            // An example with `k` must itself be allowed.
             most if most >= 300_000 => {
                 format!("a whole number from {least} to {most}, such as 300, 1_000 or 300k")
             }
@@ -67,6 +69,7 @@ pub(super) fn whole_number(text: &str) -> Option<u64> {
     let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
     // "2.0" is a whole number, so zeros at the end do not count as decimals.
     let part = part.trim_end_matches('0');
+    // `parse` would accept a sign in front of the digits.
     let sound = |digits: &str| digits.bytes().all(|digit| digit.is_ascii_digit());
     if whole.is_empty() || zeros < part.len() || !sound(whole) || !sound(part) {
         return None;
@@ -107,6 +110,7 @@ mod tests {
             ("+3", None),
             ("1e3", None),
             ("3kk", None),
+            // The number is greater than any `u64`.
             ("99999999999999999999", None),
         ];
         for (text, expect) in cases {

@@ -110,6 +110,7 @@ fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failu
 
 fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(), Failure> {
     if args.test.common.json {
+        // Other verbs print one list for all egos, too.
         let rows: Vec<_> = tables.iter().flat_map(|table| &table.rows).collect();
         return print_json(&json!({ "rows": rows, "points": tables }));
     }
@@ -118,6 +119,7 @@ fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(),
 }
 
 fn answer(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> PrintedAnswer {
+    // All egos play the same points, so the first table has their number.
     let points = tables.first().map_or(0, |table| table.points.len());
     let verdict = match tables {
         [table] => format!("`{}`: {}", table.ego, table.summary()),
@@ -182,6 +184,7 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
 fn failing(world: &Scenario, tables: &[PointsTable]) -> String {
     let is_shown = |nth: usize| {
         let mut all = tables.iter().map(|table| &table.points[nth]);
+        // The mark of a failing variation makes a point worth showing, too.
         all.any(|point| outcome(point) != "passed")
     };
     points_table(world, tables, is_shown, SHOWN)

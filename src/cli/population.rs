@@ -45,6 +45,7 @@ pub(super) fn train(
         ));
         return Ok(Exit::Interrupted);
     }
+    // The training writes the manifest that is printed, so it is read afterwards.
     let dir = PopulationDir::open(path)?;
     if common.json {
         print_json(&json!({

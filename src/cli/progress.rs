@@ -350,6 +350,7 @@ mod tests {
 
     fn line(present: &Present, elapsed_s: u64, idle_s: u64) -> String {
         let spent = PhaseTime { elapsed_s, idle_s };
+        // Two items run at once, as on two threads.
         present.phase.line(spent, 2)
     }
 
@@ -363,6 +364,7 @@ mod tests {
         );
         now.count(0, 2000);
         now.count(500, 2000);
+        // At the rate of 500 in 60 s, the other 1500 take 180 s.
         assert_eq!(
             line(&now, 60, 1),
             "1/4 searching training starts: 500 of 2000 after 60 s, about 180 s left"
@@ -406,6 +408,7 @@ mod tests {
         assert!(line(&now, 600, 300).ends_with("about 300 s left"));
         now.begin("searching", None);
         now.count(0, 160_000);
+        // Three of so many are too small a share for a rate.
         now.count(3, 160_000);
         assert_eq!(line(&now, 250, 0), "searching: 3 of 160000 after 250 s");
     }

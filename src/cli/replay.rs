@@ -48,6 +48,7 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "FILE.xml", value_parser = new_file())]
     junit: Option<PathBuf>,
     /// Exit with 1 if a kept counterexample still fails (the default).
+    // Never read: it lets a script give one option to all verbs.
     #[arg(long, help_heading = OUTPUT)]
     fail_on_counterexample: bool,
     /// Program to run as the ego, after `--`, which consents to start it.
@@ -101,6 +102,7 @@ pub(super) fn run(args: &ReplayArgs) -> Result<Exit, Failure> {
                        recorded`, or name your ego with `--ego` or after `--`";
         note_absent_egos(&regressions, instead);
     }
+    // This follows the table, which shows the replays that did not run.
     regressions.check_faults(&replayed)?;
     let exit = exit(args, regressions.is_recorded_ego(), &replayed);
     // A record that is not reproduced explains the broken rules.
@@ -344,6 +346,7 @@ fn labels(replayed: &[Replayed], known: &[About], compares: bool) -> String {
             format!("\n{about}").replace('\n', "\n  ")
         };
         text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
+        // In a comparison, `faults` has stated it below the table.
         if let Some(departure) = one.departure().filter(|_| !compares) {
             text.push_str(&format!("\n{file}: {departure}"));
         }
@@ -386,6 +389,7 @@ impl ReplayTable {
         let most = if self.all { shown.len() } else { SHOWN };
         if most < shown.len() {
             // Stable, so that equal outcomes keep the order of the files.
+            // `false` sorts first, so fixed and identical replays are the last.
             shown.sort_by_key(|one| (one.outcome() == ReplayOutcome::Fixed, one.identical));
         }
         let lines = shown.iter().take(most).map(|replayed| self.line(replayed));

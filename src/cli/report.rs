@@ -76,6 +76,7 @@ fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
         junit: report.junit(),
     };
     pages.write(args, &html)?;
+    // The page is there already, and shows the starts that did not run.
     match unheeded(args, &report) {
         // Faults of this evaluation are reported with all details at the end.
         Some(failure) if args.common.faults().complaint().is_none() => Err(failure),
@@ -155,6 +156,7 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<()
     };
     make_dir(&dir)?;
     for example in &mut nominal.highlights {
+        // A kept file has no position among the starts, by which scenarios are named.
         let Some(start) = example.start else { continue };
         let name = file_stem(scenario, &nominal.row.ego, seed, start);
         match openx(scenario, &example.episode, &name, &nominal.row.ego) {

@@ -61,6 +61,7 @@ impl ReportArgs {
         if let Some(output) = &self.output {
             option("-o", vec![shown(output)]);
         }
+        // This option takes several values, and `--rows` is repeated for each.
         if !self.with.is_empty() {
             option("--with", self.with.iter().map(|run| shown(run)).collect());
         }
@@ -95,6 +96,7 @@ impl ReportArgs {
                 vec![self.common.allow_invalid.to_string()],
             );
         }
+        // Behind `--` all words belong to the program, so it comes last.
         if !self.program.is_empty() {
             words.push("--".to_owned());
             words.extend(self.program.iter().map(|word| shell_word(word)));

@@ -44,6 +44,7 @@ pub(super) fn of_crashes(args: &ReportArgs) -> Result<Exit, Failure> {
         None => "the recorded ego".to_owned(),
     };
     let page = replay_page(&replayed, &ego, MOST_EXAMPLES);
+    // The page asks whether the ego still fails, as `replay` does by default.
     let suite = kept.suite(&replayed, ReplayQuestion::StillFails);
     let usual = args.run.join("report.html");
     write(args, &usual, page, vec![suite])?;
@@ -84,6 +85,7 @@ pub(super) fn of_file(args: &ReportArgs) -> Result<Exit, Failure> {
     let text = file_text(file).map_err(|error| wrong(error.to_string()))?;
     let object: Value = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
     let usual = file.with_extension("html");
+    // Of all verbs, only `gate` prints this key.
     if object.get("gates").is_some() {
         let gates: Vec<DecidedGate> = serde_json::from_value(object["gates"].clone())
             .map_err(|error| wrong(error.to_string()))?;

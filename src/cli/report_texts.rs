@@ -27,6 +27,7 @@ impl ReportTexts {
         let junit = html.with_extension("junit.xml");
         write_output(html, self.html.as_bytes())?;
         write_output(&junit, self.junit.as_bytes())?;
+        // The paths are printed last, so that they name files that exist.
         if args.common.json {
             print_json(&json!({
                 "report": html.display().to_string(),

@@ -160,6 +160,7 @@ fn traffic(args: &RiskArgs, world: &Scenario) -> Result<RiskTraffic, Failure> {
 
 fn settings(args: &RiskArgs) -> RiskSettings {
     RiskSettings {
+        // The parser allows a billion at most, which fits into 32 bits.
         budget: args.budget as usize,
         natural: args.natural as usize,
         width: args.width,
@@ -241,6 +242,7 @@ fn show(args: &RiskArgs, report: &RiskReport) -> Result<(), Failure> {
         ..PrintedAnswer::default()
     };
     terminal::data(&answer.text(args.answer))?;
+    // On stderr, so that stdout has the answer alone.
     for ego in &report.egos {
         for Refusal { reason, fix } in ego.refusals() {
             terminal::note(&format!(

@@ -128,6 +128,7 @@ impl<'a> RunUnderTest<'a> {
         evaluated: &EvaluationTable<'_>,
         result: Option<Supplement>,
     ) -> Result<(), Failure> {
+        // The run is about its trained ado, so the others are compared with that one.
         let summary = summarise(&evaluated.egos, &AdversaryId::Trained);
         if self.test.common.json {
             let mut object = json!({

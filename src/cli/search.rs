@@ -37,12 +37,14 @@ pub(super) struct SearchArgs {
     #[arg(value_name = "WORLD|RUN")]
     world: PathBuf,
     /// Method that chooses the sequences.
+    // `--guided RUN` alone is enough to choose its method.
     #[arg(long, value_parser = method_of_the_list(), default_value = "switches",
         default_value_if("guided", ArgPredicate::IsPresent, "guided"))]
     method: MethodInfo,
     #[arg(long, value_name = "M", help = MethodOption::Switches.help(),
         value_parser = switch_count(), help_heading = TEST)]
     switches: Option<usize>,
+    // `eval` calls a limit of this kind `--tries`.
     #[arg(long, visible_alias = "tries", value_name = "SIMS", help = MethodOption::Budget.help(),
         value_parser = count(1..=u64::MAX), help_heading = TEST)]
     budget: Option<u64>,
@@ -105,6 +107,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         egos: &egos,
         run: run.as_ref(),
         method: Method::named(args.method.name, &settings)?,
+        // Every method has a usual budget of its own.
         budget: args.budget.unwrap_or(args.method.budget),
         starts: (args.starts, args.seed),
     };
@@ -134,6 +137,7 @@ fn opened(args: &SearchArgs) -> Result<Option<RunDir>, Failure> {
     // An option without effect is refused before any file is read.
     args.method.refuse_others(&given(args))?;
     args.live.admit(args.common.json)?;
+    // Shipped names and standard input are worlds, so only a directory can be a run.
     if !args.world.is_dir() {
         return Ok(None);
     }
@@ -287,6 +291,7 @@ fn in_words(even: &BreakEven) -> String {
     // A search that fell short would need more, so the ado pays off even earlier.
     let at_most = if even.matched { "" } else { "at most " };
     let from = |starts: Option<f64>| match starts {
+        // A part of a start cannot be played, so the number is rounded up.
         Some(starts) => format!("from {at_most}{:.0} starts on", starts.ceil()),
         None => "never, or unknown,".to_owned(),
     };

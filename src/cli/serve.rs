@@ -78,6 +78,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
         counted(served.decisions, "decision"),
         counted(served.errors, "message")
     ));
+    // A simulator that asks for decisions alone has no judged episodes.
     if served.episodes > 0 {
         terminal::note(&format!(
             "{}, the ego failed in {} of them, {} kept",
@@ -86,6 +87,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
             served.kept
         ));
     }
+    // A message with a mistake was answered, so the simulator decides what follows.
     Ok(Exit::Done)
 }
 

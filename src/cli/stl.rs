@@ -28,6 +28,7 @@ pub(super) struct StlArgs {
     /// lead.present (Boolean), lead.speed, ego.lead.gap, ego.lead.ttc and
     /// ego.lead.closing. `vehicle` and `lead` rename ego and lead, so that the rulebook
     /// of a world fits.
+    // A formula may begin with a minus.
     #[arg(allow_hyphen_values = true, value_name = "FORMULA|RULES.ron")]
     pub(super) formula: String,
     /// The trace: a header of signal names, one line per sample (- is stdin).
@@ -76,6 +77,7 @@ pub(super) struct StlArgs {
     #[arg(long)]
     pub(super) fail_on_counterexample: bool,
     /// Print one JSON object on stdout, or write it to a file: --json=FILE.
+    // Without the equals sign, the next word would be taken for the file.
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "-", value_parser = new_file(), help_heading = OUTPUT)]
     json: Option<PathBuf>,
 }
@@ -117,6 +119,7 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
         all: args.all.then(|| monitor.robustness_all(&trace)),
         explanation: args.explain.then(|| monitor.explain(&trace)),
     };
+    // Shown before a file is written, so that a full disk does not cost the result.
     if !args.prints_json() {
         measured.show(trace.dt_s())?;
     }
@@ -132,6 +135,7 @@ pub(super) fn run(args: &StlArgs, trace: &str) -> Result<Exit, Failure> {
 fn bound(args: &StlArgs, trace: &Trace) -> Result<Monitor, Failure> {
     let in_formula = |error: StlError| placed("formula", &args.formula, &error);
     let formula: Formula = args.formula.parse().map_err(in_formula)?;
+    // Named formulas are those of a world, and a trace has none.
     let names = Names {
         constants: constants(&args.constants)?,
         ..Names::default()
@@ -140,6 +144,7 @@ fn bound(args: &StlArgs, trace: &Trace) -> Result<Monitor, Failure> {
     let monitor = formula
         .bind_with(trace.schema(), &names, &settings)
         .map_err(in_formula)?;
+    // Asked after binding, because only sound formulas show which constants they use.
     refuse_unused(&names.constants, trace.schema().signals(), |name| {
         let mut fewer = names.clone();
         fewer.constants.shift_remove(name);

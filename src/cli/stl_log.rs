@@ -120,6 +120,7 @@ fn evaluated(args: &StlArgs) -> Result<Vec<CheckedRecording>, Failure> {
 /// Returns the rules and the name of their file, or a formula as the only rule.
 fn rule_file(args: &StlArgs) -> Result<(String, TrafficRuleFile), Failure> {
     let name = &args.formula;
+    // A formula has no ending of a file name, so the ending decides.
     let is_file = name == "motorway" || name.ends_with(".ron");
     let mut rules = if name == "motorway" {
         parsed(name, TrafficRuleFile::motorway_text())?

@@ -46,6 +46,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<Exit, Failure> {
     let live = tested.live()?;
     let bar = progress::bar(&args.test.common, "");
     let watch = tested.watch(&bar, &live, egos.len());
+    // Values are compared by their rates, so no episode has to stay in memory.
     let Some(evaluated) = tested.evaluate(&egos, false, &watch)? else {
         return interrupted_early(&args.test.common);
     };
@@ -112,6 +113,7 @@ fn safety(swept: &Swept) -> String {
     // The value with the fewest starts has the weakest bound.
     let bound = 100.0 * at_most(starts.min().unwrap_or(0));
     let safe = match (swept.safe_from, swept.safe_up_to) {
+        // The safe parts of both ends meet, so no value of the sweep fails.
         (Some(least), Some(most)) if least <= most => "no value fails".to_owned(),
         (Some(from), _) => format!("no failure from {parameter} = {from} on"),
         (None, Some(to)) => format!("no failure up to {parameter} = {to}"),
@@ -126,6 +128,7 @@ fn safety(swept: &Swept) -> String {
 /// Tells a range whose ends fail from one whose ends have no result.
 fn no_safe_end(swept: &Swept) -> String {
     let ends = [swept.points.first(), swept.points.last()];
+    // An end with all results and no failure would be safe.
     match ends.into_iter().flatten().find(|point| point.failing == 0) {
         Some(open) => format!(
             "no end of the range is known to be safe: {} = {} lacks results",

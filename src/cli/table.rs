@@ -72,6 +72,7 @@ fn in_legend(text: &str) -> String {
         let more = 1 + word.chars().count();
         if width.saturating_add(more) > stdout_columns() {
             lines.push('\n');
+            // One column less, because a blank precedes every word.
             lines.push_str(&" ".repeat(LEGEND_INDENT - 1));
             width = LEGEND_INDENT - 1;
         }
@@ -337,6 +338,7 @@ fn uncounted(rows: &[Row]) -> String {
 
 /// Formats upper bounds of rates without a success, per number of starts.
 fn bounds(rows: &[Row]) -> String {
+    // `all` asks nothing of an empty list, so the index is safe.
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let mut by_starts: Vec<(usize, f64, Vec<String>)> = Vec::new();
     for row in rows {
@@ -460,6 +462,7 @@ mod tests {
             "fails from at least 19 of 100 starts against the search",
             "┆ at least 19/100 ┆",
             "partial: nominal, search: 20 of 100 starts decided.",
+            // The 80 open starts may all succeed.
             "at least 19 succeed, at most 99",
         ];
         for says in says {
@@ -484,6 +487,7 @@ mod tests {
         });
         let says = text(std::slice::from_ref(&row));
         for part in [
+            // 222 of 278 successes are 79.9 %.
             "300 starts against the trained ado: 0.0 % [0.0, 100.0]; contact: 80 %",
             "┆    80 % ┆",
             "┆     0/220/2 ┆",

@@ -119,6 +119,7 @@ pub(super) fn stop() -> &'static AtomicBool {
 
 /// Returns whether Ctrl-C was pressed.
 pub(super) fn stopped() -> bool {
+    // The flag guards no other data, so no ordering is needed.
     STOP.load(Ordering::Relaxed)
 }
 
@@ -148,6 +149,7 @@ pub(super) fn listen_for_interrupts() {
         }
         // A program that hangs would delay the end by its timeout.
         stop_waiting();
+        // A user who pressed Ctrl-C waits for a sign, in spite of `--quiet`.
         let _ = writeln!(io::stderr(), "\nstopping and saving (again to end at once)");
     });
 }

@@ -109,6 +109,7 @@ fn nearby_starts(checked: &Theorem1) -> String {
          \ntrained        the same by the trained ado, played: a result, not a promise\
          \nprinted bound  g(ρ') ≥ g(τ) − δ/γ^T, which needs one T for all starts",
     );
+    // Outcomes are sentences with reasons, for which a cell has no room.
     for row in &checked.rows {
         let outcome = word(&row.outcome_of_learned);
         text.push_str(&format!("\nδ = {}, the trained ado: {outcome}", row.delta));
@@ -176,6 +177,7 @@ fn bisimilar(all: &[Theorem3]) -> String {
             format!("{} of {}", row.related_starts, row.starts),
             row.least_epsilon.map_or("–".to_owned(), number),
             format!("{}: {}", row.inside.pairs, shares(&row.inside)),
+            // Pairs outside of the relation are a comparison: nothing is promised there.
             format!("{}: {}", row.outside.pairs, shares(&row.outside)),
         ]
     });

@@ -73,6 +73,7 @@ impl TrafficArgs {
     /// # Errors
     /// The model cannot be read, or no ado of the world drives a vehicle.
     pub(super) fn declared(&self, world: Scenario) -> Result<Scenario, Failure> {
+        // Without an option, the world keeps the traffic of its file.
         if self.traffic.is_none() && self.natural.is_empty() {
             return Ok(world);
         }

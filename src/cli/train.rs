@@ -108,6 +108,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = load_world(&args.world, &args.common)?;
     args.traffic.one_rate("train")?;
     let laws = args.traffic.laws(&world)?;
+    // A file of laws is no model of drivers, so it must not be read as one.
     let world = match &laws {
         Some(_) => world,
         None => args.traffic.limited(world)?,
@@ -238,6 +239,7 @@ fn request<'a>(
         plant: plant_in(world, args.plant).filter(|_| !is_stale),
         from,
         bank: &args.bank,
+        // Only the training of a single ado takes laws, and `session` adds them.
         traffic: None,
         temperature: args.temperature,
         prior: args.prior,

@@ -18,6 +18,7 @@ const MOST_DIFFERENCES: usize = 5;
 pub(super) fn training_command(run: &RunDir) -> Vec<String> {
     let manifest = run.manifest();
     let file = run.path().join("world.ron");
+    // A world file that cannot be read is one of the differences listed below.
     let world = Scenario::load(&file).ok();
     let request = request(run);
     let limit = limit(run, world.as_ref());
@@ -25,6 +26,7 @@ pub(super) fn training_command(run: &RunDir) -> Vec<String> {
     let mut command = format!(
         "brakecheck train {} -o {} --seed {}",
         shell_word(&shown(&file)),
+        // `train` refuses a directory that has a run, so this is another one.
         shell_word(&format!("runs/{}-again", manifest.world)),
         manifest.seed
     );
@@ -58,6 +60,7 @@ pub(super) fn training_command(run: &RunDir) -> Vec<String> {
         add("--goal", &goal.to_string());
     }
     if let Some(limit) = limit {
+        // A model from a file is listed below, because its path is not known.
         if is_shipped(limit) {
             add("--traffic", "motorway");
         }
@@ -206,6 +209,7 @@ fn lacks(run: &RunDir, world: Option<&Scenario>) -> Vec<String> {
         ));
     }
     if let Some(ego) = &manifest.ego {
+        // A change under `reuse` is in the world of the run, so its name is enough.
         let is_listed = world.is_some_and(|it| it.reuse.get(&ego.name) == Some(&ego.change));
         if ego.is_own() {
             lacks.push(format!(

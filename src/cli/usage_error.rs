@@ -16,6 +16,7 @@ pub(super) fn failure(error: &clap::Error, command: &Command, arguments: &[OsStr
     let text = error.render().to_string();
     let mut parts = text.split("\n\n");
     let first = parts.next().unwrap_or_default();
+    // A failure is drawn with a mark of its own, so the word of clap is dropped.
     let mut what = first
         .strip_prefix("error: ")
         .unwrap_or(first)
@@ -92,6 +93,7 @@ fn path_of<'a>(command: &'a Command, arguments: &[OsString]) -> Vec<&'a Command>
 /// Returns the name of the argument that an error is about, as it was typed.
 fn argument_of(error: &clap::Error) -> Option<&str> {
     match error.get(ContextKind::InvalidArg)? {
+        // clap adds the value to the name, as in `--jobs <N>`.
         ContextValue::String(name) => name.split([' ', '=']).next(),
         _ => None,
     }
@@ -133,6 +135,7 @@ fn verb_first(error: &clap::Error, program: &str) -> Option<String> {
     let ContextValue::String(word) = error.get(ContextKind::InvalidSubcommand)? else {
         return None;
     };
+    // A shipped name or a file shows that the verb was forgotten, and not misspelled.
     let is_input = Scenario::shipped_text(word).is_some() || Path::new(word).exists();
     is_input.then(|| format!("the verb comes first, as in `{program} check {word}`"))
 }
@@ -149,6 +152,7 @@ fn with_dashes(error: &clap::Error, command: &Command, arguments: &[OsString]) -
     let words: Vec<String> = words.collect();
     let at = words.iter().position(|it| it == word)?;
     let (before, program) = words.split_at(at);
+    // The name from the help replaces the path that was typed.
     let name = command.get_name().to_owned();
     let before = before.iter().skip(1).cloned();
     let typed: Vec<String> = std::iter::once(name).chain(before).collect();
@@ -198,6 +202,7 @@ fn variable_of(error: &clap::Error, command: &Command, arguments: &[OsString]) -
     if is_typed {
         return None;
     }
+    // One level is enough, because verbs below verbs share these options with others.
     let verbs = std::iter::once(command).chain(command.get_subcommands());
     let mut all = verbs.flat_map(|verb| verb.get_arguments());
     let argument = all.find(|it| it.get_long() == Some(long.as_str()) && it.get_env().is_some())?;

@@ -108,6 +108,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
         return Err(Failure::fault(message, None));
     }
     match args.output.as_deref().zip(format) {
+        // Output and stream exclude each other, so the order of the arms decides nothing.
         _ if args.live.is_given() => stream(args, &replayed),
         Some((output, format)) => draw(args, first, &ego, output, format),
         None => recording(args, first),

@@ -82,6 +82,7 @@ fn list(args: &WorldsArgs) -> Result<Exit, Failure> {
     let mut worlds = Vec::new();
     for name in names() {
         let Some(world) = Scenario::shipped(name).transpose()? else {
+            // Invariant: the names are those of the lists that are searched.
             continue;
         };
         worlds.push(ShippedWorld {
@@ -98,9 +99,11 @@ fn list(args: &WorldsArgs) -> Result<Exit, Failure> {
         print_json(&json!({ "worlds": worlds }))?;
         return Ok(Exit::Done);
     }
+    // Names are ASCII, so bytes are columns.
     let width = worlds.iter().map(|it| it.name.len()).max().unwrap_or(0);
     let lines: Vec<String> = worlds.iter().map(|it| line(it, width)).collect();
     terminal::data(&lines.join("\n"))?;
+    // On stderr, so that stdout has the list alone.
     terminal::note(
         "`brakecheck worlds NAME` prints a world, `-o FILE.ron` copies it, `brakecheck check NAME` \
          explains it",
@@ -110,6 +113,7 @@ fn list(args: &WorldsArgs) -> Result<Exit, Failure> {
 
 /// Formats one line, cut where the terminal ends.
 fn line(world: &ShippedWorld, width: usize) -> String {
+    // `points` is the longest kind, with six letters.
     let whole = format!(
         "{:<width$}  {:<6}  {}",
         world.name, world.kind, world.question
@@ -138,6 +142,7 @@ fn kind(world: &Scenario) -> &'static str {
 
 /// Copies a world and the road files that it names. No file is overwritten.
 fn copy(args: &WorldsArgs, name: &str, text: &str, file: &Path) -> Result<(), Failure> {
+    // As in `cp`, a directory is where the file goes, under the name of the world.
     let is_directory = file.is_dir();
     let file = if is_directory {
         // Names of protocol worlds have a folder, as in `ncap/cpna`.

@@ -57,6 +57,7 @@ fn origin(origin: &OriginFile) -> Value {
 fn drive(world: &World) -> Option<&DriveSpec> {
     match world {
         World::Drive(world) => Some(world.spec()),
+        // A grid has no agents with bodies that a simulator could move.
         World::Grid(_) => None,
     }
 }

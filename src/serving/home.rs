@@ -67,7 +67,9 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
         &mut here.bench(),
         &there.start,
         there.noise,
+        // The last action is held, because the tracking ego may meet the ado later.
         &mut Replay::holding(&there.actions),
+        // To the contact, which a kept file needs for its severity.
         Aftermath::Play,
     );
     let off_m = motion.off_m(&episode);
@@ -75,6 +77,7 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
         let verdict = episode.verdict.word();
         return Err(NotKept::Differs { verdict, off_m });
     }
+    // The ego is in no file, so there is no change that leads to it.
     let change = Change::default();
     let kept = Counterexample {
         // Persistence and cause ask an ego, and the real one is in the other simulator.
@@ -88,6 +91,7 @@ pub(super) fn keep(world: &Scenario, live: &LiveEpisode, dir: &Path) -> Result<K
     if live.test_start.is_none() {
         // Two starts of the simulator would otherwise overwrite each other's file.
         let digest = crate::content_hash::fingerprint(&json!(episode.start.0));
+        // Eight digits tell the starts in a directory apart, and keep names short.
         stem = format!("{stem}-{}", &digest[..8]);
     }
     let file = kept.save_as(dir, &stem, &episode.trace)?;
@@ -133,7 +137,10 @@ impl EgoMotion {
         let contact_s = episode.contact.as_ref().map(|it| it.time_s);
         let cut = contact_s.map_or(1.0, |it| it / step_s - last as f64 + 1.0);
         let samples = (0..=(last as f64 / steps - ROUNDING).ceil() as usize).map(|i| {
+            // The last step of the world may reach beyond the record.
             let at = (i as f64 * steps).min(last as f64);
+            // A product of decimals may lie just below a whole number, and `floor` alone
+            // would then take the sample before.
             let before = (at + ROUNDING).floor() as usize;
             let after = (before + 1).min(last);
             let length = if after == last {
@@ -141,6 +148,7 @@ impl EgoMotion {
             } else {
                 1.0
             };
+            // With its rounding, `before` may lie a little behind `at`.
             let share = (at - before as f64).max(0.0) / length;
             let mixed = |column: &[f64]| column[before] + share * (column[after] - column[before]);
             // Headings jump at ±π, where a plain mean would point backwards.
@@ -237,6 +245,7 @@ impl Controller for MotionTracker {
         } else {
             0.0
         };
+        // The inverse of a slow actuator asks for far more than a car can do.
         let accel_mps2 = ((wish_mps2 - self.arriving_mps2 * decay) / (1.0 - decay))
             .clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2);
         // A percept has no command that is on its way, so the lag is computed here, too.

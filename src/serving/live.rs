@@ -81,6 +81,7 @@ fn possible(before: &BodyState, after: &BodyState, sample_s: f64) -> Result<(), 
     let off_m = libm::hypot(moved_m[0] - said_m[0], moved_m[1] - said_m[1]);
     let [first_m, second_m] = ways_m.map(|way_m| libm::hypot(way_m[0], way_m[1]));
     let longest_m = first_m.max(second_m);
+    // A speed in another unit also gives a wrong way, so the speed is checked first.
     if MOST_MPS * sample_s < longest_m {
         let mps = longest_m / sample_s;
         return Err(format!(
@@ -151,6 +152,7 @@ impl ResetRequest {
 /// Returns the start with a value for every axis.
 fn start_of(world: &Scenario, values: &IndexMap<String, f64>) -> Result<Start, String> {
     let axes = world.axes();
+    // A misspelled axis would otherwise be reported as a missing one.
     if let Some(name) = values
         .keys()
         .find(|name| !axes.iter().any(|axis| axis.name == **name))
@@ -208,6 +210,7 @@ impl LiveEpisode {
             actions: Vec::new(),
             value: None,
             agents: spec.agents.iter().map(|it| it.name.clone()).collect(),
+            // Invariant: a driving world has exactly one ego.
             ego: spec.agents.iter().position(is_ego).unwrap_or(0),
         };
         // The first action belongs to the start, so the answer to `reset` has it already.
@@ -237,6 +240,7 @@ impl LiveEpisode {
 
     /// Lets the ados decide, if they do so at this sample.
     fn decide(&mut self) {
+        // A decision after the end would be an action too many in a kept file.
         if self.bench.is_done() || !self.bench.is_decision_due() {
             return;
         }
@@ -278,6 +282,7 @@ impl LiveEpisode {
             let state = given.state((given.speed_mps - last.speed_mps) / sample_s);
             states[agent] = Some(state);
         }
+        // All others can be moved here, but this ego exists in the other simulator only.
         if states[self.ego].is_none() {
             let name = &self.agents[self.ego];
             return Err(format!("`sample`: missing state of the ego `{name}`"));
@@ -312,6 +317,7 @@ impl LiveEpisode {
                 });
                 (name.clone(), state)
             });
+        // The trace begins with the start, at time 0.
         let samples = self.bench.trace().len().saturating_sub(1);
         let mut answer = Map::new();
         let mut add = |key: &str, value: Value| answer.insert(key.to_owned(), value);
@@ -373,6 +379,7 @@ impl LiveEpisode {
     /// Returns whether the episode is over and the ego failed with all rules kept.
     pub(super) fn is_counterexample(&self) -> bool {
         let failed = self.bench.verdict().is_some_and(|it| it.is_success());
+        // An ego fails before its aftermath ends, and a kept file has all of it.
         failed && self.bench.is_done()
     }
 

@@ -211,9 +211,11 @@ impl ServedAdo {
                 let _ = write_line(answers, &json!({ "error": why }));
                 ServeError::NoMessage { line, why }
             };
+            // One byte more shows that the limit is exceeded.
             match requests.by_ref().take(LONGEST + 1).read_line(&mut text) {
                 Ok(0) => break,
                 Ok(_) => {}
+                // `read_line` reports bytes that are not UTF-8 in this way.
                 Err(error) if error.kind() == io::ErrorKind::InvalidData => {
                     return Err(refuse("it is not UTF-8".to_owned()));
                 }
@@ -293,6 +295,7 @@ impl ServedAdo {
         self.live = None;
         let request = ResetRequest::parse(request)?;
         let Some(live) = LiveEpisode::begin(&self.world, &request, &self.player)? else {
+            // Without a start nothing is judged, and the simulator asks by `decide`.
             return Ok(json!({ "ready": true }));
         };
         let mut answer = live.beginning(&self.world);
@@ -308,6 +311,7 @@ impl ServedAdo {
         };
         live.sample(request)?;
         let mut answer = live.answer(&self.world);
+        // A sample after the end is an error, so every episode is kept once at most.
         if let Some(dir) = self.keep.as_ref().filter(|_| live.is_counterexample()) {
             match home::keep(&self.world, live, dir) {
                 Ok(kept) => {
@@ -402,6 +406,7 @@ impl Served {
 /// Returns the value of a signal, given as a number or a truth value.
 fn number(name: &str, value: &Value) -> Result<f64, String> {
     let value = match value {
+        // Formulas read truth values as 0 and 1.
         Value::Bool(holds) => Some(f64::from(u8::from(*holds))),
         value => value.as_f64(),
     };
@@ -420,6 +425,7 @@ pub fn actions_of(world: &World, mut action: usize) -> Value {
     };
     let mut ados = Map::new();
     for (name, actions, _) in drive.spec().action_sets() {
+        // The first ado is the lowest digit, as in `with_actions`.
         let own = action % actions.len();
         action /= actions.len();
         ados.insert(name.to_owned(), in_numbers(actions, own));

@@ -27,6 +27,7 @@ impl ServedPlayer {
         player: AdoPlayer,
     ) -> Result<Option<ServedPlayer>, EgoError> {
         Ok(Some(match player {
+            // A policy needs its run, which a world alone does not name.
             AdoPlayer::Trained => return Ok(None),
             AdoPlayer::Neutral => ServedPlayer::Neutral,
             AdoPlayer::Random => ServedPlayer::Random,
@@ -80,11 +81,15 @@ impl ServedPlayer {
             ServedPlayer::Neutral => JointActions::neutral(spaces),
             ServedPlayer::Random => JointActions::random(spaces),
             ServedPlayer::Search(ego) => {
+                // The ego of the other simulator cannot be played ahead, so the world's
+                // own is searched.
                 let sequence = JointActions::searched(ego, start, noise);
                 found = Some(sequence.is_some());
                 sequence.unwrap_or_else(|| JointActions::neutral(spaces))
             }
         };
+        // Random and drawn actions take their numbers from the noise of the episode, as
+        // they do in an evaluation.
         actions.begin(noise, start);
         (actions, found)
     }

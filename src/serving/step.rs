@@ -18,6 +18,7 @@ const ROUNDING: f64 = 1e-6;
 /// The step does not fit the world, with the reason.
 pub(super) fn stepped(world: &Scenario, step_s: f64) -> Result<Scenario, String> {
     let Some(drive) = world.drive() else {
+        // Grids are refused before their step is of interest.
         return Ok(world.clone());
     };
     let clock = drive.spec().clock;
@@ -28,6 +29,7 @@ pub(super) fn stepped(world: &Scenario, step_s: f64) -> Result<Scenario, String>
     check(step_s, &clock)?;
     let physics_s = clock.sample_s / f64::from(clock.substeps);
     // Rounded up, so that no physics step is longer than the world's.
+    // A rounding error alone must not add a step.
     let substeps = (step_s / physics_s - ROUNDING).ceil().max(1.0) as u32;
     drive.sampled_every(step_s, substeps).ok_or_else(|| {
         let sample_s = clock.sample_s;
@@ -70,6 +72,7 @@ fn check(step_s: f64, clock: &Clock) -> Result<(), String> {
             // The longest that is a plain decimal number, where there is one.
             let is_plain = |part_s: &f64| (part_s * 1e4 - (part_s * 1e4).round()).abs() < ROUNDING;
             let part_s = parts.clone().find(is_plain).or(parts.clone().next());
+            // Rounding to nanoseconds removes binary noise.
             let fits_s = part_s.map_or(time_s, |part_s| (part_s * 1e9).round() / 1e9);
             return Err(format!(
                 "`step_s` = {step_s} is no part of {time_s} s, the {what}: give {time_s} / n, \
@@ -110,6 +113,7 @@ mod tests {
     fn physics_is_never_coarser_and_decisions_keep_their_times() {
         let world = acc();
         let own = *world.world().clock();
+        // The world has physics steps of 0.0125 s.
         for (step_s, substeps) in [(0.05, 4), (0.01, 1), (0.1, 8), (0.5, 40), (0.02, 2)] {
             let clock = *stepped(&world, step_s).expect("fits").world().clock();
             assert_eq!((clock.sample_s, clock.substeps), (step_s, substeps));

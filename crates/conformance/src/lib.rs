@@ -20,6 +20,7 @@
 
 pub mod conformance;
 
+// With these names, paths such as `crate::ego` read as in the main crate.
 use brakecheck_ego::ego;
 use brakecheck_rl::rl;
 use brakecheck_scene::scene;

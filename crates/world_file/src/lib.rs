@@ -20,6 +20,7 @@
 
 pub mod world_file;
 
+// With these names, paths such as `crate::ego` read as in the main crate.
 use brakecheck_ego::ego;
 use brakecheck_files::ron_file;
 use brakecheck_rl::rl;

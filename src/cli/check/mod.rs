@@ -79,6 +79,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
             let (scenario, named) = checked(args, world_input::read(world).world)?;
             show(args, world, &scenario, &named)?
         }
+        // Without a world, the parser has required a program, which is tried below.
         None => Exit::Done,
     };
     if args.program.is_empty() {
@@ -118,6 +119,7 @@ fn checked(
         }
         return Err(error.into());
     }
+    // Programs start last, because a world with a mistake is not worth their trial.
     let named = programs::tried(&scenario, args.allow_programs);
     Ok((scenario, named))
 }
@@ -163,6 +165,7 @@ fn listed(name: &str, items: &[String]) -> String {
         let width = |text: &str| text.chars().count();
         // Two more columns are for the blank before an item and the comma behind it.
         let full = |line: &String| width(line) + width(item) + 2 > stdout_columns();
+        // The first item stays behind the name, even if it is too long for the line.
         if i > 0 && lines.last().is_some_and(full) {
             lines.push(" ".repeat(14));
         }
@@ -186,6 +189,7 @@ fn warnings(scenario: &Scenario) -> serde_json::Value {
 /// Returns whether a world was read to its end, in spite of its mistakes.
 fn is_whole(error: &LoadError) -> bool {
     match error {
+        // An unreadable file has one problem, and no later one can follow.
         LoadError::Io { .. } => true,
         LoadError::Scenario(error) => Scenario::is_readable(&error.text),
     }

@@ -116,6 +116,7 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
         terminal::note("playing episodes with the program: a minute, if an answer takes it 10 ms");
     }
     let done = exercise(&process);
+    // All findings are printed first: those that passed show how far it gets.
     if as_json {
         print_json(&json!({
             "ok": done.passed(),

@@ -56,6 +56,7 @@ impl SignalPatterns {
 
 /// Returns the names of the signals, with `A` and `B` for any agents.
 pub(super) fn names(scenario: &Scenario) -> Vec<String> {
+    // Few is 0 here, so every world is listed by pattern, which keeps the list short.
     let patterns = SignalPatterns::of(scenario, 0).lines.into_keys();
     let mut names: Vec<String> = patterns.map(|(name, ..)| name).collect();
     // Patterns with the same name and another unit or meaning are neighbours.
@@ -97,6 +98,7 @@ fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
     let parts: Vec<&str> = name.split('.').collect();
     let leading = parts.iter().take_while(|part| agents.contains(part));
     // The last part is the quantity.
+    // A signal belongs to two agents at most, and there are two letters.
     let owners = leading.count().min(2).min(parts.len() - 1);
     let letters = ["A", "B"];
     let renamed = |word: &str| {

@@ -22,6 +22,7 @@ pub(super) fn run(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
              `brakecheck new mine`",
         ));
     }
+    // Watched before the first reading, so that a save during it is seen.
     let mut watched = WatchedFiles::new([world.to_owned()]);
     while !terminal::stopped() {
         let ReadWorld { world: read, files } = world_input::read(world);
@@ -29,6 +30,7 @@ pub(super) fn run(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         // reading.
         watched.follow(files);
         if !args.json {
+            // Verdicts of several saves follow each other, and times tell them apart.
             terminal::data(&time_of_day(SystemTime::now()))?;
         }
         let checked = super::checked(args, read);
@@ -60,6 +62,7 @@ mod tests {
 
     #[test]
     fn a_time_of_day_has_hours_minutes_and_seconds() {
+        // 43,384 s are 12 h, 3 min and 4 s.
         let noon = UNIX_EPOCH + Duration::from_secs(86_400 * 20_000 + 43_384);
         assert_eq!(time_of_day(noon), "12:03:04 UTC");
     }

@@ -144,6 +144,7 @@ impl From<&RunError> for Failure {
         let help = error.help();
         match error {
             RunError::World(world) => Failure::from(&**world),
+            // Listed one by one, so that a new error must choose its exit code here.
             RunError::NotARun { .. }
             | RunError::Population { .. }
             | RunError::Exists { .. }
@@ -173,6 +174,7 @@ impl From<DriveError> for Failure {
         match error {
             DriveError::Ego(error) => Failure::from(&error),
             DriveError::Kept(error) => Failure::from(&error),
+            // A socket and the system's random numbers are no mistake of the user.
             DriveError::Server { .. } | DriveError::Random(_) => {
                 Failure::fault(error.to_string(), help)
             }
@@ -326,6 +328,7 @@ impl From<Vec<NotExported>> for Failure {
             .iter()
             .zip(cures)
             .map(|(one, (_, help))| Note::new(&one.to_string(), Some(help)));
+        // No caller refuses an empty list, so the default is never taken.
         Failure::of(exit.unwrap_or(Exit::Input), notes.collect())
     }
 }
@@ -349,6 +352,7 @@ fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
             Exit::Input,
             "name counterexamples of worlds without `banks` and `wind`; `brakecheck view` shows this one",
         ),
+        // Text in memory can always be written, so the program itself is wrong.
         ExportRefusal::OpenX(OpenXError::Xml(_)) => (Exit::Fault, "please report it"),
         ExportRefusal::Differs { .. } => (
             Exit::NotIdentical,

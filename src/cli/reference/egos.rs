@@ -16,6 +16,7 @@ The end of a name has the unit of a parameter. Decelerations are positive.";
     let schema = world_file::schema();
     let tables = names(&schema).into_iter().map(|(name, about)| {
         let fields = shapes::rows(shapes::named(&schema, &name));
+        // Types are left out, because the end of a name states the unit of a number.
         let rows = fields
             .into_iter()
             .map(|[name, _, default, meaning]| vec![name, default, meaning]);

@@ -40,6 +40,7 @@ const STARTS: [[&str; 2]; 8] = [
 
 /// Returns the tables of `--on` and of starts.
 pub(super) fn tables() -> [ReferenceTable; 2] {
+    // The list is the one that reads the option, so no reason can be missing.
     let reasons = GateOn::VARIANTS.iter().map(|on| {
         let name = format!("`{}`", <&str>::from(on));
         vec![name, closes_on(*on).to_owned()]

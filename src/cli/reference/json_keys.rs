@@ -17,6 +17,7 @@ A name with the suffix `_s`, `_m`, `_mps`, `_mps2` or `_rad` has this SI unit. \
 Shares and rates are 0 to 1, and intervals are pairs of a lower and an upper bound. \
 Optional keys are absent or `null` if they do not apply. \
 Infinite robustness is the text `inf` or `-inf`.";
+    // The text begins with a heading, so its first part is empty and has no line.
     let sections = KEYS.split("# ").filter_map(|it| it.split_once('\n'));
     let tables = sections.map(|(verbs, lines)| {
         let verbs: Vec<String> = verbs.split(", ").map(|it| format!("`{it}`")).collect();

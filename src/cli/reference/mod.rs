@@ -64,6 +64,7 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<Exit, Failure> {
     if args.json {
         print_json(&page.to_json())?;
     } else {
+        // The last line feed is added by the printing.
         terminal::data(page.to_markdown().trim_end())?;
     }
     Ok(Exit::Done)

@@ -55,6 +55,7 @@ impl ReferenceTable {
     }
 
     fn to_json(&self) -> Value {
+        // The columns are the keys, so a script needs no list of them.
         let object = |row: &Vec<String>| -> Map<String, Value> {
             let cells = self.columns.iter().zip(row);
             cells

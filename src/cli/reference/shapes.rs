@@ -30,6 +30,7 @@ pub(super) fn rows(shape: &Value) -> Vec<ShapeRow> {
             let words = words.iter().filter_map(Value::as_str);
             rows.extend(words.map(|it| row(code(it), String::new(), String::new())));
         } else {
+            // A form without a name, such as a short spelling, is known by its type.
             rows.push(row(String::new(), type_of(form), about));
         }
     }
@@ -61,6 +62,7 @@ fn fields(shape: &Value, before: &str) -> Vec<ShapeRow> {
     let rows = first.into_iter().chain(rest).map(|(name, field)| {
         let (meaning, stated) = meaning(field);
         let default = match (field.get("default"), stated) {
+            // The stated default is in words, which say more than a value.
             (_, Some(stated)) => stated,
             (Some(value), None) => code(&ron(value)),
             (None, None) if is_required(name) => "required".to_owned(),
@@ -85,6 +87,7 @@ fn variant(form: &Value) -> Option<(&str, Option<&Value>)> {
     if let Some(name) = form.get("const").and_then(Value::as_str) {
         return Some((name, None));
     }
+    // In the schema, a variant with content is an object with its name as the only key.
     let mut properties = form.get("properties")?.as_object()?.iter();
     let (name, content) = properties.next()?;
     name.starts_with(char::is_uppercase)
@@ -134,6 +137,7 @@ fn type_of(node: &Value) -> String {
         "boolean" => "true or false".to_owned(),
         "array" => list_of(node),
         "object" => match node.get("additionalProperties") {
+            // A struct has `false` here, and only a map has the shape of its values.
             Some(inner) if inner.is_object() => format!("map of {}", type_of(inner)),
             _ => String::new(),
         },
@@ -144,6 +148,7 @@ fn type_of(node: &Value) -> String {
 fn list_of(node: &Value) -> String {
     let elements = node.get("prefixItems").and_then(Value::as_array);
     match (elements, node.get("items")) {
+        // A tuple has a shape per position, and a list has one for all values.
         (Some(all), _) => {
             let all: Vec<String> = all.iter().map(type_of).collect();
             format!("({})", all.join(", "))

@@ -59,6 +59,7 @@ fn leaves<'a>(command: &'a Command, before: &str) -> Vec<(String, &'a Command)> 
     let shown = command.get_subcommands().filter(|verb| !verb.is_hide_set());
     let below = shown.flat_map(|verb| {
         let name = format!("{before}{}", verb.get_name());
+        // A verb with verbs below it cannot be run by itself.
         if verb.has_subcommands() {
             leaves(verb, &format!("{name} "))
         } else {
@@ -121,6 +122,7 @@ fn names(argument: &Arg) -> String {
 fn effect(argument: &Arg) -> String {
     let styled = argument.get_long_help().or(argument.get_help());
     let help = styled.map(ToString::to_string).unwrap_or_default();
+    // A cell of a table has one line, so paragraphs become sentences.
     let paragraphs = help.split("\n\n").map(|it| {
         let line = it.split_whitespace().collect::<Vec<_>>().join(" ");
         line.trim_end_matches('.').to_owned()

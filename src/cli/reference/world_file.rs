@@ -22,6 +22,7 @@ The type of a field names another table. `brakecheck reference egos` has those o
     let schema = world_file::schema();
     let egos = egos::names(&schema);
     let all = schema.get("$defs").and_then(Value::as_object);
+    // Stock egos have a page of their own.
     let others = all.into_iter().flat_map(|all| all.keys()).filter(|name| {
         !FIRST.contains(&name.as_str()) && !egos.iter().any(|(ego, _)| ego == *name)
     });

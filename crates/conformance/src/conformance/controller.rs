@@ -22,6 +22,7 @@ pub fn check_controller(
 ) -> Result<(), Nonconformities> {
     examine(|| {
         let mut controller = make();
+        // The trait promises a briefing before the first episode.
         controller.brief(&Briefing {
             sample_s: SAMPLE_S,
             lag_s: 0.1,
@@ -58,6 +59,7 @@ impl Driven {
             }
             _ => None,
         };
+        // `fault` reports the failure, and zeros let the comparison of runs go on.
         let command = answer.unwrap_or_default();
         vec![command.accel_mps2, command.lateral_mps]
     }
@@ -106,6 +108,7 @@ fn percept(episode: u64, step: usize) -> Percept {
         headway_m,
         lateral_m,
         speed_mps,
+        // The marking between lanes of 3.5 m is at 1.75 m, so 2 m is in the left lane.
         lane: usize::from(lateral_m > 2.0),
         x_m: headway_m,
         y_m: lateral_m,
@@ -134,6 +137,8 @@ fn percept(episode: u64, step: usize) -> Percept {
             width_m: 1.8,
             ..Own::default()
         },
+        // The second episode has other agents, because a memory of equal ones would
+        // change no command.
         others: match episode {
             0 => vec![ahead, beside],
             _ => vec![beside, crossing],
@@ -141,6 +146,7 @@ fn percept(episode: u64, step: usize) -> Percept {
         lights: vec![SeenLight {
             name: "light".to_owned(),
             line_m: 90.0 - 15.0 * time_s,
+            // Each phase has a third of the 120 samples, so all of them occur.
             phase: [Phase::Green, Phase::Yellow, Phase::Red][step / 40 % 3],
             phase_s: (step % 40) as f64 * SAMPLE_S,
         }],

@@ -70,6 +70,7 @@ impl Subject for Stepped {
         let mut obs = vec![f32::NAN; self.spaces.observation];
         self.env.reset(episode, &mut obs);
         let obs = obs.iter().map(|value| f64::from(*value));
+        // A reset has no reward and no end, but all rows have the same columns.
         obs.chain([0.0, 0.0]).collect()
     }
 
@@ -82,6 +83,7 @@ impl Subject for Stepped {
         let action = action(episode, step, self.spaces.actions);
         let taken = self.env.step(action, &mut obs);
         self.over = taken.end.is_some();
+        // An episode that ends at the last allowed step is not endless.
         self.endless = !self.over && step >= MOST_STEPS;
         // Encoded as a number, so that rows compare ends as well.
         let end = match taken.end {
@@ -95,6 +97,7 @@ impl Subject for Stepped {
     }
 
     fn flaw(&self, at: usize, value: f64) -> Option<String> {
+        // No bound holds for the reward and the code of the end, which follow.
         unscaled(value).filter(|_| at < self.spaces.observation)
     }
 

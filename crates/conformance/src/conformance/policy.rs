@@ -28,6 +28,7 @@ impl PolicyCheck<'_> {
     fn answer(&self, episode: u64, step: usize) -> StepNumbers {
         // Derived from episode and step alone, so the order of calls has no
         // effect.
+        // An episode has fewer than 1000 steps, so no two steps share a seed.
         let mut dice = LearnerRng::new(1000 * episode + step as u64);
         // The middle, the usual range, and values far outside of it.
         let wide = [0.0, 1.0, 1.0, 1.0, 50.0][step % 5];
@@ -59,6 +60,7 @@ impl Subject for PolicyCheck<'_> {
 
     fn flaw(&self, at: usize, value: f64) -> Option<String> {
         let actions = self.spaces.actions;
+        // The action is a `usize`, so only its upper end can be violated.
         let none = at == 0 && actions as f64 <= value;
         none.then(|| format!("is {value}, and there are {actions}"))
     }

@@ -68,6 +68,7 @@ fn whole<S: Subject>(subject: &mut S, episode: u64) -> Vec<StepNumbers> {
 /// `make` must return unused subjects that are equal in every respect.
 pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Nonconformities> {
     let mut found = Findings {
+        // A subject of its own, so that those that are played stay unused.
         names: make().names(),
         list: Vec::new(),
     };
@@ -91,6 +92,8 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     }
 
     let mut veteran = make();
+    // The first run of episode 0 is on an unused subject, which tests no reset. Both
+    // episodes are therefore played twice.
     for (episode, expected) in episodes().chain(episodes()) {
         let again = whole(&mut veteran, episode);
         found.same(Promise::PureReset, (episode, 0), &again, expected);
@@ -102,11 +105,13 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     for (episode, expected) in episodes() {
         // Step 0 tests a copy right after a reset, and step 7 a copy with
         // history.
+        // At least one step must be left, or there would be nothing to compare.
         for at in FORKS_AT.into_iter().filter(|at| at + 1 < expected.len()) {
             let mut original = make();
             original.begin(episode);
             (1..=at).for_each(|step| drop(original.step(episode, step)));
             let (Some(mut copy), Some(mut other)) = (original.fork(), original.fork()) else {
+                // Copies are optional, so a subject without them breaks no promise.
                 continue;
             };
             // Copies are played first, so that shared state would change the original.
@@ -126,6 +131,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
             .chain(0..EPISODES)
             .map(|episode| scope.spawn(move || play(episode)))
             .collect();
+        // A thread that panics gives no row, which then differs from the reference.
         let rows = threads
             .into_iter()
             .map(|one| one.join().unwrap_or_default());
@@ -201,6 +207,7 @@ impl Findings {
         expected: &[StepNumbers],
     ) {
         let (episode, first) = from;
+        // Lengths come last, because a number that differs names its signal.
         for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
             let pairs = found.iter().zip(expected);
             // Bits and not values: NaN equals itself, and 0 differs from −0.

@@ -129,6 +129,7 @@ impl Subject for PlayedScene {
         Some(PlayedScene {
             scene: self.scene.fork()?,
             over: self.over,
+            // A fault belongs to the step that the original took.
             fault: None,
         })
     }

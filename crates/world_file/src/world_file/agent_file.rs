@@ -117,6 +117,7 @@ fn pedestrian() -> String {
     "pedestrian".to_owned()
 }
 
+// Serde passes a reference to the field itself, which rules out `&str`.
 fn is_pedestrian(body: &String) -> bool {
     *body == pedestrian()
 }
@@ -273,6 +274,7 @@ pub struct WeatherStartFile {
 /// World's own road, laid by an ado ahead of all road users.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Road", deny_unknown_fields)]
+// The schema has one definition per name, and `Road` is that of the world's own road.
 #[schemars(rename = "RoadAgent")]
 pub struct RoadAgentFile {
     /// Name, which begins the names of its signals.
@@ -288,6 +290,7 @@ pub struct RoadAgentFile {
 /// Drive of an ado without a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+// A single variant, so that files write `Ado(…)` as they do for agents with a body.
 pub enum SceneAdoFile {
     /// A learning adversary.
     Ado(AdoFile),
@@ -322,6 +325,7 @@ pub struct AdoFile {
     pub rulebook: Vec<RuleFile>,
     /// A learner of its own. Every ado then has a policy of its own. Default: the world's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    // Without the box, every agent of a file would have the size of a learner's settings.
     pub learner: Option<Box<LearnerSettings>>,
     /// Time constant with which a vehicle's acceleration follows. Default: 0.
     #[serde(default, skip_serializing_if = "is_default")]

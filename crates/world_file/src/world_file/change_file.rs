@@ -34,6 +34,7 @@ pub struct Change {
 /// Change of a grid world, as in its `reuse`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Change", deny_unknown_fields, default)]
+// Both kinds of worlds write `Change(…)`, and a schema needs two names for them.
 #[schemars(rename = "GridChange")]
 pub struct GridChange {
     /// n: cells along each side.

@@ -56,6 +56,8 @@ impl EncounterRate {
 /// Both are expressions of other axes, such as `"ado.speed"` for a closing speed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+// Every variant repeats factor and summand, because serde cannot flatten a struct into a
+// type that denies unknown fields.
 pub enum StartLawFile {
     /// Shares of bins.
     Histogram {

@@ -12,6 +12,8 @@ use crate::sim::{Gust, Wind};
 /// The world's own road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Road", deny_unknown_fields)]
+// Every variant repeats the shared fields, because serde cannot flatten a struct into a
+// type that denies unknown fields.
 pub enum OwnRoad {
     /// Straight road along world x, without end.
     Straight {
@@ -222,6 +224,7 @@ pub enum RangePoint {
 
 impl RangePoint {
     /// All points, the middle first.
+    // A road without ranges is checked at the first of them alone.
     pub const ALL: [RangePoint; 3] = [RangePoint::Middle, RangePoint::Least, RangePoint::Greatest];
 
     fn of(self, NumberOrRange(Range { lo, hi }): NumberOrRange) -> f64 {
@@ -261,6 +264,8 @@ impl OwnRoad {
     pub fn radii_m(&self) -> impl Iterator<Item = (usize, NumberOrRange)> {
         let pieces = (match self {
             OwnRoad::Curved { pieces, .. } => pieces.as_slice(),
+            // The corners of a polyline have one fixed radius, and the pieces of an
+            // OpenDRIVE file have no ranges.
             OwnRoad::Straight { .. } | OwnRoad::Polyline { .. } | OwnRoad::OpenDrive { .. } => &[],
         })
         .iter()

@@ -160,6 +160,7 @@ impl ScenarioFile {
         agents: Vec<AgentFile>,
         ego_spec: impl Into<String>,
     ) -> ScenarioFile {
+        // All fields are named here, because the required ones rule out a `Default`.
         ScenarioFile {
             name: name.into(),
             question: question.into(),

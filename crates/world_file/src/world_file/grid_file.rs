@@ -102,6 +102,7 @@ pub enum GridEgoFile {
 /// Ado of a grid world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Ado", deny_unknown_fields)]
+// Grid worlds write `Ado(…)`, too, which the schema has to tell apart.
 #[schemars(rename = "GridAdo")]
 pub struct GridAdoFile {
     /// Its actions: cells to the right and up.

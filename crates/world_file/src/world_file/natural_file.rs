@@ -34,6 +34,7 @@ pub enum TrafficFile {
 /// Traffic model in the text of a world that was loaded before.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Kept", deny_unknown_fields)]
+// A kept run is written `Kept(…)` as well, and a schema needs another name.
 #[schemars(rename = "KeptTraffic")]
 pub struct KeptTraffic {
     /// File of its origin.
@@ -60,6 +61,7 @@ impl From<KeptTraffic> for TrafficFile {
     }
 }
 
+// Derived as an untagged enum, it would lose the reason of a mistake in `Kept(…)`.
 impl<'de> Deserialize<'de> for TrafficFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrafficFile, D::Error> {
         let forms = "`\"motorway\"`, a file of `log --fit` or Kept(…)";

@@ -17,6 +17,8 @@ pub struct NumberOrRange(pub Range);
 /// Number or range, `5.0` or `(5.0, 25.0)`, from which each start draws.
 #[derive(Serialize, JsonSchema)]
 #[serde(rename = "NumberOrRange", untagged)]
+// It serves writing and the schema alone, because reading an untagged enum would lose the
+// reason of an error.
 enum NumberForm {
     /// Number.
     Number(f64),
@@ -43,6 +45,7 @@ impl From<f64> for NumberOrRange {
 
 impl Default for NumberOrRange {
     fn default() -> NumberOrRange {
+        // Fields that may be left out are offsets and errors of sensors.
         NumberOrRange::from(0.0)
     }
 }
@@ -82,6 +85,7 @@ impl<'de> Deserialize<'de> for NumberOrRange {
                 Ok(NumberOrRange(Range { lo, hi }))
             }
         }
+        // The text itself shows whether it has a number or a list, so the value decides.
         deserializer.deserialize_any(Either)
     }
 }

@@ -50,6 +50,7 @@ impl RuleFile {
 
     /// Returns the name, empty for a rule file.
     pub fn name(&self) -> &str {
+        // Rules replace their files before names are read, so no check meets this.
         self.rule().map_or("", |rule| &rule.name)
     }
 
@@ -71,6 +72,7 @@ impl From<WrittenRule> for RuleFile {
     }
 }
 
+// Derived as an untagged enum, it would lose the reason of a mistake in `Rule(…)`.
 impl<'de> Deserialize<'de> for RuleFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RuleFile, D::Error> {
         let forms = "Rule(name: \"…\", stl: \"…\") or a rule file such as \"rules.ron\"";

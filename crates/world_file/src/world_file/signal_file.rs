@@ -62,6 +62,7 @@ impl From<DescribedSignal> for SignalFile {
     }
 }
 
+// Derived as an untagged enum, it would lose the reason of a mistake in `Signal(…)`.
 impl<'de> Deserialize<'de> for SignalFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SignalFile, D::Error> {
         let forms = "an expression such as \"ado.x - ego.x\" or Signal(expr: \"…\", …)";

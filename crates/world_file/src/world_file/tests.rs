@@ -68,6 +68,7 @@ fn comments_precede_their_values_and_change_nothing() {
         let refused = commented.text().map_err(|it| it.to_string());
         assert!(refused.is_err_and(|it| it.contains("agents[99]")), "{name}");
     }
+    // Nearly all shipped worlds are driving worlds, so a small count is a broken filter.
     assert!(count > 30, "{count}");
 }
 
@@ -138,6 +139,7 @@ fn refused(root: &Value, schema: &Value, value: &Value, place: &str) -> Result<(
             },
             "const" => value == stated,
             "enum" => stated.as_array().expect("values").contains(value),
+            // Keywords about numbers hold for a value of any other type.
             "minimum" => value.as_f64().is_none_or(|it| Some(it) >= stated.as_f64()),
             "maximum" => value.as_f64().is_none_or(|it| Some(it) <= stated.as_f64()),
             "minItems" => value
@@ -163,6 +165,7 @@ fn refused(root: &Value, schema: &Value, value: &Value, place: &str) -> Result<(
                 true
             }
             "additionalProperties" => {
+                // The keyword concerns the names that `properties` does not list.
                 let known = schema.get("properties").and_then(Value::as_object);
                 for (name, inner) in value.as_object().into_iter().flatten() {
                     if known.is_none_or(|known| !known.contains_key(name)) {
@@ -191,6 +194,7 @@ fn refused(root: &Value, schema: &Value, value: &Value, place: &str) -> Result<(
                 true
             }
             "items" => {
+                // The keyword concerns the elements behind those of `prefixItems`.
                 let first = schema.get("prefixItems").and_then(Value::as_array);
                 let rest = value.as_array().into_iter().flatten().enumerate();
                 for (i, inner) in rest.skip(first.map_or(0, Vec::len)) {
@@ -303,6 +307,7 @@ fn the_schema_and_the_reader_refuse_the_same_mistakes() {
             }
         }
     }
+    // Without refusals, both sides would only have agreed on sound worlds.
     assert!(refusals > 1000, "{refusals}");
 }
 
@@ -313,6 +318,7 @@ fn the_schema_describes_every_field_and_names_every_shape() {
     for (name, shape) in definitions {
         // A number at the end is that of a second shape with the same name.
         assert!(!name.ends_with(|it: char| it.is_ascii_digit()), "{name}");
+        // schemars joins a generic type and its parameter by this word.
         assert!(!name.contains("_for_"), "{name}");
         // Two types of one name in one module would become one definition.
         let itself = json!({ "$ref": format!("#/$defs/{name}") });

@@ -86,6 +86,8 @@ fn written(world: &WorldFile, comments: &[TextComment]) -> Result<String, ron::E
     // As people write world files, without `Some` and without double brackets.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
+    // RON's own layout breaks lines by depth instead of width, and it has no comments, so
+    // the lines are laid out here.
     let compact = options.to_string(world)?;
     let mut reader = CompactText {
         rest: &compact,
@@ -98,6 +100,7 @@ fn written(world: &WorldFile, comments: &[TextComment]) -> Result<String, ron::E
         name: String::new(),
         value: reader.node(&top),
     };
+    // A comment that no line shows would be lost without a word.
     if let Some(lost) = comments.iter().find(|it| !reader.found.contains(&it.at)) {
         let what = format!("the text has no value at `{}` for a comment", lost.at);
         return Err(ron::Error::Message(what));
@@ -167,6 +170,7 @@ impl CompactText<'_> {
             } else {
                 items.push(item);
             }
+            // The writer puts a comma between values, and none behind the last one.
             self.rest = self.rest.strip_prefix(',').unwrap_or(self.rest);
         }
         self.bracket();
@@ -224,6 +228,7 @@ impl CompactText<'_> {
 
 impl TextItem {
     fn is_missing(&self) -> bool {
+        // A text keeps its quotes as a word, so "None" in quotes is a value.
         !self.name.is_empty() && self.value.word == "None"
     }
 
@@ -275,7 +280,9 @@ impl TextNode {
     /// line per value if it is too wide.
     fn write(&self, indent: usize, used: usize, text: &mut String) {
         let line = self.line();
+        // A comment needs a line of its own above its value, however short that is.
         let fits = used + line.chars().count() <= WIDTH && !self.is_commented();
+        // An empty group has no values to put on lines, so it stays whole.
         let group = self.group.as_ref().filter(|it| !it.items.is_empty());
         let Some(TextGroup { open, close, items }) = group.filter(|_| !fits) else {
             *text += &line;
@@ -301,6 +308,7 @@ impl TextNode {
 fn write_filled(words: &[TextItem], indent: usize, text: &mut String) {
     let mut used = 0;
     for item in words {
+        // Only values without names and comments get here, so the word is everything.
         let word = &item.value.word;
         // A comma and a blank follow each word.
         let width = word.chars().count() + 2;

@@ -49,6 +49,7 @@ pub enum RunFile {
 /// Run in the text of a world that was loaded before.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Kept", deny_unknown_fields)]
+// A kept model is written `Kept(…)` as well, and a schema needs another name.
 #[schemars(rename = "KeptRun")]
 pub struct KeptRun {
     /// Directory of its origin.
@@ -71,6 +72,7 @@ impl From<KeptRun> for RunFile {
     }
 }
 
+// Derived as an untagged enum, it would lose the reason of a mistake in `Kept(…)`.
 impl<'de> Deserialize<'de> for RunFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunFile, D::Error> {
         let forms = "a run directory such as \"runs/acc\" or Kept(…)";

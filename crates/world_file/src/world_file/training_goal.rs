@@ -39,6 +39,7 @@ const SEVERE_MPS: f64 = 10.0;
 impl TrainingGoal {
     /// Share in [0, 1) to which a contact at a closing speed reaches `Severe`.
     pub fn severe_share(closing_mps: f64) -> f64 {
+        // A speed below 0, of bodies that part, would give a share below 0.
         libm::tanh(closing_mps.max(0.0) / SEVERE_MPS)
     }
 
@@ -46,6 +47,8 @@ impl TrainingGoal {
     /// group has `seen` successes, itself included, as many as `mean`, the average
     /// over all groups that the training has met.
     pub fn distinct_share(seen: u64, mean: f64) -> f64 {
+        // Callers count the success first, so both numbers are at least 1. The bounds
+        // keep the share inside (0, 1) for any others.
         1.0 / (1.0 + seen.max(1) as f64 / mean.max(1.0))
     }
 }

@@ -34,6 +34,7 @@ impl WorldFile {
 ///
 /// The text is no RON, or has other fields than a world.
 pub fn parse(file: &str, text: &str) -> Result<WorldFile, ScenarioError> {
+    // A byte order mark is no RON, and places of problems count without it.
     let bare = read::without_mark(text);
     parse_ron(bare).map_err(|problem| ScenarioError {
         file: file.to_owned(),
