@@ -30,6 +30,7 @@ impl AxisSpan {
                 most_m: at_m,
             };
         }
+        // The pose is that of the front bumper, so the body lies behind it.
         let half_m = 0.5 * size.width_m;
         let corners = [
             // The axis may be that of a bent road, so every corner is
@@ -41,6 +42,7 @@ impl AxisSpan {
         ];
         let places = corners.map(|(ahead_m, left_m)| {
             let at = front.frame().to_world(ahead_m, left_m);
+            // The axis measures points, so the heading has no part in it.
             on_axis(&Pose {
                 x_m: at.x,
                 y_m: at.y,
@@ -70,6 +72,8 @@ impl AxisSpan {
     /// Returns the same interval along the opposite axis.
     pub fn reversed(&self) -> AxisSpan {
         AxisSpan {
+            // A mirrored axis swaps the ends, or the least place would
+            // be above the greatest.
             least_m: -self.most_m,
             most_m: -self.least_m,
         }

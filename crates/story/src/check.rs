@@ -82,6 +82,7 @@ pub fn check(
     values: &[f64],
 ) -> Option<CheckedStoryboard> {
     let mut checked = resolved(problems, path, board, names, values)?;
+    // Without parameters the storyboard is the same at all starts, so none is kept.
     checked.open = checked.has_parameters.then(|| {
         Arc::new(OpenStoryboard {
             board: board.clone(),
@@ -153,6 +154,7 @@ impl CheckedStoryboard {
         // The source text is gone, so only the statement of a problem is used.
         let mut problems = Problems::new("");
         let top = ValuePath::top();
+        // Names are resolved already, so only values can be wrong.
         let found = resolved(&mut problems, &top, &open.board, &open.names, values);
         let first = problems.into_list().into_iter().next();
         let mut checked = found.ok_or_else(|| first.map_or_else(String::new, |it| it.what))?;
@@ -252,6 +254,8 @@ impl Check<'_, '_> {
             // Pushed even after a mistake, so that later numbers keep their
             // places.
             self.first.push(value);
+            // Only earlier names are compared, so that a pair is reported
+            // once, at its second.
             if self.variables[..i].contains(&variable.name) {
                 let what = format!("a second variable `{}`", variable.name);
                 self.wrong(&at.to("name"), what, "give it another name");
@@ -283,6 +287,7 @@ impl Check<'_, '_> {
         let number = self.elements.len();
         let mut names = match self.elements.get(parent) {
             Some(parent) => parent.path.clone(),
+            // The root has itself as its parent, which is not in the list yet.
             None => Vec::new(),
         };
         if kind != ElementKind::Storyboard {
@@ -291,6 +296,7 @@ impl Check<'_, '_> {
             // Beyond the limit, names are not compared: that would take hours in a hostile file.
             let is_second =
                 number < MOST_PARTS && siblings.clone().any(|it| self.elements[*it].path == names);
+            // Paths are joined by `::`, so a name with it could mean two elements.
             if name.is_empty() || name.contains("::") {
                 let what = format!("`{name}` cannot be a name");
                 self.wrong(&path.to("name"), what, "write letters without `::`");
@@ -344,6 +350,8 @@ impl Check<'_, '_> {
             let groups = at.to("maneuver_groups");
             self.not_empty(&groups, act.maneuver_groups.len(), "maneuver group");
             for (j, group) in act.maneuver_groups.iter().enumerate() {
+                // A group has no trigger of its own, so the act's one
+                // chooses triggering agents.
                 self.group(&groups.at(j), act_number, group, &act.start_trigger);
             }
         }
@@ -375,6 +383,8 @@ impl Check<'_, '_> {
                 _ => &[],
             });
             actors.triggering_of = Some(parent);
+            // All agents that may trigger are checked, because only
+            // the run shows which do.
             actors.may_trigger = entities.map(|it| self.actor(&at, it, group)).collect();
             if actors.may_trigger.is_empty() {
                 let what = "no agent triggers the act".to_owned();
@@ -406,6 +416,7 @@ impl Check<'_, '_> {
     /// Returns an agent that actions may move.
     fn moved(&mut self, path: &ValuePath, name: &str) -> usize {
         let named = |list: &[String]| list.iter().any(|it| it == name);
+        // An unknown name is left to `agent` below, so that it is reported once.
         if named(&self.names.agents) && !named(&self.names.actors) {
             let what = format!("`{name}` cannot act in a story");
             let help = "write `drive: Story`, or let its `Ado(…)` have `actions: Deviate(…)`";
@@ -434,11 +445,13 @@ impl Check<'_, '_> {
             for (j, action) in event.actions.iter().enumerate() {
                 self.action(&actions.at(j), event_number, action, actors);
             }
+            // Last, since conflicts compare the effects of all actions of the event.
             self.conflicts(&actions, event_number);
         }
     }
 
     fn variable(&mut self, path: &ValuePath, name: &str) -> usize {
+        // The search borrows the whole check, and with it the list.
         let variables = self.variables.clone();
         self.index(path, "variable", name, &variables)
     }
@@ -449,6 +462,7 @@ impl Check<'_, '_> {
         let mut number = 1;
         for (i, story) in board.stories.iter().enumerate() {
             let stories = path.to("stories").at(i);
+            // A story has no triggers.
             number += 1;
             for (j, act) in story.acts.iter().enumerate() {
                 number = self.triggers_of_act(&stories.to("acts").at(j), act, number);
@@ -462,6 +476,7 @@ impl Check<'_, '_> {
         let mut number = first + 1;
         for (i, group) in act.maneuver_groups.iter().enumerate() {
             let groups = path.to("maneuver_groups").at(i);
+            // Groups and maneuvers start with their parents and have no triggers.
             number += 1;
             for (j, maneuver) in group.maneuvers.iter().enumerate() {
                 let maneuvers = groups.to("maneuvers").at(j);

@@ -58,6 +58,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
             holds: is_all,
             key: 0,
         };
+        // Every agent is visited, because the key must change with each of them.
         each.fold(first, |so_far, now| Expressed {
             holds: if is_all {
                 so_far.holds && now.holds
@@ -79,11 +80,13 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
             AgentExpression::Offroad => {
                 let limits = self.view.road_limits(agent);
                 let lateral_m = self.at(agent, agent).lateral_m;
+                // The border itself belongs to the road.
                 !(limits.right_m..=limits.left_m).contains(&lateral_m)
             }
             AgentExpression::AtRoadEnd => {
                 let limits = self.view.road_limits(agent);
                 let s_m = self.at(agent, agent).s_m;
+                // Beyond its end a course goes straight on, so greater stations exist.
                 s_m <= limits.from_s_m || limits.to_s_m <= s_m
             }
         };
@@ -106,6 +109,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                     lateral_mps,
                     ..
                 } = self.motion(agent);
+                // A body that slides to its side does not rest.
                 Some(libm::hypot(speed_mps, lateral_mps))
             }
             AgentQuantity::Way => {
@@ -130,6 +134,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 freespace,
             } => {
                 let seen = self.ahead(agent, other, measured, freespace)?;
+                // At rest the headway would be infinite, and in reverse negative.
                 (seen.own_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / seen.own_mps)
             }
             AgentQuantity::Collision {
@@ -180,6 +185,8 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 apart_m(&self.reference(agent), &self.reference(other))
             }
             _ => {
+                // Both bodies are measured along the axis of the first, or their places
+                // could not be compared.
                 let axis = self.axis(agent, measured);
                 let own = self.span(agent, freespace, &axis);
                 own.distance_m(&self.span(other, freespace, &axis))
@@ -201,6 +208,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 let size = self.view.size(agent);
                 let front = self.motion(agent).pose;
                 let at = front.frame().to_local(pose.point_m());
+                // In these axes the body reaches from 0 back to minus its length.
                 let beyond_m = at.x.max(-size.length_m - at.x).max(0.0);
                 let beside_m = (at.y.abs() - 0.5 * size.width_m).max(0.0);
                 libm::hypot(beyond_m, beside_m)
@@ -233,6 +241,7 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                     (at.x, at.y)
                 }
             };
+            // A Euclidean distance asks for no axis, so two directions are left.
             if measured.along == DistanceType::Lateral {
                 across_m
             } else {
@@ -270,11 +279,13 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
             // The sign alone counts: a slight turn must not shorten distances.
             CoordinateSystem::Road => libm::cos(self.at(agent, agent).heading_rad).signum(),
         };
+        // Middles have an order even if the bodies overlap along the axis.
         let is_ahead = towards * (its.middle_m() - own.middle_m()) > 0.0;
         let speed_mps = |it: usize| towards * self.speed_along_mps(agent, it, system);
         is_ahead.then(|| AgentAhead {
             ahead_m: match measured.along {
                 DistanceType::Longitudinal => own.distance_m(&its),
+                // Only the order is always longitudinal, not the distance itself.
                 _ => self.distance_m(agent, other, measured, freespace),
             },
             own_mps: speed_mps(agent),
@@ -286,6 +297,8 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
         let motion = self.motion(agent);
         match system {
             CoordinateSystem::Road => {
+                // Along the viewer's road for both agents, so that the difference of
+                // their speeds closes the distance.
                 let at = self.at(viewer, agent);
                 at.velocity_mps(motion.speed_mps, motion.lateral_mps).x
             }

@@ -22,6 +22,8 @@ impl SampledRobustness {
     /// Returns whether the formula holds at an instant of the sample.
     pub fn holds(&self, at_s: f64) -> bool {
         match (self.before, self.change_s()) {
+            // At the change itself the new value counts, as in all
+            // right-continuous views.
             (Some(before), Some(change_s)) if at_s < change_s => before.holds(),
             _ => self.now.holds(),
         }
@@ -37,6 +39,7 @@ impl SampledRobustness {
             return Some(now.at_s);
         }
         // The line through both values is 0 at this share.
+        // One value is below 0 and the other is not, so they differ.
         let share = -before.rho / (now.rho - before.rho);
         Some(before.at_s + (now.at_s - before.at_s) * share)
     }

@@ -108,6 +108,8 @@ impl StoryRun {
             conditions: vec![ConditionRun::default(); board.conditions.len()],
             variables: board.variables.clone(),
             owners: vec![[None; 2]; board.limits.len()],
+            // Lists that nothing asks for stay empty, because each copy of
+            // a scene copies them.
             triggering: if board.asks_triggering() {
                 vec![Vec::new(); board.elements.len()]
             } else {
@@ -150,6 +152,7 @@ impl StoryRun {
         while step.now_s < to_s {
             // The grid counts from the episode's start, so that it is the same for all
             // sample times.
+            // Without the summand, rounding could yield the present instant for ever.
             let look_s = ((step.now_s / LOOK_S + 1e-6).floor() + 1.0) * LOOK_S;
             let next_s = step.next_s(look_s.min(to_s));
             step.go_to(next_s);
@@ -192,6 +195,7 @@ impl StoryRun {
                 // States change at settled instants only, never on the way to them.
                 truth(self.is_in(*element, *state, since_s))
             }
+            // Variables change at settled instants only, so they have no instant here.
             CheckedExpression::Variable {
                 number,
                 compared: with,
@@ -288,6 +292,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         let (element, run) = (&self.board.elements[number], &self.run.elements[number]);
         match run.life {
             Life::Idle | Life::Complete => None,
+            // Before the start, so that an element with both triggers true never begins.
             Life::Standby | Life::Running if self.triggers(&element.stop) => Some(Due::Stop),
             Life::Standby => {
                 let starts = self.triggers(&element.start) && self.may_repeat(run);
@@ -303,6 +308,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
                         children.all(|it| self.run.elements[*it].life == Life::Complete)
                     }
                 };
+                // Events wait for a repetition in standby, but groups
+                // repeat at their end.
                 let repeats = element.kind == ElementKind::ManeuverGroup
                     && run.executions < element.most_executions;
                 (is_over && (!repeats || self.may_repeat(run))).then_some(Due::End)
@@ -342,6 +349,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     fn start(&mut self, number: usize) {
         let element = &self.board.elements[number];
         let run = &mut self.run.elements[number];
+        // Counted before the priority decides, because a skipped start
+        // is an execution, too.
         run.executions += 1;
         run.triggered_s = Some(self.now_s);
         let executions = run.executions;
@@ -363,6 +372,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             }
         }
         self.run.elements[number].life = Life::Running;
+        // Before the parts begin, whose actions ask for these agents.
         self.note_triggering(number);
         self.record(number, ElementState::StartTransition);
         self.begin_parts(number);
@@ -377,6 +387,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             self.run.elements[*child].triggered_s = None;
             // Old checks of a stop trigger could stop the element at once.
             self.watch_anew(&board.elements[*child].stop);
+            // Without a trigger, an element starts with its parent and has no standby.
             if board.elements[*child].start.is_empty() {
                 self.start(*child);
             } else {
@@ -432,6 +443,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         let repeats = self.run.elements[number].executions < element.most_executions;
         match element.kind {
             ElementKind::Event => self.wait_or_complete(number, repeats),
+            // No trigger makes a group wait, so it starts again at its end.
             ElementKind::ManeuverGroup if repeats => self.start(number),
             _ => self.wait_or_complete(number, false),
         }
@@ -443,6 +455,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         self.stop_agents(number);
         self.release(number);
         for child in &element.children {
+            // Idle and complete parts have no transition that a record could show.
             if matches!(
                 self.run.elements[*child].life,
                 Life::Standby | Life::Running

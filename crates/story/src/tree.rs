@@ -161,6 +161,8 @@ impl ValueComparison {
     pub fn holds(&self, number: f64) -> bool {
         /// Difference up to which two numbers are equal, as a quantity hardly hits a value.
         const EQUAL: f64 = 1e-6;
+        // Bisection finds an instant to less than 0.1 ns, in which hardly any quantity
+        // changes by this difference.
         let equal = (number - self.value).abs() <= EQUAL;
         match self.rule {
             ComparisonRule::LessThan => number < self.value,

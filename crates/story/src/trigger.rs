@@ -52,6 +52,7 @@ impl ConditionRun {
     pub fn check(&mut self, condition: &CheckedCondition, now: Expressed, at_s: f64) {
         let held_before = self.seen.is_some_and(|seen| seen.holds);
         if now.holds && !held_before {
+            // An expression that fails in between begins its hold anew.
             self.holds_since_s = at_s;
         }
         self.seen = Some(now);
@@ -63,6 +64,7 @@ impl ConditionRun {
         let value = now.holds && at_s + SAME_S >= self.holds_since_s + condition.held_s;
         let outcome = match (condition.edge, self.earlier) {
             (ConditionEdge::None, _) => {
+                // Only changes wait, so the queue stays short under a long delay.
                 (self.value != Some(value)).then_some(ConditionOutcome::Level(value))
             }
             // An edge needs a check before it, so the first instant has none.
@@ -78,6 +80,7 @@ impl ConditionRun {
     }
 
     fn pass_on(&mut self, at_s: f64) {
+        // All outcomes have the same delay, so the first of the queue is due first.
         while let Some((due_s, outcome)) = self.waiting.front().copied()
             && due_s <= at_s + SAME_S
         {
@@ -116,6 +119,7 @@ impl ConditionRun {
 
 fn is_edge(edge: ConditionEdge, before: bool, now: bool) -> bool {
     match edge {
+        // Not reached, since conditions without an edge are levels.
         ConditionEdge::None => false,
         ConditionEdge::Rising => !before && now,
         ConditionEdge::Falling => before && !now,

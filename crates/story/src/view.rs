@@ -64,6 +64,7 @@ impl AgentMotion {
         } else {
             f64::INFINITY
         };
+        // At rest the deceleration ends, or the body would drive backwards.
         let moves_s = for_s.min(rests_s);
         let way_m = (self.speed_mps + 0.5 * self.accel_mps2 * moves_s) * moves_s;
         AgentMotion {
@@ -166,6 +167,8 @@ pub trait StoryView {
                 Pose {
                     x_m: at.x_m + along_m,
                     y_m: at.y_m + left_m,
+                    // The axes are those of the world, but a heading
+                    // counts from the agent's.
                     ..at
                 }
             }
@@ -179,11 +182,14 @@ pub trait StoryView {
                 }
             }
             PlaceFrame::AgentOnRoad(of) => {
+                // The agent's own road, which may differ from that of `viewer`.
                 let at = self.on_road(of, &self.reference(of, at_s));
                 self.pose_on_road(of, None, at.s_m + along_m, at.lateral_m + left_m)
             }
             PlaceFrame::AgentLane(of, lanes) => {
                 let at = self.on_road(of, &self.reference(of, at_s));
+                // The offset counts from the lane's middle, not from the
+                // agent's place in its lane.
                 let middle_m = self.lane_middle_m(of, at.lateral_m, lanes);
                 self.pose_on_road(of, None, at.s_m + along_m, middle_m + left_m)
             }
@@ -423,6 +429,7 @@ impl ActorAction {
             | ActorAction::LaneOffset { .. }
             | ActorAction::LateralDistance(_)
             | ActorAction::FollowTrajectory { timing: None, .. } => &[MotionDomain::Lateral],
+            // Times fix the progress along the curve, so it controls the speed as well.
             ActorAction::FollowTrajectory { .. } => {
                 &[MotionDomain::Longitudinal, MotionDomain::Lateral]
             }

@@ -79,6 +79,8 @@ impl<'a> EpisodeObserver<'a> {
             bench: scenario.bench(),
             digits: AdoDigit::all(scenario),
             scratch: Scratch::default(),
+            // A program cannot be copied, and a judge of whole runs finds no
+            // broken rule at a branch.
             branches: !is_foreign && !is_judged_late,
         }
     }

@@ -173,6 +173,7 @@ fn state(occurrences: usize, episodes: usize) -> CoverageState {
     match (occurrences, episodes) {
         (1.., _) => CoverageState::Covered,
         (0, 0) => CoverageState::Untried,
+        // 59 episodes are the fewest that suffice, as 0.95 to the 59th is below 5 %.
         (0, some) if at_most(some) <= RARE => CoverageState::Never,
         _ => CoverageState::TooFew,
     }
@@ -219,6 +220,8 @@ fn parts(scenario: &Scenario, episodes: &[CoveredEpisode]) -> Vec<PartCoverage> 
     let parts = scenario.rulebook().spec.parts().into_iter();
     let coverage = parts.map(|part| {
         let decides = failures()
+            // A path leads through all larger parts, so a failure
+            // counts for each of them.
             .filter(|it| it.path.contains(&part.formula))
             .count();
         PartCoverage {
@@ -347,6 +350,7 @@ fn chance_of_none(all: usize, here: usize, failing: usize) -> f64 {
         let left = all.saturating_sub(nth).max(1);
         elsewhere.saturating_sub(nth) as f64 / left as f64
     };
+    // Draw by draw: the next failing start is elsewhere, given that those before it are.
     (0..failing.min(all)).map(one).product()
 }
 

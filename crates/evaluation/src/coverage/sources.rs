@@ -119,6 +119,8 @@ pub fn coverage_of_population(
                 seed,
                 index: *index,
             };
+            // The noise follows from the same key, or the stored actions would meet
+            // another episode.
             let (start, noise) = (bench.draw(key), bench.noise_of(key));
             repeated_failure(bench, &start, noise, actions)
         },

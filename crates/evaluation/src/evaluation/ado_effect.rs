@@ -57,6 +57,7 @@ pub fn ado_effects(rows: &[Row]) -> Vec<AdoEffect> {
     let effects = of_all.flat_map(|all| {
         let same = |row: &&Row| row.ego == all.ego && group(&row.ado).is_some();
         let some: Vec<&Row> = rows.iter().filter(whole).filter(same).collect();
+        // All smaller groups of an ego are one family of tests.
         let comparisons = some.len();
         let effects = some.into_iter().filter_map(move |some| {
             let group = group(&some.ado)?;
@@ -122,6 +123,7 @@ impl Display for AdoEffect {
         match (self.finding, self.alone) {
             (AdoFinding::Helps, false) => write!(f, "`{ado}` helps the other ados"),
             (AdoFinding::Hinders, false) => write!(f, "`{ado}` makes the other ados worse"),
+            // If the ado acts alone, it is the others whose absence makes the difference.
             (AdoFinding::Helps, true) => write!(f, "the other ados help `{ado}`"),
             (AdoFinding::Hinders, true) => write!(f, "the other ados make `{ado}` worse"),
             (AdoFinding::Unknown, false) => {

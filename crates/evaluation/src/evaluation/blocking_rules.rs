@@ -62,6 +62,7 @@ pub(super) fn in_the_way(
     }
     watch.phase("searching without rules, one rule left out at a time");
     let solved_by = |search: Search<'_>, world: Scenario| {
+        // Each of several searches would begin the progress of the phase anew.
         let cell = search.play(&ego.in_world(world), &few, &watch.quiet());
         cell.map_or(0, |cell| cell.row.successes)
     };
@@ -72,6 +73,7 @@ pub(super) fn in_the_way(
     };
     let within_rules = solved_by(sampling, scenario.clone());
     let solved = |world| solved_by(Search::switches(switches), world);
+    // A success within the rules clears all of them, so nothing is left to search.
     let without_all = match within_rules {
         0 => solved(scenario.without_rules(|_| true)),
         _ => 0,

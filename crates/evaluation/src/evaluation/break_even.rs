@@ -126,6 +126,7 @@ fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
     // The caller knows that `most` passes, and no simulation at all solves nothing.
     let (mut fails, mut passing) = (0, most);
     while passing - fails > 1 {
+        // The sum of both ends could exceed the largest number.
         let middle = fails + (passing - fails) / 2;
         if passes(middle) {
             passing = middle

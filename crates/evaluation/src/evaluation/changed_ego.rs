@@ -20,6 +20,8 @@ pub(super) fn with_values(
     let mut change = base.change().clone();
     for (parameter, value) in set {
         let is_own = !NOT_OF_THE_LAW.contains(parameter);
+        // A program declares parameters of its own, to which car and
+        // connection do not belong.
         match scenario.controller().filter(|it| is_own && is_program(it)) {
             Some(controller) => set_declared(&mut change, controller, parameter, *value),
             None => {

@@ -260,6 +260,7 @@ impl Gate {
 
     /// Returns whether no start has an answer on both egos.
     pub fn is_unanswered(&self) -> bool {
+        // A newly failing start is an answer, even where the baseline has none.
         self.answered == 0 && self.newly_failing.is_empty()
     }
 
@@ -293,6 +294,8 @@ impl DecidedGate {
     /// Returns a contradiction in a gate that was read, `None` without one.
     pub fn contradiction(&self) -> Option<String> {
         let gate = &self.gate;
+        // Checked first, because the decision below is made from the starts and
+        // not from the counts.
         if self.newly_failing_by != gate.newly_failing_by() {
             return Some("`newly_failing_by` does not count `newly_failing`".to_owned());
         }
@@ -370,6 +373,7 @@ impl MoreSevere {
     fn worst(all: &[MoreSevere]) -> Option<MoreSevere> {
         let rise = |one: &MoreSevere| one.now_mps - one.before_mps;
         let all = all.iter().copied();
+        // Strictly greater, so that the first of equal starts is named.
         all.reduce(|a, b| if rise(&b) > rise(&a) { b } else { a })
     }
 }

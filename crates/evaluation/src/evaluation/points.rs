@@ -227,6 +227,7 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
 fn default_switches(scenario: &Scenario, starts: &TestStarts) -> usize {
     // Invariant: `points` returns before this call if there is no start.
     let (start, noise) = &starts.starts[0];
+    // A program plays every sequence from the start, which makes more changes too slow.
     if copies(scenario, start, *noise) {
         SWITCHES
     } else {

@@ -193,6 +193,7 @@ pub struct Summary {
 /// Where changed egos are in several blocks, one more block has all of them.
 pub fn summarise(egos: &[ReusedOn], reference: &AdversaryId) -> Vec<Summary> {
     let mut relations: Vec<Relation> = egos.iter().map(|ego| ego.relation).collect();
+    // The order of the enum is that of the blocks in the table.
     relations.sort();
     relations.dedup();
     let changed = |relation: &Relation| *relation != Relation::Trained;

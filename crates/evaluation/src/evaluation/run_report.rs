@@ -66,6 +66,7 @@ pub struct GivenRows {
 }
 
 fn one<'de, D: Deserializer<'de>>(file: D) -> Result<Vec<Swept>, D::Error> {
+    // A file has a single object, and a report may be given several files.
     Swept::deserialize(file).map(|swept| vec![swept])
 }
 
@@ -377,8 +378,10 @@ fn costs(report: &Report<'_>, evens: &[BreakEven], ego: &str) -> Vec<TestingCost
     let trained = evens.clone().next().map(|even| TestingCost {
         name: "trained ado".to_owned(),
         fixed: Cost::of_training(report.manifest).simulations as f64,
+        // A trained ado plays each start once, without a search.
         per_start: 1.0,
         solves: even.ado.success_rate,
+        // Searches are cut to the success of the ado, which therefore always matches it.
         matched: true,
         anytime: Vec::new(),
     });

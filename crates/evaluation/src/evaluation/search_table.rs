@@ -155,6 +155,8 @@ impl SearchCampaign<'_> {
             rows.push(cell.row.clone());
             let of_ego = rows.iter_mut().filter(|row| row.ego == ego.name());
             check_repeatability(ego, &own, of_ego, watch);
+            // The row of the search is the last one, and all rows of an
+            // ego are void together.
             if let Some(void) = rows.last().filter(|row| row.is_unrepeatable()) {
                 // The outcomes of the cell stay, because its crashes can still be kept.
                 cell.row.faults.clone_from(&void.faults);
@@ -196,6 +198,7 @@ impl Trained<'_> {
     ) -> Option<Row> {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
         let mut cell = ado.play(ego, starts, watch)?;
+        // Both are on the same starts of the ego, so a recall pairs them one by one.
         cell.row.compare_with_search(&searched.row.solved);
         cell.row.warning = self.run.warning();
         Some(cell.row)

@@ -93,6 +93,7 @@ impl Sweep {
             parts().ok_or_else(|| SweepError::NoSweep {
                 text: text.to_owned(),
             })?;
+        // The parser of numbers also accepts `nan` and `inf`.
         if !(lo.is_finite() && hi.is_finite() && lo < hi) {
             return Err(SweepError::EmptyRange {
                 lo,

@@ -138,6 +138,7 @@ pub fn theorem_3(
         candidates: relation.candidates(),
         related: relation.len(),
         sweeps: relation.sweeps(),
+        // No two cells are farther apart than the grid is wide, so the search ends there.
         least_epsilon: Bisimulation::least_epsilon(first, second, f64::from(first.arena.size)),
         starts,
         related_starts,

@@ -227,6 +227,8 @@ fn deepest(spec: &Monitor, prefix: &Trace) -> Option<Deepest> {
 
 /// Returns the sup-norm distance of two families of signals over the same samples.
 fn apart(ours: &[Vec<f64>], others: &[Vec<f64>]) -> f64 {
+    // Both families come from one rulebook and equally many samples, so none
+    // is cut by the pairs.
     let pairs = ours.iter().flatten().zip(others.iter().flatten());
     let each = pairs.map(|(a, b)| difference(*a, *b).abs());
     each.fold(0.0, f64::max)

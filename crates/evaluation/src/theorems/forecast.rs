@@ -52,6 +52,7 @@ pub(super) struct ForecastCase {
 ///
 /// Several components share `alpha` equally (Bonferroni).
 pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[ForecastCase], alpha: f64) -> Forecast {
+    // Without calibration α is not divided, and the bound is infinite anyway.
     let components = calibration.first().map_or(1, Vec::len).max(1);
     let share = alpha / components as f64;
     let quantiles: Vec<f64> = (0..components)
@@ -128,6 +129,7 @@ fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
         let choose = ln_gamma(m + 1.0) - ln_gamma(j + 1.0) - ln_gamma(m - j + 1.0);
         choose + ln_beta(j + a, m - j + b) - ln_beta(a, b)
     };
+    // Rounding may lift the sum above 1.
     (0..=k).map(|j| libm::exp(term(j))).sum::<f64>().min(1.0)
 }
 

@@ -135,6 +135,7 @@ pub fn admits_theorems(scenario: &Scenario) -> Result<(), TheoremsError> {
     let Some(grid) = scenario.grid() else {
         return Ok(());
     };
+    // The proofs compare pairs of starts, so these must be a list.
     if scenario.starts().is_none() {
         return Err(not_solved(scenario, "it has no list of starts".to_owned()));
     }

@@ -118,6 +118,7 @@ pub fn theorem_1(
 ) -> Result<Theorem1, TheoremsError> {
     let grid = GridUnderTest::of(scenario)?;
     let values = grid.values(table)?;
+    // The optimal continuation comes first, as in the counters of a row.
     let played = [grid.greedy(table)?, grid.trained(policy)?];
     let learned = grid.values(&table.learned(scenario.world(), policy))?;
     let paid = played[0].iter().map(TheoremEpisode::paid);
@@ -234,6 +235,7 @@ impl Theorem1 {
             ..
         } = row;
         // The conclusion is checked before the table, because it needs no assumption on it.
+        // Late pairs are no misses, because the theorem assumes one T for both starts.
         let holds = optimal.holds + late;
         if holds < *pairs {
             return TheoremOutcome::Refuted {

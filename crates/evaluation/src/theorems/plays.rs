@@ -95,6 +95,8 @@ impl<'a> GridUnderTest<'a> {
             Some(self.read(&episode))
         };
         let all = EpisodeLoop::uncounted(&unwatched);
+        // Unwatched, the loop stops at no start, so the episodes match
+        // the starts one by one.
         let played = all.run(&self.starts, || self.scenario.bench(), one);
         played.into_iter().flatten().collect()
     }
@@ -135,12 +137,15 @@ impl<'a> GridUnderTest<'a> {
     /// An episode without rule violation and counterexample earns at most R(0) ≤ 0, at decision K − 1.
     pub(super) fn held_at_best(&self) -> f64 {
         let last = self.game.steps.saturating_sub(1);
+        // The reward is at most 0, so the latest decision discounts it
+        // to the greatest value.
         self.discount.powi(last as i32) * self.scenario.rulebook().reward.lawful(0.0)
     }
 
     /// Returns the mildest penalty of a rule violation, ρ_max in Definition 4.
     pub(super) fn penalty(&self) -> f64 {
         let Rulebook { reward, rules, .. } = self.scenario.rulebook();
+        // One broken rule has the least penalty of all numbers of them.
         -reward.foul(1, rules.len())
     }
 

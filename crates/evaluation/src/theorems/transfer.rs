@@ -302,6 +302,7 @@ impl TransferReplay<'_> {
 
 fn compare(witness: &Witness, bench: &Testbench, other: &Episode, horizon: usize) -> TransferRun {
     let distance = witness.distance(bench.rulebook(), other, horizon);
+    // Both are `None` for another ψ_ego than an invariant.
     let sharp = witness.covers_sharply(&distance).and_then(|covered| {
         let rules = distance.rules.iter().copied();
         let parts = std::iter::once(distance.rise?).chain(rules);
@@ -331,6 +332,7 @@ fn row(
             carried: run.carried,
         })
         .collect();
+    // Calibration starts alone, since a bound that has seen the tests promises nothing.
     let seen: Vec<Vec<f64>> = calibration
         .iter()
         .map(|start| vec![start.runs[column].epsilon])

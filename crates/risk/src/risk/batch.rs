@@ -116,6 +116,8 @@ impl Player<'_> {
         mut used: impl FnMut(Vec<RiskRun>),
     ) -> Result<Option<()>, RunError> {
         let total = content.len();
+        // Allocated for the whole batch, so that a piece does not depend on
+        // those played before.
         let components = mixture.allocation(total);
         for first in (0..total).step_by(PIECE) {
             let items: Vec<usize> = (first..total.min(first + PIECE)).collect();

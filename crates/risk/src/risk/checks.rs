@@ -134,6 +134,7 @@ impl Checks {
         probes: &[&Probe],
     ) -> Checks {
         let (n, failures) = (natural.len(), natural.failures());
+        // Only stored failures have the decisions from which a weight follows.
         let beyond = natural.stored_with(|run| limit < mixture.weight_of(run));
         let estimate = pooled(rounds, |_| true);
         let covered = coverage(mixture, probes, heaviest(rounds, estimate));
@@ -209,6 +210,8 @@ impl Checks {
         match tail {
             Some(tail) if tail.k < MOST_K || tail.unseen < UNSEEN => {}
             Some(WeightTail { k, unseen }) => {
+                // A fitted tail may expect more above its greatest weight
+                // than the whole risk.
                 let share = 100.0 * unseen.min(1.0);
                 let reason = format!(
                     "a heavy tail of the weights: k̂ is {k:.2}, and failures above all seen \
@@ -245,6 +248,8 @@ impl Checks {
         let most = risk.interval[1];
         let too_many = |count, mean: f64| poisson_tail(count, mean) < FALSE_ALARM;
         let [natural, stored_of] = of.map(|n| n as f64);
+        // The allowed share of the risk gives the mean to which these
+        // failures are compared.
         let reason = if too_many(beyond, stored_of * BEYOND * most) {
             let failures = counted(beyond, "natural failure");
             format!("{failures} of kinds that the proposals play too rarely")
@@ -299,6 +304,7 @@ fn is_immaterial(rounds: &[Round], estimate: Option<RiskEstimate>, mode: &str) -
     let own = pooled(rounds, |it| it.mode == mode);
     // A kind of few failures has no interval to rely on.
     let pair = own.zip(estimate).filter(|(own, _)| own.hits >= LEAST_HITS);
+    // The upper end decides, so that an uncertain kind stays material.
     pair.is_some_and(|(own, all)| own.interval[1] < IMMATERIAL * all.probability)
 }
 

@@ -48,6 +48,7 @@ impl Hindsight {
         while let Some(blind) = self.last_blind(rounds, first) {
             first = blind + 1;
         }
+        // Two rounds are left at least, or nothing could disagree with the last one.
         while rounds.len() - first > LEAST && disagreement(&rounds[first..]).is_some() {
             first += 1;
         }
@@ -61,10 +62,13 @@ impl Hindsight {
         let heaviest = heaviest(counted, Some(estimate));
         let most = (0.5 * estimate.half_width()).clamp(BLIND[0], BLIND[1]);
         let is_blind = |later: &Vec<f64>| {
+            // The exemplars stand for equal parts of the risk, so their
+            // number is a share of it.
             let heavy = later.iter().filter(|weight| heaviest < **weight).count();
             heavy as f64 > most * later.len() as f64
         };
         let last = rounds.len().min(self.weights.len());
+        // From the last one, because all rounds before a blind one are set aside with it.
         let mut from_last = (first..last).rev();
         from_last.find(|round| self.weights[*round].iter().any(is_blind))
     }

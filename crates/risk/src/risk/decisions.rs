@@ -95,6 +95,7 @@ impl<'a> Decisions<'a> {
             .map(|run| self.run_targets(value, *run))
             .collect();
         let mut targets = Targets {
+            // Rows outside of the sweep keep this value, and no batch draws them.
             values: vec![LEAST; self.rows.len() * heads],
             rows: Vec::new(),
         };

@@ -565,6 +565,8 @@ impl<'a> Estimation<'a> {
         }
         let [first, second] = [0, 1].map(|ego| self.counted(ego));
         if !all.iter().all(EgoRisk::is_weighted) {
+            // The ratio is least with the fewest failures of the first ego and the most
+            // of the second.
             let [a, b] = [all[0].least_and_most()?, all[1].least_and_most()?];
             return Some([a[0].over(&b[1]), a[1].over(&b[0])]);
         }

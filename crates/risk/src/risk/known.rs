@@ -69,6 +69,7 @@ impl KnownFailure {
             };
             let entries = std::fs::read_dir(path).map_err(read)?;
             let mut files: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+            // Pictures lie beside the kept files.
             files.retain(|file| file.extension().is_some_and(|it| it == "ron"));
             // Directories have no order, on which the fitted proposals would depend.
             files.sort();
@@ -164,6 +165,7 @@ impl RiskRequest<'_> {
         let scenarios = self.egos.iter().map(EgoUnderTest::scenario);
         let seconds: f64 = scenarios.map(|it| self.seconds_per_run(it)).sum();
         let threads = rayon::current_num_threads();
+        // Egos play one after the other, each on all threads.
         let all_s = settings.budget as f64 * seconds / threads as f64;
         format!(
             "at most {} of {} s with {}, {:.1} ms each: at most {} on {}",

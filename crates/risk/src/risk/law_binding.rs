@@ -94,6 +94,7 @@ impl LawBinder<'_, '_> {
             Err(what) => {
                 let (actions, written) = (labels.len(), actions_of(file));
                 let list = labels.join(", ");
+                // A law of the right size has another mistake, which `what` names.
                 let (what, help) = match written.filter(|it| *it != actions) {
                     Some(written) => (
                         format!("the ado `{name}` has {actions} actions, and this law {written}"),

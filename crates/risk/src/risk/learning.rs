@@ -124,6 +124,7 @@ impl Learning {
         let fresh = || ValueNetwork::new(sizes, self.seed);
         // The last network is close already, so a fit continues from it.
         let mut value = self.value.clone().unwrap_or_else(fresh);
+        // With one seed for all fits, each would draw its rows in the same places.
         value.fit(&fitted, self.seed.wrapping_add(stage));
         let mixture = Mixture::of(value.clone(), self.start_trees(&value));
         self.value = Some(value);
@@ -174,6 +175,7 @@ impl Learning {
             }
         }
         counts.retain(|mode, count| *count >= MODE_FAILURES && !self.modes.contains(mode));
+        // The most frequent first, because there are few heads.
         counts.sort_by(|_, a, _, b| b.cmp(a));
         let room = MODES.saturating_sub(self.modes.len());
         let new: Vec<String> = counts.into_keys().take(room).collect();

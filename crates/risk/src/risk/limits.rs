@@ -119,11 +119,13 @@ impl LimitRuns<'_> {
                 weights: counted.map(|it| it.weight).collect(),
             });
         }
+        // Both divisors are the greatest possible ones, so the bound stays a lower one.
         lower_bound(&bets, BELOW) / (excess * self.inside.interval[1])
     }
 
     /// Returns the upper bound of the failures by natural runs alone.
     fn most_by_counts(&self, failures: usize) -> f64 {
+        // Any fault may have been a failure of this kind.
         let all = failures + self.natural.faults.invalid;
         clopper_pearson_upper(all, self.natural.inside(), ABOVE)
     }

@@ -35,6 +35,7 @@ impl BetRound {
     fn log_factor(&self, stake: f64, mean: f64) -> f64 {
         let empty = self.draws.saturating_sub(self.weights.len()) as f64;
         let won = self.weights.iter();
+        // The least stakes would lose digits in the sum with 1.
         let logs = won.map(|weight| libm::log1p(stake * (weight / mean - 1.0)));
         empty * libm::log1p(-stake) + logs.sum::<f64>()
     }
@@ -46,6 +47,8 @@ impl BetRound {
 /// capitals are added, with shares that are fixed before the first round.
 pub(super) fn lower_bound(rounds: &[BetRound], error: f64) -> f64 {
     let (mut sum, mut draws, mut greatest) = (0.0, 0.0, 0.0_f64);
+    // A gambler plays from its own round to the last one, so the means are those of the
+    // latest rounds.
     for round in rounds.iter().rev() {
         sum += round.mean() * round.draws as f64;
         draws += round.draws as f64;

@@ -22,6 +22,7 @@ pub(super) struct Manoeuvre {
 impl Default for Manoeuvre {
     fn default() -> Manoeuvre {
         Manoeuvre {
+            // Before a run every ado counts as neutral, as in the memory of the law.
             phases: [None, None, Some(Ordering::Equal)],
             lasted: [0; 2],
             moves: [None; 3],

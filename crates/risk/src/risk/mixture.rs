@@ -91,6 +91,7 @@ impl Mixture {
         let mut all = vec![law.to_vec()];
         if let Some(value) = &self.value {
             let values = value.values(input);
+            // The first head is that of all failures.
             let softened = softened(&values[..law.len()]);
             all.push(tilted(law, &softened, LAW));
             let heads = values.chunks(law.len());

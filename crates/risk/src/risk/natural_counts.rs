@@ -88,6 +88,7 @@ impl NaturalCounts {
             // The first failures instead of a choice, so that shares among them are
             // unbiased.
             if self.stored.len() < STORED {
+                // Once the list is full, both stay at the run of its last failure.
                 (self.stored_of, self.stored_faults) = (self.len(), self.faults.invalid);
                 if run.failure().is_some() {
                     self.stored.push(run);

@@ -76,6 +76,8 @@ impl RiskWorld {
                 }
                 is_over = false;
                 let law = self.actions.probabilities(env.row(at), &lane.memory);
+                // One number per decision, as a single run draws them, or
+                // the bits would differ.
                 actions[at] = draw(&law, lane.rng.random::<f64>());
                 self.actions.note(&mut lane.memory, actions[at]);
             }

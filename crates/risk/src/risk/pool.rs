@@ -55,6 +55,7 @@ pub struct RiskEstimate {
 impl RiskEstimate {
     /// Returns the greater distance of an end from the estimate, as a share of it.
     pub fn half_width(&self) -> f64 {
+        // In intervals of small rates the upper end is the farther one.
         self.interval[1] / self.probability - 1.0
     }
 
@@ -140,6 +141,7 @@ impl Round {
             component: fault.component,
             weight: fault.weight,
             mode: "fault".to_owned(),
+            // The worst reading of a fault, so that every bound allows for it.
             lawful: true,
             preventable: Some(DriverAnswer::Avoids),
         });
@@ -260,6 +262,7 @@ pub(super) fn distance(rounds: &[Round], of: usize) -> Option<RoundDistance> {
     let (own, rest) = (one?, many?);
     Some(RoundDistance {
         apart: (own.mean - rest.mean).abs() / libm::sqrt(own.variance + rest.variance),
+        // The spread that is known least limits the comparison.
         freedom: own.freedom.min(rest.freedom),
     })
 }

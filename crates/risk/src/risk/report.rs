@@ -191,6 +191,7 @@ impl RiskReadings {
         let per_start = |it: RiskEstimate| it.over(inside).at_most_one();
         let fails = pooled(rounds, |_| true).map(per_start)?;
         let fails_lawful = pooled(rounds, |it| it.lawful).map(per_start);
+        // As in counted readings, a fault that may be a lawful failure is a lawful run.
         let lawful = natural.lawful_rate(FaultsAs::Failing);
         // Only some failures are assessed, so their share is carried over to all.
         let assessed = pooled(rounds, |it| it.preventable.is_some());

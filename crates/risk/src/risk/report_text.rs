@@ -165,6 +165,8 @@ impl RiskReport {
                 claim(ego)
             )
         });
+        // Last, because narrow intervals rest on the kinds found, and the
+        // other claims do not.
         let narrow = self.egos.iter().filter_map(if_all_kinds);
         claims.chain(self.ratio_in_words()).chain(narrow).collect()
     }
@@ -270,6 +272,7 @@ impl RiskReport {
             "runs per ego: {natural} natural, {exploring} exploring, {searching} searching for \
              kinds, {rounds} in rounds"
         )?;
+        // Runs in a surrogate are on its plant, which the second wording would hide.
         if surrogate > 0 {
             write!(f, ", {surrogate} for its surrogate, {learning} in it")?;
         } else if learning > 0 {
@@ -305,6 +308,7 @@ impl EgoRisk {
             let mut cells = vec![row.name.to_owned()];
             cells.extend(limits.iter().flat_map(|it| row.ends(it)));
             cells.push(cell(least));
+            // Without faults both readings are one, and a second column would repeat it.
             cells.extend(self.between.is_some().then(|| cell(most)));
             cells.push(row.share_of(self));
             cells

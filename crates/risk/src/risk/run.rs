@@ -257,6 +257,7 @@ impl RiskWorld {
         EgoFailure {
             mode: format!("{}{}, {rules}", kind.in_words(), after(manoeuvre)),
             lawful: broken.is_none(),
+            // The drivers play the encounter again, so they are asked on request only.
             preventable: prevent.then(answer),
         }
     }
@@ -309,6 +310,7 @@ impl DecisionState {
     ) -> Vec<f64> {
         bench.observe(&mut self.observation);
         let trace = bench.trace();
+        // A bench that has begun has its first sample, so the trace is never empty.
         trace.read_row(trace.len() - 1, &mut self.row);
         self.input.clear();
         self.input.extend(&self.observation);

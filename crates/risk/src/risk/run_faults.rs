@@ -23,6 +23,7 @@ impl RunFaults {
     pub(super) fn add(&mut self, runs: &[RiskRun]) {
         for run in runs {
             if let Some(fault) = run.fault() {
+                // Before the run is counted, so that numbers begin at 0.
                 add_fault(&mut self.faults, self.runs as u64, fault);
                 self.invalid += 1;
             }

@@ -145,6 +145,7 @@ pub(super) fn read(expected: &PieceId, path: &Path) -> Result<Option<Vec<RiskRun
             differences,
         });
     }
+    // The identity only claims a number of runs, which the ends must have.
     if meta.ends.len() != expected.runs {
         return Err(damaged(path, "its number of runs differs"));
     }

@@ -155,6 +155,7 @@ impl ScriptSearch {
             .kinds
             .get_index(dice.random_range(0..self.kinds.len()))?;
         known
+            // No kind is empty, but an empty range would panic.
             .get(dice.random_range(0..known.len().max(1)))
             .map(|it| &it.run)
     }

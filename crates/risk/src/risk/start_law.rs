@@ -93,6 +93,8 @@ impl Shape {
     /// Returns the value at a share of the probability.
     fn quantile(&self, share: f64) -> f64 {
         let normal = |mean: f64, sd: f64, [lo, hi]: [f64; 2]| {
+            // The share is of the law within its ends, whose
+            // probabilities are `lo` and `hi`.
             mean + sd * normal_quantile(lo + share * (hi - lo))
         };
         match self {

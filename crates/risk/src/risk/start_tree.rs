@@ -136,6 +136,8 @@ impl StartCell {
     fn best_halves(&self, all: &[(Vec<f64>, f64)]) -> Option<(f64, [StartCell; 2])> {
         let halves = (0..self.ends.len()).filter_map(|axis| {
             let [lo, hi] = self.ends[axis];
+            // Halves are binary fractions, so the volumes of all boxes
+            // add up to 1 exactly.
             let middle = 0.5 * (lo + hi);
             let is_low = |at: &usize| all[*at].0[axis] < middle;
             let own = self.starts.iter().copied();

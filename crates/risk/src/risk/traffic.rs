@@ -163,6 +163,7 @@ impl Laws {
             let law = || AdoLawFile::Fitted(FittedFile { lateral: None });
             DeclaredTrafficFile {
                 source: self.source(),
+                // A model of accelerations knows nothing of how often a run is met.
                 exposure: None,
                 model: self.name.clone(),
                 starts: Ordered::default(),

@@ -214,6 +214,7 @@ impl RiskTraffic {
         let failures = played.iter().enumerate().filter_map(|(index, run)| {
             Some(WeightedFailure {
                 index,
+                // The ado's own law is component 0, as in the list of draws.
                 component: usize::from(run.is_wide),
                 weight: run.weight(draws),
                 mode: run.kind.clone()?,
@@ -269,6 +270,7 @@ impl RiskTraffic {
             .filter_map(|(kind, run)| crash(kind, run))
             .collect();
         crashes.sort_by(|a, b| b.likelihood.per_run.total_cmp(&a.likelihood.per_run));
+        // Runs of the wider law show nothing of how the ado itself drives.
         let own = || played.iter().filter(|run| !run.is_wide);
         let decisions: usize = own().map(|run| run.actions.len()).sum();
         let usual: usize = own().map(|run| run.usual).sum();
@@ -295,6 +297,7 @@ impl TrafficRun {
     /// It is the balance heuristic, by both laws and not by the one that drew the run.
     fn weight(&self, draws: [usize; 2]) -> f64 {
         let [law, own, wide] = self.logs;
+        // By differences, because the probability of a long run may round to 0.
         let ratios = [own, wide].map(|log| libm::exp(log - law));
         let pairs = draws.iter().zip(ratios);
         let sum: f64 = pairs.map(|(draws, ratio)| *draws as f64 * ratio).sum();
@@ -361,6 +364,7 @@ impl TrafficPlayer<'_> {
             .collect();
         let noise = rng.next_u64();
         let start = starts.start(&shares)?;
+        // By the number of the run and not by a draw, so that both laws have fixed shares.
         let is_wide = !key[1].is_multiple_of(2);
         let mut dice = draws(noise, 0);
         self.play(bench, start, noise, is_wide, |_, laws| {
@@ -431,6 +435,7 @@ impl TrafficPlayer<'_> {
             kind: None,
             fault: None,
         };
+        // Actions after the verdict have no part in the weight.
         while !bench.is_decided() {
             bench.observe(&mut obs);
             let odds = self.policy.odds(&obs)?;
@@ -494,6 +499,7 @@ impl TrafficPlayer<'_> {
 
 fn is_usual(law: &[f64], action: usize) -> bool {
     let likelier: f64 = law.iter().filter(|p| **p > law[action]).sum();
+    // An action is in the band if those before it have not filled it.
     likelier < BAND
 }
 

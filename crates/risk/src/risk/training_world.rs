@@ -71,6 +71,8 @@ impl RiskTraffic {
         let decision_s = world.world().clock().decision_s;
         let learner = |positions: &[usize]| {
             for factor in &mut factors {
+                // Factors have numbers of signals until the schema of the world gives
+                // these their positions.
                 let at = |signal: &mut usize| *signal = positions[*signal];
                 at(&mut factor.last);
                 factor.before.iter_mut().for_each(at);
@@ -125,6 +127,7 @@ impl Signals {
             LawKind::Fitted(law) => {
                 let before = self.action(&ado.name, "action_before", "action before the last one");
                 let along = fitted(law, last, before);
+                // The lateral move is the higher digit of an action.
                 let unit = along.actions;
                 let lateral = law.lateral.as_ref();
                 let aside = lateral.map(|law| self.markov(&ado.name, law, last, unit));
@@ -162,6 +165,7 @@ fn fitted(law: &FittedLaw, last: usize, before: usize) -> LawFactor {
         last,
         before: Some(before),
         transitions: (0..n * n)
+            // A row is numbered by the earlier action first, as the learner reads it.
             .map(|row| law.along([row / n, row % n]))
             .collect(),
         onsets: Vec::new(),

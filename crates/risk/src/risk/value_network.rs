@@ -161,6 +161,8 @@ impl FitStep {
             let (run, decision) = data.rows[*row];
             self.inputs.extend(data.runs[run].0.input(decision));
         }
+        // Output rows are padded, so columns are counted by the stride
+        // and not by the outputs.
         let (net, stride) = (&value.net, value.net.output_stride());
         net.forward(&self.inputs, rows.len(), &mut self.tape);
         let (out, delta) = net.output_and_gradient(rows.len(), &mut self.tape);

@@ -52,6 +52,8 @@ impl Check<'_, '_> {
         });
         let domains: Vec<_> = controlled.collect();
         for (i, own) in domains.iter().enumerate() {
+            // All actions of an event have the same actors, so a shared
+            // domain is a conflict.
             let mut before = domains[..i].iter().copied().flatten();
             if before.any(|domain| own.contains(domain)) {
                 let what = "two actions of one event control the same motion".to_owned();
@@ -81,6 +83,8 @@ impl Check<'_, '_> {
                 let what = format!("`{name}` walks and has no lane");
                 self.wrong(path, what, "let a vehicle do it");
             }
+            // A relative lane beyond the road is the outermost one, so only a
+            // number can be wrong.
             if let ActorAction::LaneChange {
                 target: ActorLane::Absolute(lane),
                 ..
@@ -321,6 +325,8 @@ impl Check<'_, '_> {
                 ActorOffset::Line(self.number(&at.to("lateral_m"), lateral_m, -MOST))
             }
             _ => {
+                // Two targets would contradict each other, and without
+                // one there is no offset.
                 let what = "an offset needs one target".to_owned();
                 self.wrong(path, what, "write either `target_m` or `target`");
                 ActorOffset::Absolute(0.0)
@@ -335,6 +341,7 @@ impl Check<'_, '_> {
         most: Option<&StoryNumber>,
     ) -> f64 {
         let Some(most) = most else {
+            // Infinite means a change at once.
             return f64::INFINITY;
         };
         let at = path.to("max_lateral_acc_mps2");

@@ -30,6 +30,7 @@ impl Check<'_, '_> {
     fn condition(&mut self, path: &ValuePath, condition: &Condition) -> usize {
         let delay_s = self.number(&path.to("delay_s"), &condition.delay_s, 0.0);
         let (is, held_s) = self.expression(&path.to("is"), &condition.is);
+        // Equality reports the excess once, not with each further condition.
         if self.conditions.len() == MOST_PARTS {
             let what = format!("more than {MOST_PARTS} conditions");
             self.wrong(path, what, "split the world");
@@ -49,6 +50,7 @@ impl Check<'_, '_> {
         rule: ComparisonRule,
         value: &StoryNumber,
     ) -> ValueComparison {
+        // Compared values may be negative, as accelerations and relative speeds are.
         let value = self.number(path, value, -MOST);
         ValueComparison { rule, value }
     }
@@ -72,6 +74,7 @@ impl Check<'_, '_> {
                 compared: self.compared(&path.to("value"), *rule, value),
             },
             Expression::Formula(text) => {
+                // The world parses the text later, when its signals are known.
                 self.formulas.push(StoryFormula {
                     path: path.at(0),
                     text: text.clone(),
@@ -87,6 +90,7 @@ impl Check<'_, '_> {
                 rule,
                 condition,
             } => {
+                // Of no agents, `All` would hold at once and `Any` would never hold.
                 self.not_empty(&path.to("entities"), entities.len(), "agent");
                 let named = entities.iter().enumerate();
                 let agents = named
@@ -126,6 +130,7 @@ impl Check<'_, '_> {
                 ("value_mps2", value_mps2),
             ),
             Is::TraveledDistance { value_m } => {
+                // A way only grows, so its condition has no rule in the file.
                 let rule = ComparisonRule::GreaterOrEqual;
                 self.number_of(path, AgentQuantity::Way, rule, ("value_m", value_m))
             }
@@ -167,6 +172,7 @@ impl Check<'_, '_> {
                 tolerance_m,
             } => {
                 let measured = MeasuredAxis::default();
+                // Arrival is that of the reference point, so the box has no part in it.
                 let quantity = self.distance_to_place(path, position, measured, false);
                 let rule = ComparisonRule::LessOrEqual;
                 self.number_of(path, quantity, rule, ("tolerance_m", tolerance_m))
@@ -220,6 +226,8 @@ impl Check<'_, '_> {
             Is::Offroad { .. } => AgentExpression::Offroad,
             Is::EndOfRoad { .. } => AgentExpression::AtRoadEnd,
         };
+        // Only these conditions have a duration. It is part of the expression, so that a
+        // rising edge is at its end.
         let held_s = match is {
             Is::StandStill { duration_s }
             | Is::Offroad { duration_s }
@@ -260,9 +268,12 @@ impl Check<'_, '_> {
     /// Finds an element by the end of its path, which must be unique.
     fn element_named(&mut self, path: &ValuePath, name: &str) -> usize {
         let wanted: Vec<&str> = name.split("::").collect();
+        // The root has number 0 and no name.
         let found: Vec<usize> = (1..self.elements.len())
             .filter(|it| {
                 let names = &self.elements[*it].path;
+                // From the end, so that the last name suffices if no
+                // other element has it.
                 names
                     .iter()
                     .rev()

@@ -138,6 +138,8 @@ impl Check<'_, '_> {
                 PlaceFrame::AgentLane(self.agent(&path.to("entity"), entity), *lanes)
             }
         };
+        // The names of the fields go along, so that a problem points at
+        // its number in the file.
         let ((along, along_m), (left, left_m)) = match position {
             At::World { x_m, y_m, .. } => (("x_m", x_m), ("y_m", y_m)),
             At::Road { s_m, t_m, .. } => (("s_m", s_m), ("t_m", t_m)),
@@ -176,6 +178,7 @@ impl Check<'_, '_> {
     ) -> TrajectoryTiming<f64> {
         let (TrajectoryTiming::Absolute { scale, offset_s }
         | TrajectoryTiming::Relative { scale, offset_s }) = timing;
+        // With a factor of 0 all points would have one time.
         let factor = self.number(&path.to("scale"), scale, LEAST_RATE);
         let sum_s = self.number(&path.to("offset_s"), offset_s, -MOST);
         match timing {
@@ -244,12 +247,14 @@ impl Check<'_, '_> {
             x_m: self.number(&path.to("x_m"), &vertex.x_m, -MOST),
             y_m: self.number(&path.to("y_m"), &vertex.y_m, -MOST),
             heading_rad: self.number_if(&path.to("heading_rad"), &vertex.heading_rad, -MOST),
+            // Negative times are possible, because the timing adds its offset to them.
             time_s: self.number_if(&path.to("time_s"), &vertex.time_s, -MOST),
         }
     }
 
     fn piece(&mut self, path: &ValuePath, piece: &ClothoidPiece) -> ClothoidPiece<f64> {
         ClothoidPiece {
+            // The curvature changes over the length, by which it is divided.
             length_m: self.number(&path.to("length_m"), &piece.length_m, LEAST_RATE),
             from_per_m: self.number(&path.to("from_per_m"), &piece.from_per_m, -MOST),
             to_per_m: self.number(&path.to("to_per_m"), &piece.to_per_m, -MOST),
@@ -261,6 +266,7 @@ impl Check<'_, '_> {
         ControlPoint {
             x_m: self.number(&path.to("x_m"), &point.x_m, -MOST),
             y_m: self.number(&path.to("y_m"), &point.y_m, -MOST),
+            // Weights above 0 keep the denominator of the spline above 0.
             weight: self.number_if(&path.to("weight"), &point.weight, LEAST_RATE),
             time_s: self.number_if(&path.to("time_s"), &point.time_s, -MOST),
         }

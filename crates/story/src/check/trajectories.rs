@@ -37,6 +37,7 @@ impl Check<'_, '_> {
             self.wrong(&place, error.what, &error.help);
         });
         let curve = found.ok()?;
+        // A curve without any time is no error of the curve, only of its timing.
         if is_timed && curve.times_s.is_empty() {
             let what = "a timing of a trajectory without times".to_owned();
             self.wrong(path, what, "write `time_s` at its points, or no `timing`");
@@ -63,6 +64,7 @@ fn curve_of(
                     time_s: used(it.time_s),
                 })
                 .collect();
+            // As in esmini, a body with exact places turns within 2 m of a corner.
             let turn = match following {
                 FollowingMode::Position => PolylineTurn::AtCorners,
                 FollowingMode::Follow => PolylineTurn::AlongLines,
@@ -103,6 +105,7 @@ fn curve_of(
                 .iter()
                 .map(|it| NurbsPoint {
                     at_m: [it.x_m, it.y_m],
+                    // Equal weights make it a plain B-spline.
                     weight: it.weight.unwrap_or(1.0),
                     time_s: used(it.time_s),
                 })

@@ -28,6 +28,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         // count.
         let mut found = Vec::new();
         for number in groups.flatten() {
+            // Other conditions of the group name no agents.
             let CheckedExpression::Agents { agents, is, .. } = &self.board.conditions[*number].is
             else {
                 continue;
@@ -38,6 +39,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
                 ways_m: &self.run.ways_m,
                 since_s: self.now_s,
             };
+            // A condition keeps only its joint result, so each agent is evaluated again.
             found.extend(agents.iter().filter(|it| instant.agent(**it, is).holds));
         }
         // Sorted, so that agents act in the order of their numbers.
@@ -93,6 +95,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     pub(super) fn begin_agents(&mut self, element: usize, actors: &Actors, action: &ActorAction) {
         for agent in self.acting(actors) {
             for domain in action.domains() {
+                // From here on the action that owned the agent is over for this agent.
                 self.run.owners[agent][*domain as usize] = Some(element);
             }
             self.stage.begin(agent, action, self.now_s);
@@ -114,6 +117,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         for of in self.controlled(element) {
             let owner = &mut self.run.owners[of.agent][of.domain as usize];
             if *owner == Some(element) {
+                // Only its own agents, as another action may still
+                // move those that it took.
                 *owner = None;
             } else {
                 was_taken = true;

@@ -15,12 +15,14 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     pub(super) fn next_s(&self, look_s: f64) -> f64 {
         let mut next_s = look_s;
         for (agent, owners) in self.run.owners.iter().enumerate() {
+            // No element waits for the end of a motion without an owner.
             for (domain, _) in DOMAINS.iter().zip(owners).filter(|it| it.1.is_some()) {
                 next_s = self.earlier(next_s, self.stage.ends_s(agent, *domain));
             }
         }
         for number in self.watched() {
             let (condition, run) = (&self.board.conditions[number], &self.run.conditions[number]);
+            // Each search ends at the earliest instant so far, so none looks beyond it.
             next_s = self.earlier(next_s, run.next_s(condition));
             next_s = self.change_s(condition, run, next_s);
         }
@@ -47,6 +49,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
             // Without an earlier key there is nothing to differ from.
             run.key().is_none_or(|key| key == now.key)
         };
+        // A change and its reversal between two looks stay unseen, as documented for
+        // their distance.
         if is_same(next_s) {
             return next_s;
         }

@@ -255,6 +255,7 @@ pub struct DynamicLimits<N = StoryNumber> {
     pub max_decel_mps2: Option<N>,
 }
 
+// A derived default would require one of `N`, which no absent limit needs.
 impl<N> Default for DynamicLimits<N> {
     fn default() -> DynamicLimits<N> {
         DynamicLimits {
@@ -450,6 +451,7 @@ pub enum Dimension<N = StoryNumber> {
 
 impl<N: Default> Default for Dimension<N> {
     fn default() -> Dimension<N> {
+        // Only a step needs no size, and it takes no time.
         Dimension::Time(N::default())
     }
 }

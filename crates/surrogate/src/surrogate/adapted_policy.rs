@@ -375,6 +375,8 @@ fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> O
             "learns_on": request.bundle.is_some(),
         },
     }));
+    // Sixteen digits keep the name short, and two requests of a run
+    // hardly ever share them.
     let path = run.path().join(DIR).join(&name[..16]);
     Some(path.with_extension("safetensors"))
 }

@@ -170,6 +170,7 @@ impl Cases {
             (is_one && one.worth * other.worth < 0.0).then(|| BrakeSample {
                 terms: std::array::from_fn(|i| 0.5 * (one.terms[i] + other.terms[i])),
                 clearance_m: 0.5 * (one.clearance_m + other.clearance_m),
+                // An edge only marks the threshold, and no share is explained by it.
                 worth: 0.0,
             })
         });

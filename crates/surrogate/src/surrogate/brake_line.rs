@@ -126,6 +126,8 @@ pub(super) fn braking_line(
         };
         let [(a, change_a), (b, change_b)] = [all[one], all[other]];
         let share = (change_a - change_b) / (b - a);
+        // Equal accelerations make the share infinite or undefined,
+        // which is refused here.
         let Some(line) = BrakeLine::of(a, change_a, share, sample_s) else {
             continue;
         };
@@ -139,6 +141,8 @@ pub(super) fn braking_line(
     let (excess, line, near_mps2) = best?;
     // Least squares removes the error of the two drawn samples.
     let (accel_mps2, change_mps2, share) = fitted(line, near_mps2, &all);
+    // Without two different accelerations near the line, the share is undefined and the
+    // drawn line stays.
     let refined = BrakeLine::of(accel_mps2, change_mps2, share, sample_s).unwrap_or(line);
     (excess * every as f64 >= LEAST_SAMPLES).then_some((refined, near_mps2))
 }

@@ -52,6 +52,7 @@ impl MotionReader {
         let Some(world) = bench.driven() else {
             return;
         };
+        // Sample 0 is the start itself, so there is a sample more than there are moves.
         for sample in motion.len()..=moved as usize {
             let at = world.course().locate(&Pose {
                 x_m: x[sample],

@@ -120,6 +120,8 @@ impl Features {
 
     /// Begins an episode with its first percept.
     pub(super) fn begin(percept: &Percept) -> Features {
+        // Two numbers of the ego and three of each other vehicle, as
+        // `remember` writes them.
         let width = 2 + 3 * percept.others.len();
         let delays = PAST_S.map(|past_s| (past_s / percept.sample_s).round() as usize);
         // The present frame takes a place as well.

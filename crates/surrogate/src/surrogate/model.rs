@@ -48,6 +48,7 @@ impl Surrogate {
         scaled.clear();
         scaled.extend(self.scaled(row));
         let members = match member {
+            // Variations name members of a full ensemble, and a test may have fewer.
             Some(member) => std::slice::from_ref(&self.members[member % self.members.len()]),
             None => &self.members[..],
         };

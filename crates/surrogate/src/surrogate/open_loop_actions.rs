@@ -67,6 +67,7 @@ pub(super) fn best_fixed(
             match model.bench.verdict() {
                 Some(Verdict::Counterexample { .. }) => score.successes += 1,
                 Some(Verdict::Held { margin }) => score.margins += margin,
+                // None of these verdicts has a margin, so the starts are counted instead.
                 _ => score.violations += 1,
             }
         }

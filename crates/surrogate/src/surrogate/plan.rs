@@ -424,6 +424,8 @@ impl<'a> Planner<'a> {
             }
             chosen_at = decision + 1;
             if let Some(other) = self.rethink(from, &so_far, &mut now) {
+                // A better rank of the same strategy is no change, so the run still
+                // follows it throughout.
                 replans += u32::from(now.strategy != other.strategy);
                 now = other;
             }

@@ -70,6 +70,8 @@ fn errors_m(
 ) -> Vec<[f64; 2]> {
     let clock = *model.bench.clock();
     let ahead = (AHEAD_S / clock.sample_s).round() as usize;
+    // At least 1, because a decision may last longer than the horizon
+    // and a step of 0 panics.
     let step = (AHEAD_S / clock.decision_s).round().max(1.0) as usize;
     let RunPrefix { actions, motion } = &run.so_far;
     let mut errors = Vec::new();

@@ -164,6 +164,7 @@ pub(super) fn fit(
     }
     // Members differ by their seed, so their disagreement shows where samples are missing.
     let seeds: Vec<u64> = (0..MEMBERS as u64)
+        // From 1, because the fits that judge the brake use `seed` itself.
         .map(|member| seed ^ (member + 1))
         .collect();
     let one = |_: &mut (), &seed: &u64, _: &_| {
@@ -208,6 +209,8 @@ impl<'a> MemberFit<'a> {
             limits: vec![f32::INFINITY; samples.answers.len()],
             scaled: scaled.collect(),
             targets: targets.collect(),
+            // The unit of the outputs would not do here, because it is that of the part
+            // which a stock controller leaves.
             critical: samples.critical(samples.rms(|_, answer| answer[1])),
             dice: LearnerRng::new(seed),
         };
@@ -247,6 +250,7 @@ impl<'a> MemberFit<'a> {
         let width = self.samples.width;
         let loss = |sample: usize| {
             let row = &self.scaled[sample * width..][..width];
+            // The lateral speed is left out, because no brake has an influence on it.
             let predicted = net.evaluate(row, |out| answer_of(out).0[0]);
             // The brake limits the prediction here as it does in `ModelDriver::command`.
             let off = predicted.min(self.limits[sample]) - self.targets[sample][0];

@@ -81,6 +81,8 @@ impl FailureArchive {
         let mut draw = || {
             self.cells
                 .values()
+                // An empty range would panic. Over one place, the draw of an empty
+                // archive finds nothing.
                 .nth(dice.random_range(0..self.len().max(1)))
         };
         let (one, other) = (draw()?, draw()?);

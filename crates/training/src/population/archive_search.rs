@@ -179,6 +179,7 @@ impl<'a> ArchiveSearch<'a> {
         let mut reported = first;
         let mut drawn = 0;
         let bench = self.scenario.bench();
+        // Without a start nothing can be simulated, so the budget would never be spent.
         while self.cost.simulations - first < simulations && !self.starts.is_empty() {
             let numbers = drawn..drawn + GENERATION;
             drawn += GENERATION;
@@ -354,6 +355,7 @@ impl Worker<'_> {
         }
         // The screening has used up the first replay.
         let mut replay = Replay::holding(&candidate.actions);
+        // Its cell and severity depend on the contact, which may come after the verdict.
         let episode = play(&mut self.bench, &start, noise, &mut replay, Aftermath::Play);
         self.count(&episode);
         watch.faults.note(candidate.index, episode.fault.as_ref());
@@ -384,6 +386,7 @@ fn random_sequence(decisions: usize, actions: usize, dice: &mut ChaCha8Rng) -> V
         .collect();
     times.sort_unstable();
     let mut sequence = Vec::new();
+    // Equal times make a part empty, which only lowers the number of switches.
     for until in times.into_iter().chain([decisions]) {
         sequence.resize(until, dice.random_range(0..actions));
     }

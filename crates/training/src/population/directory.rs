@@ -99,6 +99,7 @@ impl PopulationDir {
         // Without a population, no lock file is made.
         PopulationManifest::read(path)?;
         let lock = lock(path)?;
+        // Read again under the lock, because another process may have written until then.
         let mut population = PopulationDir::open(path)?;
         population._lock = Some(lock);
         // A killed process may have left unfinished files.

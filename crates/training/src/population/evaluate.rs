@@ -233,6 +233,8 @@ fn failure_cells(
     });
     let mut cells = vec![Vec::new(); played.len()];
     for ((at, start), cell) in failures.into_iter().zip(found) {
+        // A cell is missing only after a stop, and the others would seem
+        // rarer than they are.
         cells[at].push((start, cell?));
     }
     Some(cells)

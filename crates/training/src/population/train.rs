@@ -93,6 +93,7 @@ pub fn train_distinct(
             members: Vec::new(),
             archive: None,
             search_cpu_s: 0.0,
+            // Every early return is that of a stopped training.
             interrupted: true,
         },
     };
@@ -161,6 +162,7 @@ fn resumed(
         let (begun, now) = (manifest.requested, request.members);
         return differs("members", begun.to_string(), now.to_string());
     }
+    // Without the recorded seed, a first member that is yet to begin would take seed 0.
     let training = TrainRequest {
         seed: request.training.seed.or(Some(manifest.seed)),
         ..request.training

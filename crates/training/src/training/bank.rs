@@ -103,6 +103,7 @@ fn of_run(world: &Scenario, path: &Path) -> Result<Vec<KnownEpisode>, BankError>
     let run = RunDir::open(path)?;
     let theirs = run.scenario()?;
     fits(world, &theirs, path)?;
+    // An unfinished training has successes to learn from as well.
     let stored = run.counterexamples_so_far()?;
     let noise = run.noise_of(&stored)?;
     let pairs = stored.all().iter().zip(noise);

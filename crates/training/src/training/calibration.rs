@@ -68,6 +68,7 @@ impl<'a> Calibrator<'a> {
             total: indices.len(),
         };
         let effort = SearchEffort::Walk { switches: 1 };
+        // The share of a very short training would not even pay for the constant actions.
         let found = training_search.search(&indices, effort, each.max(20), progress, watch);
         if watch.stopped() {
             return None;

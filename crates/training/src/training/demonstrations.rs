@@ -211,6 +211,8 @@ impl Seeded {
             if most <= spent || (tried >= TRIED && few) {
                 break;
             }
+            // At least 1, or starts would count as searched on which
+            // no sequence is played.
             let each = (UNEVEN * (most - spent) / (indices.len() - tried) as u64)
                 .min((most - spent) / CHUNK as u64)
                 .max(1);

@@ -129,6 +129,7 @@ impl GoalTracker {
         });
         let sum: f64 = shares.sum();
         let Some(rarity) = &mut self.rarity else {
+            // Not by 0, because without goals and rarity no tracker is made.
             return sum / goals.len() as f64;
         };
         let cell = rarity.finder.cell(scenario, episode);

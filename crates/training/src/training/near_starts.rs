@@ -43,6 +43,7 @@ impl StartCandidates {
             spreads: Spreads::of(&starts),
             candidates: indices
                 .zip(starts)
+                // Infinite distances let the first solved start count, however far it is.
                 .map(|(index, start)| (index, start, f64::INFINITY))
                 .collect(),
         }

@@ -31,6 +31,8 @@ impl PerAdoMode {
         match each.training {
             PerAdoTraining::Independent => Some(PerAdoMode::Independent),
             PerAdoTraining::Alternating { rounds } => {
+                // An option always means this number of turns, so it cannot
+                // stand for another one.
                 (rounds == ROUNDS).then_some(PerAdoMode::Alternating)
             }
         }

@@ -23,6 +23,8 @@ impl ProgressLog {
     pub(super) fn of(run: &Manifest, report_episodes: u64) -> ProgressLog {
         ProgressLog {
             episodes: run.episodes,
+            // The window goes on, so that lines end at the same
+            // episodes as without a stop.
             window: run.window,
             report_episodes,
             ..ProgressLog::default()

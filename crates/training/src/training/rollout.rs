@@ -83,6 +83,7 @@ impl<'a> TrainingStarts<'a> {
             let episode = GreedyEpisode {
                 physics_steps: gym.inner().spent().physics_steps - before,
                 cpu_s: turn.cpu_s(),
+                // Drawn successes are only counted, and no learner is shown them.
                 success: None,
             };
             Some((success.is_some(), draws, episode))

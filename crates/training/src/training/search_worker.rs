@@ -262,6 +262,7 @@ impl<'a> SearchWorker<'a> {
                 continue;
             }
             let reward = self.reward(from, &sequence, &mut scouted);
+            // Under Definition 4 exactly the successes have a reward above 0.
             if reward > 0.0 && self.is_confirmed(from, &sequence, &mut scouted) {
                 scouted.actions = Some(sequence);
                 break;

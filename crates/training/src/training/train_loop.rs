@@ -296,6 +296,7 @@ impl<'a> TrainLoop<'a> {
         }
         let over = self.stopping.ended.is_some();
         let done = if over {
+            // Counted here only, because a training that resumes is calibrated anew.
             let done = self.done(self.stopping.physics_steps());
             self.run.save_policy(&self.learner.policy_bundle(), done)?;
             done

@@ -73,6 +73,8 @@ impl DecidedGate {
             })
         };
         let skipped = |why: &str| TestOutcome::Skipped(why.to_owned());
+        // Before the outcomes, which do not tell newly failing starts from
+        // those that always fail.
         if let Some(flipped) = gate.newly_failing.iter().find(|it| it.start == start) {
             return if self.is_closed_by(flipped) {
                 failed(format!("newly failing, {}", words_of(flipped.avoidability)))

@@ -45,6 +45,7 @@ impl Gate {
             let failed = self
                 .no_answer
                 .iter()
+                // Against the baseline the ego must have failed in a way that counts.
                 .filter(|it| it.before != StartOutcome::Held)
                 .filter(|it| it.before != StartOutcome::Uncounted)
                 .count();
@@ -181,6 +182,7 @@ impl DecidedGate {
                      newly: the baseline fails from all"
                 ),
                 GateOn::Severity => format!("{starts} {noun} that {fail} more severely"),
+                // `Never` closes no gate, so it is never a reason.
                 GateOn::Any | GateOn::Never => format!("{starts} newly failing {noun}"),
             }
         };

@@ -138,6 +138,7 @@ impl AdoSet {
                 start: &kept.start,
                 noise: kept.noise,
             };
+            // The motion after the verdict changes no outcome.
             let episode = watch.play(bench, from, index, &mut ado, Aftermath::Skip);
             Some(match StartOutcome::from(&episode.verdict) {
                 // An ado that now breaks its rule shows nothing about the ego.

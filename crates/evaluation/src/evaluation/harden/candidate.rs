@@ -194,6 +194,8 @@ pub(super) fn front(conditions: &Conditions<'_>, all: &[EgoCandidate]) -> Vec<Eg
             is_useful.then_some((at, [size, failing as f64, loss]))
         })
         .collect();
+    // Better in one number and worse in none, so equal candidates do
+    // not remove each other.
     let is_beaten = |mine: &[f64; 3]| {
         scores.iter().any(|(_, other)| {
             let pairs = || other.iter().zip(mine);
@@ -202,6 +204,7 @@ pub(super) fn front(conditions: &Conditions<'_>, all: &[EgoCandidate]) -> Vec<Eg
     };
     let mut kept: Vec<&(usize, [f64; 3])> =
         scores.iter().filter(|(_, mine)| !is_beaten(mine)).collect();
+    // By size, because callers take the first of equal failures for the smallest change.
     kept.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
     kept.iter().map(|(at, _)| all[*at].clone()).collect()
 }

@@ -30,6 +30,7 @@ impl Hardening<'_> {
         watch.phase("confirming on sealed starts");
         // The bar counts candidates, and each of their plays would restart it.
         let quiet = watch.quiet();
+        // With the seed of the search, the natural runs of the search would come again.
         let seed = settings.seed.wrapping_add(FIRST_SEALED);
         let nominal = EgoUnderTest::nominal(self.request.world);
         let count = settings.sealed_starts;
@@ -106,6 +107,7 @@ impl Hardening<'_> {
 
     fn changed(&self, chosen: &Chosen) -> Option<EgoUnderTest> {
         let name = chosen.file.file_stem()?.to_string_lossy().into_owned();
+        // These values are in the written change already, so they fit the world.
         let ego = self.request.parameters.ego(&name, &chosen.candidate.values);
         ego.ok()
     }
@@ -130,6 +132,8 @@ impl Hardening<'_> {
         let fails = |cell: &ExperimentCell| cell.row.successes > 0;
         // The latest ados know the change best.
         let mut cells = self.request.ados.trained.iter().rev().filter_map(play);
+        // The plays are lazy, so older ados play only as long as no
+        // newer one makes it fail.
         let Some(failing) = cells.find(fails) else {
             return Ok(None);
         };

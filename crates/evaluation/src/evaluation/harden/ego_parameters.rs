@@ -37,6 +37,7 @@ impl EgoParameter {
         // Digits follow the width of the range, so that small quantities keep theirs.
         let digits = DIGITS - libm::floor(libm::log10(range)) as i32;
         let scale = libm::pow(10.0, f64::from(digits));
+        // The search works in −1 to 1, where all parameters have one scale.
         let value = self.lo + 0.5 * (x + 1.0) * range;
         // Rounding must not leave the range.
         ((value * scale).round() / scale).clamp(self.lo, self.hi)

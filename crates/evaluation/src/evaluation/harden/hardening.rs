@@ -80,6 +80,7 @@ impl HardenRequest<'_> {
         self.check()?;
         make_dir(self.dir)?;
         let ego = self.parameters.base().clone();
+        // The training of the first ado reads this file.
         if !ego.is_nominal() {
             write_change(&before(self.dir), "the ego as it was", ego.change())?;
         }
@@ -170,6 +171,7 @@ impl Trial for SearchRound<'_> {
     fn play(&self, values: &[f64], slice: &Slice) -> Option<EgoMeasurement> {
         let ego = self.parameters.ego("candidate", values).ok()?;
         if slice.starts.start == 0 {
+            // A candidate plays its first slice once, however far it comes.
             self.played.fetch_add(1, Ordering::Relaxed);
         }
         let part = TestStarts {
@@ -270,6 +272,8 @@ impl Hardening<'_> {
             let Some(found) = self.round((round, from), &starts, &driving, watch) else {
                 return Ok(());
             };
+            // The candidates of the last round fail against the ado
+            // that has joined since.
             self.chosen.clear();
             let Some((smallest, others)) = found.split_first() else {
                 return Ok(());
@@ -344,6 +348,7 @@ impl Hardening<'_> {
     /// Returns starts without the trivial ones, which each ego may have of its own.
     pub(super) fn judged(&self, tried: TestStarts, watch: &Watch<'_>) -> Option<TestStarts> {
         let (own, _) = tried.for_ego(self.request.world, &self.ego, None, watch)?;
+        // Only the number is unlimited: trivial starts are left out.
         Some(own.first(usize::MAX))
     }
 
@@ -370,6 +375,8 @@ impl Hardening<'_> {
         let slices = slices(starts.starts.len(), settings.runs);
         let mut own = EgoMeasurement::default();
         for slice in &slices {
+            // In the slices of the candidates, so that each stage compares
+            // equal starts and runs.
             own.extend(trial.play(&self.request.parameters.own(), slice)?);
         }
         self.searched = StartCount::of(&own.outcomes);

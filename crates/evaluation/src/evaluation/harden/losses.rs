@@ -299,6 +299,8 @@ impl<'a> NaturalDriving<'a> {
             // The coasting ego has no answer for later runs, so hard braking in them is
             // excused.
             let is_easy = self.is_easy.get(first + nth).copied().unwrap_or(false);
+            // The outer `None` is a run that cannot begin or is invalid, the inner one a
+            // run without samples.
             run.flatten().map(|values| self.excused(values, is_easy))
         });
         Some(with_easy.collect())

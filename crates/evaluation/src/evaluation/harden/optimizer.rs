@@ -93,6 +93,8 @@ impl Optimizer<'_> {
         // A sweep of one parameter is cheap and complete, so it begins anew.
         let from = self.from.as_ref().filter(|_| !is_single);
         let (first, search) = match from {
+            // One more ado moves the result a little, so the search stays
+            // near the earlier one.
             Some(values) => (vec![self.point(values)], CrossEntropySearch::COARSE_NEAR),
             None => (self.swept(), CrossEntropySearch::COARSE),
         };
@@ -110,6 +112,7 @@ impl Optimizer<'_> {
             all.borrow_mut().extend(candidates);
             costs
         };
+        // The sweeps come first, because their best point is the middle of the search.
         measure(&first);
         let best = self.best(&all.borrow());
         let middle = best.map_or_else(|| self.own(), |best| self.point(&best.values));
@@ -127,6 +130,8 @@ impl Optimizer<'_> {
         }
         // Candidates of early stages were judged on the easy part, perhaps by luck.
         found.retain(|it| it.stages == self.slices.len());
+        // Those that meet all conditions cost least, and the smallest
+        // of them comes first.
         found.sort_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
         let mut distinct: Vec<EgoCandidate> = Vec::new();
         for one in found {

@@ -259,6 +259,7 @@ impl Confirmation {
         };
         Confirmation {
             reduction: reduction(self.sealed.share()),
+            // A bound above the failures of the ego as it is shows no reduction.
             reduction_at_least: reduction(at_most).max(0.0),
             ..self
         }
@@ -295,6 +296,8 @@ impl Confirmation {
                 unknown.push("no start of the new training was searched".to_owned());
             }
             let share = solved as f64 / starts.max(1) as f64;
+            // The training has other starts than the seal, so shares are
+            // compared and not counts.
             if own.failing > 0 && share > (1.0 - wanted) * own.share() + ROUNDING {
                 let starts = counted(starts, "start");
                 refuted.push(format!(
@@ -338,6 +341,7 @@ impl HardenReport {
     pub(super) fn recommended(&self) -> Option<usize> {
         let mut all = self.candidates.iter();
         let confirmed = all.position(|it| it.verdict == HardenVerdict::Confirmed);
+        // Candidates are ordered by size, so the first is the smallest.
         confirmed.or((!self.candidates.is_empty()).then_some(0))
     }
 

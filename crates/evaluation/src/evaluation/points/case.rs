@@ -50,6 +50,7 @@ impl VariedPoint {
     /// Returns the variation as pages and JUnit files have it.
     fn case(&self) -> VariedCase {
         match self.closing_mps {
+            // First, because a search in which the ego did not run shows nothing.
             _ if self.invalid => VariedCase::Invalid,
             _ if !self.fails => VariedCase::Passed,
             Some(closing_mps) => {

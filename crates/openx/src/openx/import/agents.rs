@@ -62,6 +62,7 @@ pub(super) fn agent(
         return Ok(AgentFile::Pedestrian {
             name: it.name.clone(),
             body: body.name.clone(),
+            // A way of its own leads through its place.
             lateral_m: number(if road.is_some() { 0.0 } else { left_m }),
             road,
             facing: match it.path {
@@ -74,6 +75,7 @@ pub(super) fn agent(
             drive,
         });
     }
+    // A way of its own has a single lane.
     let lane = if road.is_some() {
         0.0
     } else {
@@ -166,6 +168,7 @@ fn ego_drive(concrete: &Concrete, speed_mps: f64) -> Actuated<ControllerSpec> {
     } else {
         ControllerSpec::from(CurveSpeed {
             desired_speed_mps: tidy(speed_mps),
+            // High, because the protocol assumes that the ego keeps its speed.
             cruise_gain_per_s: 20.0,
             max_accel_mps2: 5.0,
             max_brake_mps2: 5.0,
@@ -194,6 +197,8 @@ fn obstacle(
     let shares_road = concrete.is_on_road(&it.entity.placed);
     let front = match &it.entity.placed.way {
         Some(on) if on.is_lane && shares_road => {
+            // The front is located anew, because a bend may lie between it and the
+            // reference point.
             let spot = it.entity.placed.spot.moved(body.front_m, 0.0);
             let placed = Placed {
                 spot,
@@ -208,6 +213,7 @@ fn obstacle(
     let mut nearest = shares_road.then_some((None, front));
     for other in all {
         match other.path {
+            // Only on a straight way the axes of its beginning measure stations.
             EntityPath::Own(begins, on) if on.way.piece_count() == 0 => {
                 let seen = begins.sees(&front);
                 let best_m = nearest.as_ref().map_or(f64::INFINITY, |it| it.1.y_m.abs());

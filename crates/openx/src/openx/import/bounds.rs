@@ -31,6 +31,7 @@ pub(super) fn few(root: &XmlNode) -> Result<(), ImportError> {
         if let Some(kind) = MOST.iter().position(|(name, _)| *name == node.name) {
             counts[kind] += 1;
             if MOST[kind].1 < counts[kind] {
+                // The count ends here, so a hostile file costs no more than a large one.
                 return Some(node);
             }
         }

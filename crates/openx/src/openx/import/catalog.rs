@@ -119,6 +119,7 @@ impl Catalogs {
         // values may refer to it.
         let own = ParameterScope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
         let mut entry = entry.clone();
+        // Words of the entry may be its parameters, whose values are known from here on.
         write_words(&mut entry, &own);
         Ok((entry, own))
     }
@@ -139,6 +140,7 @@ impl Catalogs {
             .iter()
             .map(|it| it.join(format!("{name}.xosc")));
         let mut found = None;
+        // Each directory of the list may lack the catalog.
         for path in paths.filter(|path| files(path).is_ok()) {
             let root = XmlNode::read(&path, "OpenSCENARIO", files)?;
             let catalog = root.child("Catalog");

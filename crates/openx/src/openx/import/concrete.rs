@@ -61,6 +61,7 @@ impl Concrete {
             .entities
             .iter()
             .filter(|it| !it.is_ego && !is_named(&it.name));
+        // A gap to the ego replaces the place, which then says nothing.
         for entity in others.filter(|it| !it.moves() && it.gap_m.is_none()) {
             let left_m = self.station(&entity.placed, &entity.at)?.y_m;
             let middle_m = self.lane_at(left_m) * self.lane_width_m;
@@ -256,6 +257,7 @@ impl Concrete {
         if !laps(length_m) {
             return f64::INFINITY;
         }
+        // Every attempt builds a course, so their number is bounded for long roads.
         let step_m = SHORTER_M.max(length_m / MOST_STEPS);
         let mut shorter = (1..)
             .map(|steps| length_m - f64::from(steps) * step_m)

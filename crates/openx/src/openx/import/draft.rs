@@ -113,6 +113,8 @@ impl Draft {
             origins,
             until_s,
             has_end,
+            // Rounded up to whole samples, a run may end just after the departure, and
+            // its draft must still fit a group.
             leaves_s: if has_end {
                 leaves_s.max(until_s)
             } else {
@@ -199,6 +201,7 @@ fn starts<'a>(
         StartFile::At { x_m, speed_mps } => {
             vec![(axis("x"), 0.0, x_m), (axis("speed"), 0.0, speed_mps)]
         }
+        // An import writes places, never gaps to others.
         StartFile::Ahead { .. } => Vec::new(),
     }
 }
@@ -234,6 +237,7 @@ fn meetings<'a>(
 /// Rounding removes the digits that sums of decimal fractions add.
 pub(super) fn tidy(value: f64) -> f64 {
     let tidy = (value * 1e9).round() / 1e9;
+    // The sum turns −0 into 0, whose text has no sign.
     tidy + 0.0
 }
 
@@ -326,6 +330,8 @@ fn world(name: &str, source: &str, group: &[(usize, Draft)]) -> Result<ImportedW
         if lo != hi {
             axes.push(axis);
             for (row, value) in rows.iter_mut().zip(values) {
+                // The axis counts from the middle of lane 0, and the file from
+                // that of the own lane.
                 row.push(value + more);
             }
         }

@@ -89,6 +89,7 @@ pub fn lane_places(
         let road = roads.road(node, id)?;
         let steps = libm::floor(road.length_m / step_m) as usize;
         for s_m in (0..=steps).map(|step| step as f64 * step_m) {
+            // Before each station, because a single road may have millions.
             few_places(node, places.len())?;
             let Some((section, lanes)) = road.lanes.section(s_m) else {
                 continue;
@@ -133,6 +134,7 @@ fn lanes_of(
     let Some(&right_m) = middles.first() else {
         return Ok(None);
     };
+    // Even steps include both ends, which even a short road needs.
     let steps = libm::ceil(road.length_m / STEP_M).max(1.0) as usize;
     let points = (0..=steps).map(|i| {
         let at = road.at(road.length_m * i as f64 / steps as f64, right_m);

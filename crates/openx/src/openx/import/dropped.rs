@@ -163,6 +163,8 @@ pub(super) fn time_s(
     pairs: &[(&XmlNode, &XmlNode)],
     scope: &ParameterScope,
 ) -> Result<Option<f64>, ImportError> {
+    // All conditions must hold at one time, so the latest begin must not
+    // pass the earliest end.
     let (mut from_s, mut until_s) = (0.0_f64, f64::INFINITY);
     for (condition, time) in pairs {
         let delay_s = scope.number_or_zero(condition, "delay")?;

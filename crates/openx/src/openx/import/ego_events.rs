@@ -37,6 +37,7 @@ impl EgoRequest {
     /// Records an event that moves the ego, once for all points.
     pub(super) fn leave(&self, event: &XmlNode) {
         let left = EgoEvent {
+            // An Init has no events, and its `Private` has no name.
             name: event.raw("name").unwrap_or("Init").to_owned(),
             file: event.file().to_owned(),
             line: event.line,

@@ -52,6 +52,7 @@ impl ImportedEntity {
     ///
     /// Returns an error for a lane of a road that is not read.
     pub(super) fn face_lane(&mut self, asks: &XmlNode, roads: &RoadMap) -> Result<(), ImportError> {
+        // Turned, it would keep its distance on another side.
         if self.later.keeps_aside {
             return Ok(());
         }
@@ -59,11 +60,14 @@ impl ImportedEntity {
             let found = roads.nearest_lane(&self.placed.spot, true);
             self.placed.lane = found.map(|(lane, _)| lane);
         }
+        // Lane 0 means a place on no lane, so it has no direction to follow.
         let Some(at) = self.placed.lane.as_ref().filter(|at| at.lane != 0) else {
             return Ok(());
         };
         let line = roads.road(asks, &at.road)?;
         let (_, slope) = line.middle_at(asks, at.s_m, at.lane)?;
+        // At t a metre of station is 1 − κ·t long, so in a bend the slant is
+        // not the slope itself.
         let slant_rad = libm::atan2(slope, 1.0 - line.per_m(at.s_m) * at.t_m);
         let turn_rad = if at.forward { 0.0 } else { PI };
         let along_rad = wrapped(line.at(at.s_m, at.t_m).heading_rad + slant_rad + turn_rad);

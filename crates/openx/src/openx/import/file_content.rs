@@ -73,6 +73,7 @@ pub(super) fn steered(root: &XmlNode, objects: &[&XmlNode]) -> Vec<String> {
     /// Collects who may get a controller from actions: any entity, or those with a name.
     fn assigned<'a>(node: &'a XmlNode, who: Option<&'a str>, all: &mut Vec<Option<&'a str>>) {
         let who = match node.name.as_str() {
+            // Actions of events name no entity, so any may get the controller.
             "Private" => node.raw("entityRef"),
             "AssignControllerAction" => {
                 all.push(who);
@@ -87,6 +88,7 @@ pub(super) fn steered(root: &XmlNode, objects: &[&XmlNode]) -> Vec<String> {
     let has_one = |it: &&XmlNode| {
         let mut own = it.all("ObjectController");
         let gets = [None, it.raw("name")].iter().any(|it| may_get.contains(it));
+        // An empty `ObjectController` refers to no controller.
         gets || own.any(|own| !own.children.is_empty())
     };
     let steered = objects.iter().copied().filter(has_one);
@@ -100,6 +102,7 @@ pub(super) fn changed_parameters(node: &XmlNode) -> Vec<String> {
     let here = (node.name == "ParameterAction")
         .then(|| node.raw("parameterRef"))
         .flatten()
+        // Older files write references with the sign of a value.
         .map(|name| name.trim_start_matches('$').to_owned());
     let inner = node.children.iter().flat_map(changed_parameters);
     here.into_iter().chain(inner).collect()

@@ -39,6 +39,8 @@ pub(super) fn with_first_story(
                 .map(|action| group(private, action))
                 .collect::<Vec<_>>(),
         );
+        // A trajectory with times stays in the Init as well, which takes the
+        // first place from it.
         private.children.retain(|it| !lasts(it));
     }
     if !groups.is_empty() {
@@ -70,6 +72,7 @@ fn takes_time(action: &XmlNode, scope: &ParameterScope) -> bool {
         ("LongitudinalAction", Some((speed, "SpeedAction"))) => is_ramp(speed, scope),
         ("LongitudinalAction", Some(_)) => true,
         ("RoutingAction", Some((_, name))) => {
+            // Both shape the start, so the Init reads them.
             !matches!(name, "AssignRouteAction" | "FollowTrajectoryAction")
         }
         _ => false,

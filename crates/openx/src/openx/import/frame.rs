@@ -209,6 +209,7 @@ impl FrameOfEgo {
             &from,
             LaneRoute {
                 via: &ego.route,
+                // The way begins behind the ego's place, so it is longer by that part.
                 reach_m: reach_m + (from.s_m - at.s_m).abs(),
             },
         )?;
@@ -296,6 +297,7 @@ impl FrameOfEgo {
             return Ok(());
         }
         let own = own_way(asks, roads, entity, reach_m)?;
+        // A way along that of the ego is replaced by it, so that both share a road.
         entity.placed.way = Some(frame.shared_by(&own).unwrap_or(own));
         Ok(())
     }
@@ -410,6 +412,7 @@ fn keeps_road(
         .filter_map(|it| Some((it.placed.lane.as_ref()?.t_m - at.t_m).abs()))
         .fold(0.0, f64::max);
     let is_here = |it: &Placed| it.lane.as_ref().is_some_and(|lane| lane.road == at.road);
+    // Only a straight frame can measure places on other roads.
     let alone = line.is_straight() || others.clone().all(|it| is_here(&it.placed));
     let beside = line.driven_beside(at.lane, at.s_m);
     // Lanes of a world keep their place, so the lanes beside must, too.
@@ -467,6 +470,7 @@ fn own_way(
     )?;
     let line = roads.road(asks, &at.road)?;
     let (middle_m, _) = line.middle_at(asks, at.s_m, at.lane)?;
+    // Against the stations, the left of a vehicle is the right of its road.
     let left_m = if at.forward {
         at.t_m - middle_m
     } else {

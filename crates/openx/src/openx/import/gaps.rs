@@ -35,6 +35,8 @@ pub(super) fn place_by_gaps(
         };
         let body = &it.entity.body;
         let way_m = (gap_m + body.length_m) / scale;
+        // From front to front, since reference points lie at different
+        // places in both bodies.
         it.spot.x_m = at.x_m + ego_body.front_m + way_m - body.front_m;
         let Some(course) = &course else {
             continue;
@@ -79,6 +81,7 @@ impl PlacedBox<'_> {
             self.pose.sees(&corner).x_m
         });
         let rear_m = self.body.front_m - self.body.length_m;
+        // The foremost corner of the other box ends the clear length.
         rear_m - corners_m[0].max(corners_m[1])
     }
 }

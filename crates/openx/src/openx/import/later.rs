@@ -46,6 +46,8 @@ pub(super) fn driven_s(bounds: &[SpeedBound], first_mps: f64, way_m: f64) -> f64
         time_s = from_s;
         speed_mps = most_mps.max(speed_mps);
     }
+    // At rest this is infinite, or NaN right at the end. The caller
+    // accepts finite times only.
     time_s + left_m / speed_mps
 }
 

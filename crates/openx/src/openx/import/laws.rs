@@ -84,6 +84,7 @@ pub(super) fn approached(
             })?;
             match kind {
                 Some("factor") => value * ego_mps,
+                // Without a kind, a relative speed is a difference.
                 _ => value + ego_mps,
             }
         }

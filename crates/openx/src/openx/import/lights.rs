@@ -68,6 +68,7 @@ pub(super) fn lights(
         let before = found.len();
         for (signal, cycle) in cycles(controller, scope, roads, &controllers)? {
             let on_way = passed.iter().find(|(id, _)| *id == signal);
+            // A signal with two controllers shows the phases of the first.
             let is_known = found.iter().any(|it| it.signal == signal);
             if let Some((_, line_m)) = on_way.filter(|_| !is_known) {
                 found.push(ImportedLight {
@@ -139,6 +140,7 @@ fn cycles(
     }
     let cycles_run = MOST_STEPS * STEP_S / before_s;
     let longest = cycles.values().flatten().map(|it| it.phases.len()).max();
+    // A cycle without a duration shows nothing, and is left out below.
     if before_s > 0.0 && cycles_run * longest.unwrap_or(0) as f64 > MOST_CHANGES {
         let what = format!("its phases of {before_s} s together change too often");
         let help = format!(
@@ -215,6 +217,8 @@ impl LightCycle {
         while from_s < until_s {
             for pair in self.phases.windows(2) {
                 let [(begins_s, phase), (ends_s, _)] = [pair[0], pair[1]];
+                // A phase without a duration, such as the first of two states at one
+                // time, is never seen.
                 if from_s + ends_s <= 0.0 || ends_s <= begins_s {
                     continue;
                 }

@@ -146,6 +146,7 @@ impl Import<'_> {
             Some(part) => error.before(part),
             None => error,
         })?;
+        // Problems have ended the import above, so all points are left out here.
         if drafts.is_empty() {
             let error =
                 At::file(self.scenario).error("every point breaks a constraint of the file");

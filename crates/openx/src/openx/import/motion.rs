@@ -82,6 +82,7 @@ pub(super) fn present(
         teleport.name = "TeleportAction".to_owned();
         let teleport = action.around("PrivateAction", &[], vec![teleport]);
         if let Some(private) = present.iter_mut().find(|it| is_its(it)) {
+            // First, so that the other actions of the `Private` apply at this place.
             private.children.insert(0, teleport);
         } else {
             let mut private = action.clone();
@@ -279,6 +280,7 @@ pub(super) fn first_speed_mps(
     unplaced: &[String],
 ) -> Result<f64, ImportError> {
     let most_mps = body.map_or(f64::INFINITY, |it| it.most_mps);
+    // A later action of the Init replaces the speed of an earlier one.
     let mut speed_mps = 0.0;
     let actions = private.all("PrivateAction");
     let along = actions.filter_map(|it| it.child("LongitudinalAction"));
@@ -354,6 +356,7 @@ pub(super) fn friction_scale(
         match action.name.as_str() {
             "EnvironmentAction" => {
                 let own = blockers.keep(friction_of(action, scope, ground));
+                // An environment without friction keeps the factor of an earlier one.
                 scale = own.flatten().unwrap_or(scale);
             }
             // Signals have no effect, and entities are added and deleted before.

@@ -200,6 +200,7 @@ impl PositionContext<'_> {
                 })?;
                 let s_m = at.s_m + scope.number(it, "ds")?;
                 let flat = self.roads.road(it, &at.road)?.lanes.flat(at.s_m).0;
+                // Back onto the banked surface, along which `dt` is measured.
                 let t_m = at.t_m / flat + scope.number(it, "dt")?;
                 self.on_road(it, scope, &at.road, s_m, t_m)
             }
@@ -310,6 +311,7 @@ impl PositionContext<'_> {
         let (middle_m, slope) = line.middle_at(it, s_m, lane)?;
         let t_m = middle_m + place.offset_m * line.lanes.flat(s_m).0;
         let mut on = line.at(s_m, t_m);
+        // Along a lane whose width changes, its middle leads off the road's direction.
         if slope != 0.0 {
             let slant_rad = libm::atan2(slope, 1.0 - line.per_m(s_m) * t_m);
             on.heading_rad = wrapped(on.heading_rad + slant_rad);
@@ -386,6 +388,7 @@ impl PositionContext<'_> {
     ) -> Result<Placed, ImportError> {
         let line = self.roads.road(it, road)?;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
+        // Files measure `t` along the banked surface, and places are in the plane.
         let t_m = stated_t_m * line.lanes.flat(s_m).0;
         let at = OnLane {
             road: road.to_owned(),

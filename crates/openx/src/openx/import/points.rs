@@ -47,6 +47,7 @@ pub(super) fn read(
     for kind in &list.children {
         match kind.name.as_str() {
             "Deterministic" => {}
+            // The caller names the scenario, so its path in this file says nothing more.
             "ScenarioFile" => continue,
             _ => return Err(kind.refused("only deterministic distributions are read", KINDS)),
         }

@@ -53,6 +53,7 @@ pub(super) fn ends_s(
         // Parallel motion never leads to an encounter, and a negative time lies
         // in the past.
         if encounter_s.is_finite() && encounter_s > 0.0 {
+            // The latest one counts, so that the run contains them all.
             until_s = Some(until_s.unwrap_or(0.0).max(encounter_s + BEYOND_S));
         }
     }

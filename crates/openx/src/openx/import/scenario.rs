@@ -93,6 +93,7 @@ impl Protocol {
             let error = root.error("there is no `Storyboard` in it: it is no scenario");
             return Err(error.helped("a variation file is named with --points"));
         }
+        // Before anything walks through the file, whose size it bounds.
         few(&root)?;
         let beside = path.parent().unwrap_or(Path::new(""));
         let header = root.child("FileHeader");
@@ -314,6 +315,7 @@ impl Protocol {
         if !objects.iter().any(is_ego) {
             return Err(unread(self.no_ego(&objects)));
         }
+        // References to two entities of one name would be ambiguous.
         let mut known = BTreeSet::new();
         let second = objects.iter().find(|it| !known.insert(it.raw("name")));
         if let Some(second) = second.filter(|it| it.raw("name").is_some()) {
@@ -417,6 +419,7 @@ impl Protocol {
             );
             concrete.entities.retain(|it| it.name != name);
         }
+        // Last, because entities far from the road must not decide on its length.
         concrete.road_ends_m = concrete.unlapped_m();
         Ok(concrete)
     }

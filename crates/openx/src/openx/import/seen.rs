@@ -46,6 +46,8 @@ impl EntityInFrame<'_> {
             EntityPath::With => front_m,
             EntityPath::Against => -front_m,
             EntityPath::Own(..) => front_m,
+            // Across the road a front lies beside the reference point, and obstacles
+            // place theirs elsewhere.
             EntityPath::Left | EntityPath::Right | EntityPath::Turned => 0.0,
         }
     }

@@ -68,6 +68,7 @@ impl PositionContext<'_> {
                         Ok(placed.spot)
                     })
                     .collect::<Result<Vec<Pose>, ImportError>>()?;
+                // A straight way goes on at its end, and one with corners ends there.
                 if let Ok(begins) = line_through(shape, &vertices) {
                     let last = vertices.last().unwrap_or(&begins);
                     let way = Course::straight_from(begins);

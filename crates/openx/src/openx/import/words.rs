@@ -33,6 +33,7 @@ const WORDS: [&str; 20] = [
 /// where the word is read.
 pub(super) fn write_words(node: &mut XmlNode, scope: &ParameterScope) {
     for name in WORDS {
+        // An expression in braces names no parameter here, and stays as it is.
         let word = node.raw(name).and_then(|it| it.strip_prefix('$'));
         if let Some(word) = word.and_then(|it| scope.get(it)).map(str::to_owned) {
             node.write(name, word);

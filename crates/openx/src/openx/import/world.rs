@@ -261,6 +261,7 @@ fn laid_m(concrete: &Concrete, all: &[EntityInFrame], until_s: f64) -> f64 {
         .fold(0.0, f64::max);
     let farthest_m = all.iter().map(|it| it.spot.x_m).fold(0.0, f64::max);
     let reach_m = farthest_m + fastest_mps * until_s + AHEAD_M;
+    // Infinite without a bend, and then there are no pieces to lay.
     let least_m = LEAST_TURN_RAD / concrete.bend_per_m().abs();
     // Equal lengths for all points keep the texts equal, so they share a world.
     if reach_m <= least_m {

@@ -371,6 +371,7 @@ impl League<'_> {
         let against = opponent.as_ref().unwrap_or(scenario);
         let path = self.dir.member_path(number);
         let gains = row_gains(&now.payoffs, &now.ego_mixture);
+        // In round 0 there is none, so the first ado begins from nothing.
         let nearest = (0..number).max_by(|a, b| gains[*a].total_cmp(&gains[*b]));
         let from = nearest
             .map(|nearest| RunDir::open(&self.dir.member_path(nearest)))

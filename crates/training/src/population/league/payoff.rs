@@ -135,6 +135,7 @@ impl<'a> PayoffStarts<'a> {
             scenario: ego.scenario(),
             ego: ego.name(),
             method: Switches(SWITCHES).into(),
+            // The number of switches alone limits this method.
             budget: 0,
             starts: &self.starts,
         };

@@ -41,6 +41,8 @@ impl StoryWriter<'_> {
         match kind.name.as_str() {
             "PrivateAction" => {
                 let is_free = !part.actors.iter().any(|it| self.ground.is_steered(it));
+                // A problem counts as motion, so that the action is written and its
+                // problem named.
                 let is_still = is_still(node, &part.scope, is_free).unwrap_or(false);
                 // What the ego does is left to the user, or refused.
                 let ego = &self.ground.ego.name;
@@ -124,6 +126,7 @@ impl StoryWriter<'_> {
             return Err(at.node.refused(what, help));
         }
         let effect = self.private_effect(at, &actors)?;
+        // Without a frame no actor is known, and the action is read for its problems.
         Ok(if acts || self.frame.is_none() {
             effect
         } else {

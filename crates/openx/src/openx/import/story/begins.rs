@@ -91,6 +91,7 @@ impl TriggerReader<'_> {
         // Any group suffices, and within one all conditions must hold.
         let groups = trigger.all("ConditionGroup").map(|group| {
             let conditions = group.all("Condition").map(|it| self.condition(it));
+            // Nothing begins before the element around it.
             conditions.fold(self.from, EarliestBegin::and)
         });
         groups.reduce(EarliestBegin::or).unwrap_or(self.from)

@@ -41,6 +41,7 @@ impl StoryWriter<'_> {
     fn note_act(&self, number: usize) {
         let node = self.parts.0[number].node;
         let begins = self.survey.begins[number];
+        // An act that surely begins at once never waits.
         let waits = begins.at_s > 0.0 || !begins.is_known;
         let stop = node.child("StopTrigger");
         if let Some(stop) = stop.filter(|it| waits && !it.children.is_empty()) {
@@ -54,6 +55,7 @@ impl StoryWriter<'_> {
             self.note(REPEATED, part.node);
         }
         let is_skip = part.node.raw("priority") == Some("skip");
+        // Only another event of the maneuver can run and cause a skip.
         if is_skip && self.beside(number).next().is_some() {
             self.note(SKIPPED, part.node);
         }
@@ -104,6 +106,7 @@ impl StoryWriter<'_> {
         let target = node.child("SpeedActionTarget");
         let own = target.and_then(|it| it.child("AbsoluteTargetSpeed"));
         let value = own.and_then(|it| it.raw("value"));
+        // The list contains the target itself, so only a second entry counts.
         value.is_some_and(|value| speeds(self.root).filter(|it| *it == value).count() > 1)
     }
 
@@ -144,8 +147,10 @@ impl StoryWriter<'_> {
     /// Returns whether another action or event than the one that waits may stop an element.
     fn may_be_stopped(&self, of: usize, waiting: usize) -> bool {
         match self.parts.0[of].kind {
+            // Any later action may take its agent over.
             PartKind::Action => true,
             PartKind::Event => {
+                // The event that waits overrides nothing before its condition is true.
                 let others = self.beside(of).filter(|it| *it != waiting);
                 let mut priorities = others.map(|it| self.parts.0[it].node.raw("priority"));
                 priorities.any(|it| matches!(it, Some("override" | "overwrite")))
@@ -162,6 +167,7 @@ impl StoryWriter<'_> {
 
 fn repeats(part: &StoryPart<'_>) -> bool {
     let often = part.scope.number(part.node, "maximumExecutionCount");
+    // A wrong count is reported where the event is written.
     often.is_ok_and(|it| it > 1.0)
 }
 

@@ -68,6 +68,7 @@ impl StoryWriter<'_> {
                         .numbers
                         .stated(at, &[], line_m(frame, actor, t_m + offset_m)),
                 },
+                // The line contains the offset already.
                 target_lane_offset_m: StoryNumber::Number(0.0),
                 dynamics,
             },
@@ -177,6 +178,7 @@ impl StoryWriter<'_> {
             return Ok(None);
         };
         match actors {
+            // A group of the ego alone has no actor in the world.
             [] => Ok(None),
             [one] => Ok(Some((frame, one))),
             _ => {
@@ -290,6 +292,8 @@ fn line_m(frame: &StoryFrame<'_>, actor: &EntityInFrame<'_>, t_m: f64) -> f64 {
                 frame.concrete.in_plane(&line.at(on.s_m, t_m)).y_m
             })
         }
+        // A world measures from the middle of lane 0, and the file
+        // from the reference line.
         (None, _) => t_m - frame.concrete.zero_m(),
         // A way of its own leads through the place of the entity.
         (Some(_), EntityPath::Own(..)) => side * (t_m - actor.start_t_m()),

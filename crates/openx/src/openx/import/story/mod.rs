@@ -102,6 +102,7 @@ pub(super) fn written(
         blockers: Blockers::default(),
         origins: Vec::new(),
     };
+    // First, because the lists and the board leave out all that does not matter.
     writer.is_relevant = relevant::relevant(parts, |action| writer.moves(action));
     writer.leave_ego();
     writer.note_dropped();
@@ -151,6 +152,7 @@ impl<'a> StoryWriter<'a> {
                 acts,
             });
         }
+        // Sorted by name, so that equal files write equal texts.
         let variables = self.variables.iter().map(|(name, value)| Variable {
             name: name.clone(),
             value: value.clone(),
@@ -174,6 +176,7 @@ impl<'a> StoryWriter<'a> {
         // Files give limits to all entities, and only those of actors matter.
         let limited = acting.map(|it| {
             let body = &it.entity.body;
+            // Files write the greatest number there is for no limit.
             let limit = |value: f64| (value < UNLIMITED).then(|| StoryNumber::Number(tidy(value)));
             EntityPerformance {
                 entity: it.name.clone(),

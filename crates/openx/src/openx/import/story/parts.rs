@@ -143,6 +143,7 @@ impl<'a> StoryParts<'a> {
         let words: Vec<&str> = name.split("::").collect();
         let is_it = |mut number: usize| {
             let mut words = words.iter().rev();
+            // The last word is the name of the element itself, which is compared below.
             words.next();
             // Some of the elements around it may be left out.
             words.all(|word| {
@@ -254,6 +255,7 @@ fn is_reference(kind: PartKind, node: &XmlNode) -> bool {
 
 /// Returns the name of an element, with a number if a sibling has it.
 fn free_name(node: &XmlNode, kind: PartKind, taken: &mut Vec<String>) -> String {
+    // Files may leave names out, and a world requires them.
     let own = node.raw("name").filter(|name| !name.is_empty());
     // A world joins names by these.
     let stated = own.unwrap_or(kind.element()).replace("::", "_");

@@ -128,6 +128,7 @@ impl StoryWriter<'_> {
             None => self.ground.turns_relative,
         };
         let turn_rad = self.numbers.or(at.at(orientation), "h", 0.0)?;
+        // Pitch and roll alone turn nothing in the plane.
         if is_relative || orientation.raw("h").is_none() {
             return Ok(Some(turn_rad));
         }

@@ -216,6 +216,7 @@ fn followed(at: StatedIn<'_>) -> Result<Option<String>, ImportError> {
     let Some(place) = place.filter(|it| it.raw("entityRef").is_some()) else {
         return Ok(None);
     };
+    // Any offset makes it a place of its own beside the entity.
     for name in ["dx", "dy", "ds", "dsLane", "dt", "dLane", "offset"] {
         if at.scope.number_or_zero(place, name)? != 0.0 {
             return Ok(None);

@@ -46,6 +46,8 @@ impl Relevance<'_> {
     fn mark(&mut self, number: usize) {
         let around: Vec<usize> = self.parts.around(number).collect();
         for it in around {
+            // Marked before its triggers are read, so elements that wait for each other
+            // end the recursion.
             if std::mem::replace(&mut self.is_relevant[it], true) {
                 continue;
             }

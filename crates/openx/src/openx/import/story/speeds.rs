@@ -28,6 +28,7 @@ pub(super) fn dynamics(
     }
     let value = at.scope.number_or_zero(it, "value")?;
     // The sign of a rate says nothing.
+    // Read only if needed, because each reading may add a parameter to the world.
     let number = || numbers.stated(at, &["value"], value.abs());
     let dimension = match it.raw("dynamicsDimension").unwrap_or_default() {
         "rate" => Dimension::Rate(number()),
@@ -216,6 +217,7 @@ impl StoryWriter<'_> {
     pub(super) fn legs(&self, at: StatedIn<'_>, legs: &[(f64, f64)], stops: bool) -> Effect {
         let point = |lasts_s: f64, speed_mps: f64| SpeedPoint {
             time_s: Some(match lasts_s {
+                // A zero of all points needs no parameter.
                 0.0 => StoryNumber::Number(0.0),
                 _ => self.numbers.stated(at, &[], lasts_s),
             }),

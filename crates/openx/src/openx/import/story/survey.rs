@@ -340,6 +340,7 @@ impl<'a> EntitySurvey<'a, '_> {
         let is_factor = target.raw("speedTargetValueType") == Some("factor");
         match target.name.as_str() {
             "AbsoluteTargetSpeed" => value,
+            // Only the run knows the other's speed, and the file states no greater one.
             _ if is_factor => self.fastest_mps * value.max(0.0),
             _ => self.fastest_mps + value,
         }

@@ -85,6 +85,7 @@ impl StoryWriter<'_> {
                 if self.ground.changed.iter().any(|changed| changed == name) {
                     return self.variable_condition(at, name);
                 }
+                // A parameter that no action changes is constant over the run.
                 let value = at.scope.get(name).ok_or_else(|| {
                     let help = "declare it in the `ParameterDeclarations`";
                     it.refused(format!("there is no `{name}`"), help)
@@ -236,6 +237,7 @@ fn constant(holds: bool) -> Expression {
         } else {
             ComparisonRule::LessThan
         },
+        // Times are at least 0, so the comparison always holds, or never.
         value_s: StoryNumber::Number(0.0),
     }
 }
