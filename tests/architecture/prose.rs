@@ -17,7 +17,7 @@ const README_LINES: usize = 135;
 /// Largest share of doc comments that open with a question word.
 const QUESTION_SHARE: f64 = 0.05;
 /// Least number of plain comments per line of code.
-const COMMENT_SHARE: f64 = 0.045;
+const COMMENT_SHARE: f64 = 0.05;
 
 const OPENINGS: [&str; 9] = [
     "What", "Who", "Whoever", "Of", "Where", "How", "Whether", "So", "As",
