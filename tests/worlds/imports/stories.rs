@@ -110,6 +110,9 @@ fn trajectories_begin_in_the_run_and_are_cut() {
             [run_times()] => lead([(4.0, 190.0, 5.0), (8.0, 215.0, 10.0), (12.0, 235.0, 10.0)]);
         "with times of the run, after a distance":
             [run_times(), first(nearer(20.0, "none"))] => lead([(4.0, 190.0, 5.0), (12.0, 235.0, 10.0)]);
+        "with scaled times, of an agent that moves":
+            [does(timed("relative", 2.0, 1.0, ""))]
+            => lead([(3.0, 150.0, 0.0), (7.0, 170.0, 0.0), (11.0, 190.0, 5.0)]);
         "relative to an agent that goes on":
             [does(relative)] => on("Polyline", "relative to an agent");
     }
@@ -158,7 +161,7 @@ fn differences_from_esmini_are_listed() {
     let skips = |Edit { from, to }: Edit| edit(from, to.replace("override", "skip"));
     let timed = SLOWER.replace(r#""rate""#, r#""time""#);
     let third_event = beside(&time(8.0, "none", 0.0), FASTER).to;
-    let cases: [(&str, Vec<Edit>); 7] = [
+    let cases: [(&str, Vec<Edit>); 8] = [
         (
             "executions left of an event that another overrides",
             vec![often("first"), second(&time(3.0, "none", 0.0), FASTER)],
@@ -186,6 +189,10 @@ fn differences_from_esmini_are_listed() {
         (
             "distances along the route",
             vec![first(watch("Lead", headway))],
+        ),
+        (
+            "scaled or shifted times of trajectories",
+            vec![does(timed("relative", 2.0, 0.0, ""))],
         ),
     ];
     let plain = dropped(&imported(&[]));
