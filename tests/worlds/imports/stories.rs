@@ -4,6 +4,10 @@
 
 use super::*;
 
+/// The end of the actors, and that with one more.
+const LAST_ACTOR: &str = r#"<EntityRef entityRef="Lead"/></Actors>"#;
+const BOTH_ACTORS: &str = r#"<EntityRef entityRef="Lead"/><EntityRef entityRef="Other"/></Actors>"#;
+
 /// A gap behind or ahead of the ego.
 fn gap(attributes: &str) -> String {
     format!(
@@ -26,16 +30,19 @@ fn events_come_in_the_order_of_the_run() {
         edit("<!--act-->", trigger)
     };
     let near_ego = r#"<ReachPositionCondition tolerance="20"><Position><RelativeObjectPosition entityRef="Ego" dx="5" dy="0"/></Position></ReachPositionCondition>"#;
-    let triggering = edit(
-        r#"selectTriggeringEntities="false""#,
-        r#"selectTriggeringEntities="true""#,
-    );
+    let triggering = || {
+        edit(
+            r#"selectTriggeringEntities="false""#,
+            r#"selectTriggeringEntities="true""#,
+        )
+    };
+    let still = || SLOWER.replace(r#""rate" value="1""#, r#""rate" value="0""#);
     table! {
         "a group that repeats":
             [edit(group, group.replace('1', "3")), aims_at(slower_than_ego)]
             => lead([(4.0, 192.0, 0.0), (12.0, 312.0, 0.0)]);
         "actors that trigger their act, beside those that are named":
-            [triggering, act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
+            [triggering(), act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
         "a falling edge of a time that has come":
             [first(time(2.0, "falling", 0.0))] => lead([(12.0, 270.0, 0.0)]);
         "an edge before the act":
@@ -57,6 +64,14 @@ fn events_come_in_the_order_of_the_run() {
         // esmini adds to such a target at every step.
         "a difference from its own speed": [own("1", "delta")] => lead([(12.0, 279.5, 0.0)]);
         "a share of its own speed": [own("0.5", "factor")] => lead([(12.0, 232.5, 0.0)]);
+        "a rate of 0, which keeps the speed":
+            [does(still())] => lead([(12.0, 270.0, 0.0)]);
+        "a rate of 0 of two actors":
+            [third(), does(still()), edit(LAST_ACTOR, BOTH_ACTORS)]
+            => on("SpeedAction", "a rate of 0 of several actors");
+        "a rate of 0 of actors that trigger their act":
+            [triggering(), act(travelled("Lead", 5.0)), does(still())]
+            => on("SpeedAction", "a rate of 0 of several actors");
         "which is listed": [own("1", "delta")]
             => drops(["the growth of speeds that are relative to themselves"]);
     }

@@ -92,6 +92,11 @@ pub(super) fn speed(
     })
 }
 
+/// Returns whether a speed action changes no speed.
+pub(super) fn keeps_speed(at: StatedIn<'_>) -> Result<bool, ImportError> {
+    is_rate_of_zero(at.at(at.node.inner("SpeedActionDynamics")?))
+}
+
 fn is_rate_of_zero(at: StatedIn<'_>) -> Result<bool, ImportError> {
     let is_rate = at.node.raw("dynamicsDimension") == Some("rate");
     let steps = at.node.raw("dynamicsShape") == Some("step");
