@@ -109,6 +109,17 @@ fn trajectories_begin_in_the_run_and_are_cut() {
             edit(LEAD_SPEED, STANDING),
         ]
     };
+    let segment = |length_m: u32, begins_s: u32, place: &str| {
+        format!(
+            r#"<ClothoidSplineSegment length="{length_m}" curvatureStart="0" curvatureEnd="0" timeStart="{begins_s}">{place}</ClothoidSplineSegment>"#
+        )
+    };
+    let begins = r#"<PositionStart><WorldPosition x="150" y="-5.25" h="0"/></PositionStart>"#;
+    let spline = format!(
+        r#"<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false"><Shape><ClothoidSpline timeEnd="6">{}{}</ClothoidSpline></Shape></Trajectory></TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference><TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>"#,
+        segment(40, 0, begins),
+        segment(60, 2, "")
+    );
     let relative = way_off().replace(
         r#"<WorldPosition x="250" y="5"/>"#,
         r#"<RelativeObjectPosition entityRef="Ego" dx="200" dy="0"/>"#,
@@ -128,6 +139,8 @@ fn trajectories_begin_in_the_run_and_are_cut() {
         "with scaled times, of an agent that moves":
             [does(timed("relative", 2.0, 1.0, ""))]
             => lead([(3.0, 150.0, 0.0), (7.0, 170.0, 0.0), (11.0, 190.0, 5.0)]);
+        "with times of the segments of a spline":
+            [does(spline)] => lead([(4.0, 190.0, 0.0), (6.0, 220.0, 0.0)]);
         "relative to an agent that goes on":
             [does(relative)] => on("Polyline", "relative to an agent");
     }

@@ -262,7 +262,7 @@ impl StoryWriter<'_> {
     }
 
     fn spline(&self, at: StatedIn<'_>) -> Result<StoryTrajectory, ImportError> {
-        let mut pieces = Vec::new();
+        let mut pieces: Vec<ClothoidPiece> = Vec::new();
         let mut begins = None;
         let mut time_s = None;
         for segment in at.node.all("ClothoidSplineSegment") {
@@ -273,7 +273,12 @@ impl StoryWriter<'_> {
                     return Err(segment.refused("a way that begins anew is not read", help));
                 }
                 begins = Some(self.spot(at, "PositionStart")?);
-                time_s = self.time_s(at, "timeStart")?;
+            }
+            // A segment begins where and when the one before it ends.
+            let begins_s = self.time_s(at, "timeStart")?;
+            match pieces.last_mut() {
+                Some(before) => before.time_s = begins_s,
+                None => time_s = begins_s,
             }
             // A heading offset between segments would be a corner.
             if at.scope.number_or_zero(segment, "hOffset")? != 0.0 {
@@ -292,7 +297,7 @@ impl StoryWriter<'_> {
             let help = "give its first segment a `PositionStart`";
             return Err(at.node.refused("nothing says where it begins", help));
         };
-        // The file states the time of the whole curve only.
+        // The time at the end belongs to the whole curve.
         if let Some(last) = pieces.last_mut() {
             last.time_s = self.time_s(at, "timeEnd")?;
         }
