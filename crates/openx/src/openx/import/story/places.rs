@@ -209,7 +209,8 @@ impl StoryWriter<'_> {
         Ok(self.in_world(&placed.spot))
     }
 
-    fn time_s(&self, at: StatedIn<'_>, name: &str) -> Result<Option<StoryNumber>, ImportError> {
+    /// Returns an attribute as a number, or `None` without it.
+    fn if_stated(&self, at: StatedIn<'_>, name: &str) -> Result<Option<StoryNumber>, ImportError> {
         let stated = at.node.raw(name);
         stated
             .map(|_| self.numbers.of(at, name, |it| it))
@@ -229,7 +230,7 @@ impl StoryWriter<'_> {
                 heading_rad: heading.map(|it| self.numbers.stated(at, &[], it)),
                 // Without a timing the file's times mean nothing.
                 time_s: if is_timed {
-                    self.time_s(at, "time")?
+                    self.if_stated(at, "time")?
                 } else {
                     None
                 },
@@ -255,9 +256,9 @@ impl StoryWriter<'_> {
             to_per_m: self
                 .numbers
                 .stated(at, &[name, "curvature", "length"], to_per_m),
-            time_s: self.time_s(at, "stopTime")?,
+            time_s: self.if_stated(at, "stopTime")?,
         };
-        let time_s = self.time_s(at, "startTime")?;
+        let time_s = self.if_stated(at, "startTime")?;
         Ok(self.along(at, begins, time_s, vec![piece]))
     }
 
@@ -275,7 +276,7 @@ impl StoryWriter<'_> {
                 begins = Some(self.spot(at, "PositionStart")?);
             }
             // A segment begins where and when the one before it ends.
-            let begins_s = self.time_s(at, "timeStart")?;
+            let begins_s = self.if_stated(at, "timeStart")?;
             match pieces.last_mut() {
                 Some(before) => before.time_s = begins_s,
                 None => time_s = begins_s,
@@ -299,7 +300,7 @@ impl StoryWriter<'_> {
         };
         // The time at the end belongs to the whole curve.
         if let Some(last) = pieces.last_mut() {
-            last.time_s = self.time_s(at, "timeEnd")?;
+            last.time_s = self.if_stated(at, "timeEnd")?;
         }
         Ok(self.along(at, begins, time_s, pieces))
     }
@@ -328,8 +329,8 @@ impl StoryWriter<'_> {
             Ok(ControlPoint {
                 x_m: self.numbers.stated(at, &[], spot.x_m),
                 y_m: self.numbers.stated(at, &[], spot.y_m),
-                weight: self.time_s(at, "weight")?,
-                time_s: self.time_s(at, "time")?,
+                weight: self.if_stated(at, "weight")?,
+                time_s: self.if_stated(at, "time")?,
             })
         });
         let knots = at.node.all("Knot");
