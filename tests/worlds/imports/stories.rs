@@ -30,10 +30,10 @@ fn events_come_in_the_order_of_the_run() {
         edit("<!--act-->", trigger)
     };
     let near_ego = r#"<ReachPositionCondition tolerance="20"><Position><RelativeObjectPosition entityRef="Ego" dx="5" dy="0"/></Position></ReachPositionCondition>"#;
-    let triggering = || {
+    let triggering = |word: &str| {
         edit(
             r#"selectTriggeringEntities="false""#,
-            r#"selectTriggeringEntities="true""#,
+            format!(r#"selectTriggeringEntities="{word}""#),
         )
     };
     let still = || SLOWER.replace(r#""rate" value="1""#, r#""rate" value="0""#);
@@ -42,7 +42,7 @@ fn events_come_in_the_order_of_the_run() {
             [edit(group, group.replace('1', "3")), aims_at(slower_than_ego)]
             => lead([(4.0, 192.0, 0.0), (12.0, 312.0, 0.0)]);
         "actors that trigger their act, beside those that are named":
-            [triggering(), act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
+            [triggering("true"), act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
         "a falling edge of a time that has come":
             [first(time(2.0, "falling", 0.0))] => lead([(12.0, 270.0, 0.0)]);
         "an edge before the act":
@@ -70,8 +70,11 @@ fn events_come_in_the_order_of_the_run() {
             [third(), does(still()), edit(LAST_ACTOR, BOTH_ACTORS)]
             => on("SpeedAction", "a rate of 0 of several actors");
         "a rate of 0 of actors that trigger their act":
-            [triggering(), act(travelled("Lead", 5.0)), does(still())]
+            [triggering("1"), act(travelled("Lead", 5.0)), does(still())]
             => on("SpeedAction", "a rate of 0 of several actors");
+        "actors that neither trigger nor do not":
+            [triggering("yes"), act(travelled("Lead", 5.0))]
+            => on("<Actors", "neither true nor false");
         "which is listed": [own("1", "delta")]
             => drops(["the growth of speeds that are relative to themselves"]);
     }
@@ -139,11 +142,35 @@ fn trajectories_begin_in_the_run_and_are_cut() {
         "with scaled times, of an agent that moves":
             [does(timed("relative", 2.0, 1.0, ""))]
             => lead([(3.0, 150.0, 0.0), (7.0, 170.0, 0.0), (11.0, 190.0, 5.0)]);
+        "that begin again, by the other word of truth":
+            [does(back().replace(r#"closed="false""#, r#"closed="1""#))]
+            => on("Trajectory", "begins again");
         "with times of the segments of a spline":
             [does(spline)] => lead([(4.0, 190.0, 0.0), (6.0, 220.0, 0.0)]);
         "relative to an agent that goes on":
             [does(relative)] => on("Polyline", "relative to an agent");
     }
+}
+
+#[test]
+fn truth_has_two_words() {
+    let text = |edit: Edit| imported(&[edit]).worlds[0].text.clone();
+    let keeps = |word: &str| {
+        let target = format!(
+            r#"<RelativeTargetSpeed entityRef="Ego" value="-10" speedTargetValueType="delta" continuous="{word}"/>"#
+        );
+        text(edit(LEAD_SPEED, target))
+    };
+    let headway = |word: &str| {
+        let condition = format!(
+            r#"<TimeHeadwayCondition entityRef="Ego" value="1" freespace="{word}" alongRoute="{word}" rule="lessThan"/>"#
+        );
+        text(first(watch("Lead", &condition)))
+    };
+    assert_eq!(keeps("1"), keeps("true"));
+    assert_eq!(headway("1"), headway("true"));
+    assert_eq!(headway("0"), headway("false"));
+    assert_ne!(headway("0"), headway("1"));
 }
 
 #[test]

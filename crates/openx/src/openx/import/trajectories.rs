@@ -191,7 +191,7 @@ impl PositionContext<'_> {
     ) -> Result<(OnWay, Option<Vec<TimedPlace>>), ImportError> {
         let (trajectory, own) = self.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
         let mut on = self.way(&trajectory, &own)?;
-        let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
+        let closed = own.is_true(&trajectory, "closed")?;
         // The run ends with the path if that has corners, before it begins again.
         if closed && !on.has_corners() {
             let help = "write closed=\"false\"";

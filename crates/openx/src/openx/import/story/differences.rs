@@ -113,12 +113,15 @@ impl StoryWriter<'_> {
 
     fn note_conditions(&self, number: usize) {
         let triggers = ["StartTrigger", "StopTrigger"];
-        let node = self.parts.0[number].node;
+        let part = &self.parts.0[number];
+        // A wrong word is a problem of its condition, which names it.
+        let is_along = |it: &XmlNode| is_along_route(it, &part.scope).unwrap_or(false);
+        let node = part.node;
         for trigger in triggers.iter().filter_map(|name| node.child(name)) {
             for condition in inside(trigger, &|it| it.name == "StoryboardElementStateCondition") {
                 self.note_transition(number, condition);
             }
-            for condition in inside(trigger, &is_along_route) {
+            for condition in inside(trigger, &is_along) {
                 self.note(ALONG, condition);
             }
         }

@@ -1,6 +1,6 @@
 //! Actions across the path of an entity: lanes, offsets and distances.
 
-use super::numbers::{StatedIn, is_true};
+use super::numbers::StatedIn;
 use super::quantities::coordinate_system;
 use super::speeds::{dynamics, shape};
 use super::{StoryFrame, StoryWriter};
@@ -102,7 +102,7 @@ impl StoryWriter<'_> {
         Ok(Effect::LaneOffset {
             target_m: None,
             target: Some(offset_target),
-            continuous: is_true(at, "continuous")?,
+            continuous: at.scope.is_true(at.node, "continuous")?,
             shape,
             max_lateral_acc_mps2,
         })
@@ -161,9 +161,9 @@ impl StoryWriter<'_> {
                     return Err(it.refused(format!("there is no side `{other}`"), help));
                 }
             },
-            freespace: is_true(at, "freespace")?,
+            freespace: at.scope.is_true(at.node, "freespace")?,
             coordinate_system: coordinate_system(it)?,
-            continuous: is_true(at, "continuous")?,
+            continuous: at.scope.is_true(at.node, "continuous")?,
             limits: self.limits(at)?,
         })
     }

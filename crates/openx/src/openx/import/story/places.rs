@@ -145,7 +145,7 @@ impl StoryWriter<'_> {
         let it = at.node;
         let reference = it.child("TrajectoryRef").unwrap_or(it);
         let (trajectory, own) = self.ground.trajectory(reference, at.scope)?;
-        if trajectory.raw("closed").is_some_and(|it| it == "true") {
+        if own.is_true(&trajectory, "closed")? {
             let help = "write closed=\"false\"";
             return Err(trajectory.refused("a trajectory that begins again is not read", help));
         }

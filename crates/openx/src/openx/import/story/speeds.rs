@@ -1,7 +1,7 @@
 //! Actions along the path of an entity: speeds, profiles and distances.
 
 use super::StoryWriter;
-use super::numbers::{StatedIn, StoryNumbers, is_true};
+use super::numbers::{StatedIn, StoryNumbers};
 use super::quantities::coordinate_system;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
@@ -124,7 +124,7 @@ fn speed_target(
         "RelativeTargetSpeed" => {
             let name = at.scope.text(target, "entityRef")?;
             let entity = names(target, &name)?;
-            let continuous = is_true(at, "continuous")?;
+            let continuous = at.scope.is_true(at.node, "continuous")?;
             // Both kinds of values have another one that changes nothing.
             let is_factor = target.raw("speedTargetValueType") == Some("factor");
             let is_same = value == if is_factor { 1.0 } else { 0.0 };
@@ -289,9 +289,9 @@ impl StoryWriter<'_> {
                     return Err(it.refused(format!("there is no side `{other}`"), help));
                 }
             },
-            freespace: is_true(at, "freespace")?,
+            freespace: at.scope.is_true(at.node, "freespace")?,
             coordinate_system: coordinate_system(it)?,
-            continuous: is_true(at, "continuous")?,
+            continuous: at.scope.is_true(at.node, "continuous")?,
             limits: self.limits(at)?,
         })
     }
