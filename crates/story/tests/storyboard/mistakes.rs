@@ -89,6 +89,8 @@ fn every_mistake_is_reported() {
     );
     let does = |does: &str| of(&format!("actions: [(name: \"x\", does: {does})]"));
     wrong(&does("LaneOffset()"), "one target");
+    let at_once = "Speed(target: Absolute(value_mps: 1), dynamics: (shape: Linear))";
+    wrong(&does(at_once), "a change without a size");
     wrong(&does("SpeedProfile(points: [])"), "no speed");
     wrong(
         &does("SpeedProfile(points: [(speed_mps: -1)])"),

@@ -21,7 +21,7 @@ pub(super) fn dynamics(
     let shape = shape(it)?;
     let step = TransitionDynamics {
         shape: DynamicsShape::Step,
-        dimension: Dimension::Time(StoryNumber::Number(0.0)),
+        dimension: Some(Dimension::Time(StoryNumber::Number(0.0))),
     };
     if shape == DynamicsShape::Step {
         return Ok(step);
@@ -40,7 +40,10 @@ pub(super) fn dynamics(
             return Err(it.refused("a change of this dimension is not read", help));
         }
     };
-    Ok(TransitionDynamics { shape, dimension })
+    Ok(TransitionDynamics {
+        shape,
+        dimension: Some(dimension),
+    })
 }
 
 /// Returns the shape of a change.
@@ -84,7 +87,7 @@ pub(super) fn speed(
         dynamics: if keeps {
             TransitionDynamics {
                 shape: DynamicsShape::Step,
-                dimension: Dimension::Time(StoryNumber::Number(0.0)),
+                dimension: Some(Dimension::Time(StoryNumber::Number(0.0))),
             }
         } else {
             self::dynamics(dynamics, numbers)?
