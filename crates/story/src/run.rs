@@ -63,7 +63,7 @@ pub struct StoryRun {
     variables: Vec<f64>,
     /// Action that controls each agent along and across its path.
     owners: Vec<[Option<usize>; 2]>,
-    /// Agents that fulfilled the trigger of each act. Empty if no group asks for them.
+    /// Agents that caused the trigger of each act. Empty if no group asks for them.
     triggering: Vec<Vec<usize>>,
     /// Way of each agent so far. Empty if no condition asks for it.
     ways_m: Vec<f64>,

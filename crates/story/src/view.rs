@@ -112,9 +112,9 @@ pub struct RoadLimits {
     pub right_m: f64,
     /// Left border of the leftmost lane.
     pub left_m: f64,
-    /// First and last station, infinite where the road goes on.
+    /// First station, −∞ where the road goes on.
     pub from_s_m: f64,
-    /// Last station.
+    /// Last station, +∞ where the road goes on.
     pub to_s_m: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Agents of actions: those of the file, and those that fulfilled a trigger.
+//! Agents of actions: those of the file, and those that caused a trigger.
 
 use super::{SAME_S, StoryStep};
 use crate::check::CheckedStoryboard;
@@ -54,7 +54,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         }
     }
 
-    /// Notes the agents that fulfil the trigger of an act that starts.
+    /// Notes the agents that cause the trigger of an act that starts.
     pub(super) fn note_triggering(&mut self, number: usize) {
         let element = &self.board.elements[number];
         if element.kind != ElementKind::Act || self.run.triggering.is_empty() {
