@@ -58,10 +58,12 @@ pub struct ElementChange {
 pub struct StoryRun {
     elements: Vec<ElementRun>,
     conditions: Vec<ConditionRun>,
+    /// Each condition for each of its agents, if these may become actors.
+    of_agents: Vec<Vec<ConditionRun>>,
     variables: Vec<f64>,
     /// Action that controls each agent along and across its path.
     owners: Vec<[Option<usize>; 2]>,
-    /// Agents that fulfilled the trigger of each act. Empty if no group asks for them.
+    /// Agents that caused the trigger of each act. Empty if no group asks for them.
     triggering: Vec<Vec<usize>>,
     /// Way of each agent so far. Empty if no condition asks for it.
     ways_m: Vec<f64>,
@@ -106,6 +108,7 @@ impl StoryRun {
         StoryRun {
             elements: vec![idle; board.elements.len()],
             conditions: vec![ConditionRun::default(); board.conditions.len()],
+            of_agents: actors::conditions_of_agents(board),
             variables: board.variables.clone(),
             owners: vec![[None; 2]; board.limits.len()],
             // Lists that nothing asks for stay empty, because each copy of
@@ -279,7 +282,8 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
                 at_s: self.now_s,
             };
             let now = self.run.expressed(&*self.stage, condition, look);
-            self.run.conditions[number].check(condition, now, self.now_s);
+            self.run.conditions[number].check(condition, condition.edge, now, self.now_s);
+            self.check_agents(number);
         }
     }
 
@@ -413,6 +417,7 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
     fn watch_anew(&mut self, groups: &[Vec<usize>]) {
         for number in groups.iter().flatten() {
             self.run.conditions[*number] = ConditionRun::default();
+            self.run.of_agents[*number].fill(ConditionRun::default());
             if let CheckedExpression::Formula(formula) = self.board.conditions[*number].is {
                 self.stage.watch(formula, self.now_s);
             }

@@ -48,8 +48,14 @@ pub(crate) struct ConditionRun {
 }
 
 impl ConditionRun {
-    /// Takes the expression at an instant.
-    pub fn check(&mut self, condition: &CheckedCondition, now: Expressed, at_s: f64) {
+    /// Takes the expression of a condition at an instant, of which an edge counts.
+    pub fn check(
+        &mut self,
+        condition: &CheckedCondition,
+        edge: ConditionEdge,
+        now: Expressed,
+        at_s: f64,
+    ) {
         let held_before = self.seen.is_some_and(|seen| seen.holds);
         if now.holds && !held_before {
             // An expression that fails in between begins its hold anew.
@@ -62,7 +68,7 @@ impl ConditionRun {
         }
         self.checked_s = at_s;
         let value = now.holds && at_s + SAME_S >= self.holds_since_s + condition.held_s;
-        let outcome = match (condition.edge, self.earlier) {
+        let outcome = match (edge, self.earlier) {
             (ConditionEdge::None, _) => {
                 // Only changes wait, so the queue stays short under a long delay.
                 (self.value != Some(value)).then_some(ConditionOutcome::Level(value))

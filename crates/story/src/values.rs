@@ -100,7 +100,7 @@ pub struct ManeuverGroup {
     /// Agents that perform the actions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actors: Vec<String>,
-    /// Whether agents that fulfil the conditions of an event's trigger are actors, too.
+    /// Whether agents that cause the start trigger of the act are actors, too.
     #[serde(default, skip_serializing_if = "is_default")]
     pub actors_are_triggering: bool,
     /// Number of executions.

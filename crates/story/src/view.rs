@@ -11,8 +11,8 @@ use crate::road::OnRoad;
 use crate::robustness::SampledRobustness;
 use crate::trajectory::TrajectoryPath;
 use crate::values::{
-    CoordinateSystem, DistanceOrTime, DynamicLimits, DynamicsShape, FinalSpeed, FollowingMode,
-    SignalState, SpeedPoint, TrajectoryTiming, TransitionDynamics,
+    CoordinateSystem, Dimension, DistanceOrTime, DynamicLimits, DynamicsShape, FinalSpeed,
+    FollowingMode, SignalState, SpeedPoint, TrajectoryTiming,
 };
 
 /// Motion of an agent at an instant.
@@ -113,9 +113,9 @@ pub struct RoadLimits {
     pub right_m: f64,
     /// Left border of the leftmost lane.
     pub left_m: f64,
-    /// First and last station, infinite where the road goes on.
+    /// First station, −∞ where the road goes on.
     pub from_s_m: f64,
-    /// Last station.
+    /// Last station, +∞ where the road goes on.
     pub to_s_m: f64,
 }
 
@@ -240,6 +240,15 @@ pub enum MotionDomain {
     Lateral,
 }
 
+/// Course of a change, with its size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ActorTransition {
+    /// Shape.
+    pub shape: DynamicsShape,
+    /// Size, which means nothing for a step.
+    pub dimension: Dimension<f64>,
+}
+
 /// Action of an agent, with resolved names and numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ActorAction {
@@ -248,7 +257,7 @@ pub enum ActorAction {
         /// Target.
         target: ActorSpeed,
         /// Course of the change.
-        dynamics: TransitionDynamics<f64>,
+        dynamics: ActorTransition,
     },
     /// List of speeds.
     SpeedProfile {
@@ -274,7 +283,7 @@ pub enum ActorAction {
         /// Offset from the middle of the new lane, to the left in road direction.
         offset_m: f64,
         /// Course of the change.
-        dynamics: TransitionDynamics<f64>,
+        dynamics: ActorTransition,
     },
     /// Move to an offset in the lane.
     LaneOffset {

@@ -85,6 +85,11 @@ fn what_is_read_otherwise_than_by_players_is_listed() {
         "a place by a road beside oncoming traffic":
             [edit(LEAD, r#"<RoadPosition roadId="0" s="150" t="1.75"/>"#)]
             => drops(["players that turn places by a road along their lane"]);
+        // Its metres are no number of lanes, of which the world has fewer.
+        "an offset from the ego's lane": [does(CENTRE.replace(
+            r#"<AbsoluteTargetLaneOffset value="0"/>"#,
+            r#"<RelativeTargetLaneOffset entityRef="Ego" value="-3"/>"#,
+        ))] => drops([]);
         "a limit of jerk": [does(profile(&[(2.0, 4.0)]).replace("<DynamicConstraints", r#"<DynamicConstraints maxAccelerationRate="4""#))]
             => drops(["limits of the rate of acceleration"]);
     }

@@ -145,11 +145,14 @@ fn small_scenarios_move_as_their_files_say() {
             [from_start(timed("relative", 1.0, 0.0, ""))]
             => lead([(2.0, 170.0, 0.0), (4.0, 190.0, 5.0), (8.0, 215.0, 10.0)]);
         "a trajectory at half the pace, from a place on it":
-            [lead_at(160.0), from_start(timed("relative", 0.5, 0.0, offset))]
+            [lead_at(160.0), from_start(timed("relative", 2.0, 0.0, offset))]
             => lead([(4.0, 180.0, 0.0), (6.0, 190.0, 5.0), (8.0, 200.0, 10.0)]);
         "a trajectory with absolute times, ahead of which it is by an offset":
-            [lead_at(160.0), from_start(timed("absolute", 1.0, 1.0, ""))]
+            [lead_at(160.0), from_start(timed("absolute", 1.0, -1.0, ""))]
             => lead([(2.0, 180.0, 0.0), (4.0, 200.0, 10.0), (6.0, 210.0, 10.0)]);
+        "a trajectory at half the pace, for which it waits a second":
+            [from_start(timed("relative", 2.0, 1.0, ""))]
+            => lead([(1.0, 150.0, 0.0), (5.0, 170.0, 0.0), (9.0, 190.0, 5.0)]);
         "a profile of speeds":
             [slow_ego(), does(profile(&[(2.0, 4.0), (1.0, 4.0), (3.0, 10.0)]))]
             => lead([(3.0, 178.5, 0.0), (4.5, 186.0, 0.0), (6.0, 193.0, 0.0), (10.0, 229.0, 0.0)]);

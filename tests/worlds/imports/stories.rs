@@ -4,6 +4,10 @@
 
 use super::*;
 
+/// The end of the actors, and that with one more.
+const LAST_ACTOR: &str = r#"<EntityRef entityRef="Lead"/></Actors>"#;
+const BOTH_ACTORS: &str = r#"<EntityRef entityRef="Lead"/><EntityRef entityRef="Other"/></Actors>"#;
+
 /// A gap behind or ahead of the ego.
 fn gap(attributes: &str) -> String {
     format!(
@@ -26,16 +30,19 @@ fn events_come_in_the_order_of_the_run() {
         edit("<!--act-->", trigger)
     };
     let near_ego = r#"<ReachPositionCondition tolerance="20"><Position><RelativeObjectPosition entityRef="Ego" dx="5" dy="0"/></Position></ReachPositionCondition>"#;
-    let triggering = edit(
-        r#"selectTriggeringEntities="false""#,
-        r#"selectTriggeringEntities="true""#,
-    );
+    let triggering = |word: &str| {
+        edit(
+            r#"selectTriggeringEntities="false""#,
+            format!(r#"selectTriggeringEntities="{word}""#),
+        )
+    };
+    let still = || SLOWER.replace(r#""rate" value="1""#, r#""rate" value="0""#);
     table! {
         "a group that repeats":
             [edit(group, group.replace('1', "3")), aims_at(slower_than_ego)]
             => lead([(4.0, 192.0, 0.0), (12.0, 312.0, 0.0)]);
         "actors that trigger their act, beside those that are named":
-            [triggering, act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
+            [triggering("true"), act(travelled("Lead", 5.0))] => lead([(12.0, 228.0, 0.0)]);
         "a falling edge of a time that has come":
             [first(time(2.0, "falling", 0.0))] => lead([(12.0, 270.0, 0.0)]);
         "an edge before the act":
@@ -57,6 +64,17 @@ fn events_come_in_the_order_of_the_run() {
         // esmini adds to such a target at every step.
         "a difference from its own speed": [own("1", "delta")] => lead([(12.0, 279.5, 0.0)]);
         "a share of its own speed": [own("0.5", "factor")] => lead([(12.0, 232.5, 0.0)]);
+        "a rate of 0, which keeps the speed":
+            [does(still())] => lead([(12.0, 270.0, 0.0)]);
+        "a rate of 0 of two actors":
+            [third(), does(still()), edit(LAST_ACTOR, BOTH_ACTORS)]
+            => on("SpeedAction", "a rate of 0 of several actors");
+        "a rate of 0 of actors that trigger their act":
+            [triggering("1"), act(travelled("Lead", 5.0)), does(still())]
+            => on("SpeedAction", "a rate of 0 of several actors");
+        "actors that neither trigger nor do not":
+            [triggering("yes"), act(travelled("Lead", 5.0))]
+            => on("<Actors", "neither true nor false");
         "which is listed": [own("1", "delta")]
             => drops(["the growth of speeds that are relative to themselves"]);
     }
@@ -94,6 +112,17 @@ fn trajectories_begin_in_the_run_and_are_cut() {
             edit(LEAD_SPEED, STANDING),
         ]
     };
+    let segment = |length_m: u32, begins_s: u32, place: &str| {
+        format!(
+            r#"<ClothoidSplineSegment length="{length_m}" curvatureStart="0" curvatureEnd="0" timeStart="{begins_s}">{place}</ClothoidSplineSegment>"#
+        )
+    };
+    let begins = r#"<PositionStart><WorldPosition x="150" y="-5.25" h="0"/></PositionStart>"#;
+    let spline = format!(
+        r#"<RoutingAction><FollowTrajectoryAction><TrajectoryRef><Trajectory name="t" closed="false"><Shape><ClothoidSpline timeEnd="6">{}{}</ClothoidSpline></Shape></Trajectory></TrajectoryRef><TimeReference><Timing domainAbsoluteRelative="relative" scale="1" offset="0"/></TimeReference><TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction></RoutingAction>"#,
+        segment(40, 0, begins),
+        segment(60, 2, "")
+    );
     let relative = way_off().replace(
         r#"<WorldPosition x="250" y="5"/>"#,
         r#"<RelativeObjectPosition entityRef="Ego" dx="200" dy="0"/>"#,
@@ -110,9 +139,38 @@ fn trajectories_begin_in_the_run_and_are_cut() {
             [run_times()] => lead([(4.0, 190.0, 5.0), (8.0, 215.0, 10.0), (12.0, 235.0, 10.0)]);
         "with times of the run, after a distance":
             [run_times(), first(nearer(20.0, "none"))] => lead([(4.0, 190.0, 5.0), (12.0, 235.0, 10.0)]);
+        "with scaled times, of an agent that moves":
+            [does(timed("relative", 2.0, 1.0, ""))]
+            => lead([(3.0, 150.0, 0.0), (7.0, 170.0, 0.0), (11.0, 190.0, 5.0)]);
+        "that begin again, by the other word of truth":
+            [does(back().replace(r#"closed="false""#, r#"closed="1""#))]
+            => on("Trajectory", "begins again");
+        "with times of the segments of a spline":
+            [does(spline)] => lead([(4.0, 190.0, 0.0), (6.0, 220.0, 0.0)]);
         "relative to an agent that goes on":
             [does(relative)] => on("Polyline", "relative to an agent");
     }
+}
+
+#[test]
+fn truth_has_two_words() {
+    let text = |edit: Edit| imported(&[edit]).worlds[0].text.clone();
+    let keeps = |word: &str| {
+        let target = format!(
+            r#"<RelativeTargetSpeed entityRef="Ego" value="-10" speedTargetValueType="delta" continuous="{word}"/>"#
+        );
+        text(edit(LEAD_SPEED, target))
+    };
+    let headway = |word: &str| {
+        let condition = format!(
+            r#"<TimeHeadwayCondition entityRef="Ego" value="1" freespace="{word}" alongRoute="{word}" rule="lessThan"/>"#
+        );
+        text(first(watch("Lead", &condition)))
+    };
+    assert_eq!(keeps("1"), keeps("true"));
+    assert_eq!(headway("1"), headway("true"));
+    assert_eq!(headway("0"), headway("false"));
+    assert_ne!(headway("0"), headway("1"));
 }
 
 #[test]
@@ -158,7 +216,7 @@ fn differences_from_esmini_are_listed() {
     let skips = |Edit { from, to }: Edit| edit(from, to.replace("override", "skip"));
     let timed = SLOWER.replace(r#""rate""#, r#""time""#);
     let third_event = beside(&time(8.0, "none", 0.0), FASTER).to;
-    let cases: [(&str, Vec<Edit>); 7] = [
+    let cases: [(&str, Vec<Edit>); 8] = [
         (
             "executions left of an event that another overrides",
             vec![often("first"), second(&time(3.0, "none", 0.0), FASTER)],
@@ -186,6 +244,10 @@ fn differences_from_esmini_are_listed() {
         (
             "distances along the route",
             vec![first(watch("Lead", headway))],
+        ),
+        (
+            "scaled or shifted times of trajectories",
+            vec![does(timed("relative", 2.0, 0.0, ""))],
         ),
     ];
     let plain = dropped(&imported(&[]));

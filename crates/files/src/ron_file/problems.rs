@@ -11,6 +11,8 @@ const MOST: usize = 100;
 pub struct Problems<'a> {
     text: &'a str,
     list: Vec<Problem>,
+    /// Number of mistakes beyond those of the list.
+    more: usize,
 }
 
 impl<'a> Problems<'a> {
@@ -19,6 +21,7 @@ impl<'a> Problems<'a> {
         Problems {
             text,
             list: Vec::new(),
+            more: 0,
         }
     }
 
@@ -32,6 +35,7 @@ impl<'a> Problems<'a> {
     ) {
         // Before the place is searched, whose cost grows with the text.
         if self.list.len() >= MOST {
+            self.more += 1;
             return;
         }
         self.list.push(Problem {
@@ -104,9 +108,9 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// Returns the number of mistakes so far.
+    /// Returns the number of mistakes so far, also of those that are not reported.
     pub fn len(&self) -> usize {
-        self.list.len()
+        self.list.len() + self.more
     }
 
     /// Returns whether there is no mistake so far.

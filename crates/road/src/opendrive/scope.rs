@@ -119,6 +119,25 @@ impl ParameterScope {
         }
     }
 
+    /// Returns an attribute of truth, which is false if it is missing.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for other words than those of truth.
+    pub fn is_true(&self, node: &XmlNode, name: &str) -> Result<bool, ImportError> {
+        if node.raw(name).is_none() {
+            return Ok(false);
+        }
+        match self.text(node, name)?.as_str() {
+            "true" | "1" => Ok(true),
+            "false" | "0" => Ok(false),
+            other => {
+                let what = format!("`{name}` is `{other}`, which is neither true nor false");
+                Err(node.refused(what, "write true or false"))
+            }
+        }
+    }
+
     /// Evaluates a text.
     pub fn resolve_text(&self, node: &XmlNode, text: &str) -> Result<String, ImportError> {
         // Only complete texts are expressions or references. OpenSCENARIO has

@@ -7,7 +7,7 @@ use crate::values::{
     FinalSpeed, SpeedPoint, StoryNumber, StoryPosition, StoryTrajectory, TrajectoryTiming,
     TrajectoryVertex, TransitionDynamics,
 };
-use crate::view::{PlaceFrame, StoryPlace};
+use crate::view::{ActorTransition, PlaceFrame, StoryPlace};
 
 /// Least rate, below which a change would hardly end, and least limit.
 const LEAST_RATE: f64 = 1e-3;
@@ -85,16 +85,21 @@ impl Check<'_, '_> {
         &mut self,
         path: &ValuePath,
         dynamics: &TransitionDynamics,
-    ) -> TransitionDynamics<f64> {
+    ) -> ActorTransition {
         let at = path.to("dimension").at(0);
         let dimension = match &dynamics.dimension {
             // A step needs no size.
             _ if dynamics.shape == DynamicsShape::Step => Dimension::Time(0.0),
-            Dimension::Rate(rate) => Dimension::Rate(self.number(&at, rate, LEAST_RATE)),
-            Dimension::Time(time_s) => Dimension::Time(self.number(&at, time_s, 0.0)),
-            Dimension::Distance(way_m) => Dimension::Distance(self.number(&at, way_m, 0.0)),
+            None => {
+                let help = "write its `dimension`, or the shape `Step`";
+                self.wrong(path, "a change without a size".to_owned(), help);
+                Dimension::Time(0.0)
+            }
+            Some(Dimension::Rate(rate)) => Dimension::Rate(self.number(&at, rate, LEAST_RATE)),
+            Some(Dimension::Time(time_s)) => Dimension::Time(self.number(&at, time_s, 0.0)),
+            Some(Dimension::Distance(way_m)) => Dimension::Distance(self.number(&at, way_m, 0.0)),
         };
-        TransitionDynamics {
+        ActorTransition {
             shape: dynamics.shape,
             dimension,
         }

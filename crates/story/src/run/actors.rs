@@ -1,8 +1,11 @@
-//! Agents of actions: those of the file, and those that fulfilled a trigger.
+//! Agents of actions: those of the file, and those that caused a trigger.
 
 use super::{SAME_S, StoryStep};
+use crate::check::CheckedStoryboard;
 use crate::condition::Instant;
 use crate::tree::{Actors, CheckedEffect, CheckedExpression, ElementKind};
+use crate::trigger::ConditionRun;
+use crate::values::ConditionEdge;
 use crate::view::{ActorAction, MotionDomain, StoryStage};
 
 /// Agent with one of the degrees of freedom that its action controls.
@@ -11,8 +14,47 @@ struct Controlled {
     domain: MotionDomain,
 }
 
+/// Returns the conditions of acts for each of their agents, if triggers choose actors.
+pub(super) fn conditions_of_agents(board: &CheckedStoryboard) -> Vec<Vec<ConditionRun>> {
+    let mut all = vec![Vec::new(); board.conditions.len()];
+    if !board.asks_triggering() {
+        return all;
+    }
+    let elements = board.elements.iter();
+    let acts = elements.filter(|it| it.kind == ElementKind::Act);
+    for number in acts.flat_map(|act| act.start.iter().flatten()) {
+        if let CheckedExpression::Agents { agents, .. } = &board.conditions[*number].is {
+            all[*number] = vec![ConditionRun::default(); agents.len()];
+        }
+    }
+    all
+}
+
 impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
-    /// Notes the agents that fulfil the trigger of an act that starts.
+    /// Checks a condition for each of its agents, if these may become actors.
+    pub(super) fn check_agents(&mut self, number: usize) {
+        let condition = &self.board.conditions[number];
+        let CheckedExpression::Agents { agents, is, .. } = &condition.is else {
+            return;
+        };
+        // All who fulfil it have made it true, also those who did so earlier. Those who
+        // fulfil it no longer have made it false.
+        let edge = match condition.edge {
+            ConditionEdge::None | ConditionEdge::Rising => ConditionEdge::None,
+            edge => edge,
+        };
+        let instant = Instant {
+            view: &*self.stage,
+            at_s: self.now_s,
+            ways_m: &self.run.ways_m,
+            since_s: self.now_s,
+        };
+        for (agent, run) in agents.iter().zip(&mut self.run.of_agents[number]) {
+            run.check(condition, edge, instant.agent(*agent, is), self.now_s);
+        }
+    }
+
+    /// Notes the agents that cause the trigger of an act that starts.
     pub(super) fn note_triggering(&mut self, number: usize) {
         let element = &self.board.elements[number];
         if element.kind != ElementKind::Act || self.run.triggering.is_empty() {
@@ -29,18 +71,13 @@ impl<S: StoryStage + ?Sized> StoryStep<'_, S> {
         let mut found = Vec::new();
         for number in groups.flatten() {
             // Other conditions of the group name no agents.
-            let CheckedExpression::Agents { agents, is, .. } = &self.board.conditions[*number].is
+            let CheckedExpression::Agents { agents, .. } = &self.board.conditions[*number].is
             else {
                 continue;
             };
-            let instant = Instant {
-                view: &*self.stage,
-                at_s: self.now_s,
-                ways_m: &self.run.ways_m,
-                since_s: self.now_s,
-            };
-            // A condition keeps only its joint result, so each agent is evaluated again.
-            found.extend(agents.iter().filter(|it| instant.agent(**it, is).holds));
+            let runs = agents.iter().zip(&self.run.of_agents[*number]);
+            let triggering = runs.filter(|(_, run)| run.is_true(self.now_s));
+            found.extend(triggering.map(|(agent, _)| *agent));
         }
         // Sorted, so that agents act in the order of their numbers.
         found.sort_unstable();

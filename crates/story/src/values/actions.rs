@@ -426,15 +426,14 @@ impl DynamicsShape {
 }
 
 /// Course of a transition.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename = "Dynamics", deny_unknown_fields)]
-#[schemars(rename = "Dynamics", bound = "N: Default + Serialize + JsonSchema")]
-pub struct TransitionDynamics<N = StoryNumber> {
+pub struct TransitionDynamics {
     /// Shape.
     pub shape: DynamicsShape,
-    /// Size, which a step does not need.
-    #[serde(default)]
-    pub dimension: Dimension<N>,
+    /// Size, which all shapes but a step need.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dimension: Option<Dimension>,
 }
 
 /// Size of a transition.
@@ -447,13 +446,6 @@ pub enum Dimension<N = StoryNumber> {
     Time(N),
     /// Way along the path in metres.
     Distance(N),
-}
-
-impl<N: Default> Default for Dimension<N> {
-    fn default() -> Dimension<N> {
-        // Only a step needs no size, and it takes no time.
-        Dimension::Time(N::default())
-    }
 }
 
 fn sinusoidal() -> DynamicsShape {

@@ -37,7 +37,7 @@ pub enum ConditionEdge {
     RisingOrFalling,
 }
 
-/// ValueComparison of a quantity with a value.
+/// Comparison of a quantity with a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs)]
 pub enum ComparisonRule {
@@ -55,7 +55,7 @@ pub enum ComparisonRule {
 pub enum Expression {
     /// Time since the start of the episode.
     SimulationTime {
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_s: StoryNumber,
@@ -71,7 +71,7 @@ pub enum Expression {
     Variable {
         /// Its name.
         name: String,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value: StoryNumber,
@@ -80,7 +80,7 @@ pub enum Expression {
     Parameter {
         /// Its name.
         name: String,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value: StoryNumber,
@@ -179,7 +179,7 @@ fn is_longitudinal(it: &DistanceType) -> bool {
 pub enum EntityCondition {
     /// Speed along the heading.
     Speed {
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_mps: StoryNumber,
@@ -188,14 +188,14 @@ pub enum EntityCondition {
     RelativeSpeed {
         /// Other agent.
         entity: String,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_mps: StoryNumber,
     },
     /// Acceleration along the heading.
     Acceleration {
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_mps2: StoryNumber,
@@ -222,14 +222,14 @@ pub enum EntityCondition {
         coordinate_system: CoordinateSystem,
         /// Between the boxes of the bodies, not between their reference points.
         freespace: bool,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_m: StoryNumber,
     },
     /// Distance to a place.
     Distance {
-        /// TargetPlace.
+        /// Place.
         position: StoryPosition,
         /// From the box of the body, not from its reference point.
         #[serde(default, skip_serializing_if = "is_default")]
@@ -240,14 +240,14 @@ pub enum EntityCondition {
         /// System of the direction.
         #[serde(default, skip_serializing_if = "is_default")]
         coordinate_system: CoordinateSystem,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_m: StoryNumber,
     },
     /// Arrival within a tolerance of a place.
     ReachPosition {
-        /// TargetPlace.
+        /// Place.
         position: StoryPosition,
         /// Radius around the place.
         tolerance_m: StoryNumber,
@@ -264,7 +264,7 @@ pub enum EntityCondition {
         coordinate_system: CoordinateSystem,
         /// From the own front to the other's rear, not to its reference point.
         freespace: bool,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_s: StoryNumber,
@@ -281,7 +281,7 @@ pub enum EntityCondition {
         coordinate_system: CoordinateSystem,
         /// Between the boxes of the bodies, not between their reference points.
         freespace: bool,
-        /// ValueComparison.
+        /// Comparison with the value.
         rule: ComparisonRule,
         /// Compared value.
         value_s: StoryNumber,

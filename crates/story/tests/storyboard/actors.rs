@@ -43,6 +43,38 @@ fn named_actors_act_beside_those_that_trigger() {
 }
 
 #[test]
+fn edges_and_delays_choose_the_actors_that_cause_them() {
+    // Each case: the condition, its instant and the accelerations of both.
+    let travels = "condition: TraveledDistance(value_m: 24.0))";
+    // The first is near from 2 s to 4 s, and the second never.
+    let near = "condition: Distance(position: World(x_m: 27.0, y_m: 0.0), rule: LessThan, \
+                value_m: 10.0))";
+    for (edge, rule, condition, at_s, accels_mps2) in [
+        ("edge: Falling", "Any", near, 4.0, [10.0, 0.0]),
+        ("edge: RisingOrFalling", "Any", near, 2.0, [10.0, 0.0]),
+        ("edge: Rising", "All", travels, 2.4, [10.0, 8.0]),
+        // The first has driven as far when the delay of the second has passed.
+        ("delay_s: 1.0", "Any", travels, 3.0, [0.0, 8.0]),
+        (
+            "edge: Rising, delay_s: 1.0",
+            "Any",
+            travels,
+            3.0,
+            [0.0, 8.0],
+        ),
+    ] {
+        let entities = "entities: [\"a\", \"b\"]";
+        let condition = format!("{edge}, is: ByEntity({entities}, rule: {rule}, {condition}");
+        let played = Played::play(&triggered("", &condition), toy(), 6.0, 0.1);
+        played.expect("e", &[("Start", at_s), ("End", at_s + 1.0)]);
+        for (leg, accel_mps2) in played.toy.legs.iter().zip(accels_mps2) {
+            let off_mps2 = (leg.accel_mps2 - accel_mps2).abs();
+            assert!(off_mps2 < 1e-6, "{condition}: {leg:?}");
+        }
+    }
+}
+
+#[test]
 fn triggering_actors_must_exist_and_may_act() {
     let time = "is: SimulationTime(rule: GreaterThan, value_s: 1.0)";
     let found = checked(&triggered("", time)).err().unwrap_or_default();

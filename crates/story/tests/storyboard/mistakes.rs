@@ -1,6 +1,6 @@
 //! Mistakes are found before a run.
 
-use crate::toy::{at, checked, event, events, speed, when};
+use crate::toy::{at, checked, checked_after, event, events, speed, when};
 
 #[track_caller]
 fn wrong(text: &str, expected: &str) {
@@ -89,6 +89,8 @@ fn every_mistake_is_reported() {
     );
     let does = |does: &str| of(&format!("actions: [(name: \"x\", does: {does})]"));
     wrong(&does("LaneOffset()"), "one target");
+    let at_once = "Speed(target: Absolute(value_mps: 1), dynamics: (shape: Linear))";
+    wrong(&does(at_once), "a change without a size");
     wrong(&does("SpeedProfile(points: [])"), "no speed");
     wrong(
         &does("SpeedProfile(points: [(speed_mps: -1)])"),
@@ -116,6 +118,16 @@ fn every_mistake_is_reported() {
         "second performance",
     );
     assert!(checked(&of(&at(1.0))).is_ok());
+}
+
+#[test]
+fn a_mistake_beyond_the_last_that_is_reported_counts() {
+    let of = |more: &str| events(&event("e", more));
+    for mistakes in [0, 99, 100, 1000] {
+        assert!(checked_after(mistakes, &of(&at(1.0))).is_ok(), "{mistakes}");
+        let wrong = of("maximum_execution_count: 0");
+        assert!(checked_after(mistakes, &wrong).is_err(), "{mistakes}");
+    }
 }
 
 #[test]

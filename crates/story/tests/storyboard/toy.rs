@@ -228,8 +228,16 @@ const AGENTS: [&str; 4] = ["a", "b", "c", "d"];
 
 /// Checks a storyboard of agents a, b and c, of which `c` cannot act.
 pub fn checked(text: &str) -> Result<CheckedStoryboard, Vec<String>> {
+    checked_after(0, text)
+}
+
+/// Checks a storyboard after so many mistakes of other parts of a world.
+pub fn checked_after(mistakes: usize, text: &str) -> Result<CheckedStoryboard, Vec<String>> {
     let board: Storyboard = parse(text).map_err(|it| vec![it.what])?;
     let mut problems = Problems::new(text);
+    for _ in 0..mistakes {
+        problems.add(&ValuePath::top(), "another mistake", "here", None);
+    }
     let owned = |names: &[&str]| names.iter().map(|it| it.to_string()).collect();
     let names = StoryNames {
         agents: owned(&AGENTS),

@@ -83,7 +83,7 @@ fn is_ramp(speed: &XmlNode, scope: &ParameterScope) -> bool {
     let target = speed
         .child("SpeedActionTarget")
         .and_then(|it| it.children.first());
-    let keeps_on = target.is_some_and(|it| it.raw("continuous") == Some("true"));
+    let keeps_on = target.is_some_and(|it| scope.is_true(it, "continuous") != Ok(false));
     let dynamics = speed.child("SpeedActionDynamics");
     let lasts = dynamics.is_some_and(|it| {
         // A change in no time equals a step. Problems of the value are named in the story.

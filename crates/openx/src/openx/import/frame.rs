@@ -1,10 +1,9 @@
 //! Frame of the ego's road, and the ways of entities that leave it.
 
-use core::f64::consts::PI;
+use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::entity::ImportedEntity;
 use super::places::{Placed, beside as beside_lane, is_along};
-use super::seen::is_square;
 use crate::opendrive::error::{Blockers, ImportError};
 use crate::opendrive::lane_drive::{LaneFollower, LaneRoute, LaneStretch};
 use crate::opendrive::roads::OnLane;
@@ -28,6 +27,8 @@ const BEYOND_M: f64 = 200.0;
 const TURNED_RAD: f64 = 0.1;
 /// Help about an ego that the file deletes.
 pub(super) const DELETED: &str = "name another entity with --ego, or keep this one";
+/// Tolerance in radians of a pedestrian's direction.
+pub(super) const SQUARE_RAD: f64 = 0.02;
 /// Usual width of a lane in metres, where the file has none.
 const USUAL_WIDTH_M: f64 = 3.5;
 
@@ -492,4 +493,10 @@ fn own_way(
         return Err(entity.at.error(what).helped("join the roads into one"));
     }
     Ok(on)
+}
+
+/// Returns whether a direction is along a road or across it, as those of walkers are.
+pub(super) fn is_square(heading_rad: f64) -> bool {
+    let mut directions = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter();
+    directions.any(|it| (heading_rad - it).abs() < SQUARE_RAD)
 }

@@ -13,11 +13,10 @@ pub(super) fn gap_of(
     ego: &str,
     speed_mps: f64,
 ) -> Result<f64, ImportError> {
-    let is = |name: &str, value: &str| action.raw(name) == Some(value);
     // Without a displacement, the entity trails the other, and with limits it takes its time.
-    let fits = is("continuous", "false")
-        && is("freespace", "true")
-        && is("displacement", "leadingReferencedEntity")
+    let fits = !scope.is_true(action, "continuous")?
+        && scope.is_true(action, "freespace")?
+        && action.raw("displacement") == Some("leadingReferencedEntity")
         && action.child("DynamicConstraints").is_none()
         && matches!(
             action.raw("coordinateSystem"),

@@ -4,13 +4,11 @@ use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::concrete::Concrete;
 use super::entity::ImportedEntity;
+use super::frame::{SQUARE_RAD, is_square};
 use super::places::is_along;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::ways::OnWay;
 use crate::sim::{Pose, wrapped};
-
-/// Tolerance in radians of a pedestrian's direction.
-const SQUARE_RAD: f64 = 0.02;
 
 /// Tolerance in radians of the direction along lanes.
 const LANE_RAD: f64 = 0.003;
@@ -161,12 +159,6 @@ pub(super) fn seen<'a>(
         spot,
         path,
     })
-}
-
-/// Returns whether a direction is along a road or across it, as those of walkers are.
-pub(super) fn is_square(heading_rad: f64) -> bool {
-    let mut directions = [0.0, FRAC_PI_2, -FRAC_PI_2, PI, -PI].into_iter();
-    directions.any(|it| (heading_rad - it).abs() < SQUARE_RAD)
 }
 
 /// Distance in metres from the ego's reference point to its front.

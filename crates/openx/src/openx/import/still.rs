@@ -36,9 +36,8 @@ pub(super) fn is_still(
     is_free: bool,
 ) -> Result<bool, ImportError> {
     fn hands_over(node: &XmlNode, scope: &ParameterScope) -> Result<bool, ImportError> {
-        for value in HANDS_OVER.iter().filter_map(|name| node.raw(name)) {
-            // A wrong word counts as a handover, so that no controller goes unseen.
-            if scope.resolve_text(node, value)? != "false" {
+        for name in HANDS_OVER {
+            if scope.is_true(node, name)? {
                 return Ok(true);
             }
         }

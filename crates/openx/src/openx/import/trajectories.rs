@@ -192,7 +192,7 @@ impl PositionContext<'_> {
     ) -> Result<(OnWay, Option<Vec<TimedPlace>>), ImportError> {
         let (trajectory, own) = self.trajectory(it.child("TrajectoryRef").unwrap_or(it), scope)?;
         let mut on = self.way(&trajectory, &own)?;
-        let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
+        let closed = own.is_true(&trajectory, "closed")?;
         // The run ends with the path if that has corners, before it begins again.
         if closed && !on.has_corners() {
             let help = "write closed=\"false\"";
@@ -226,24 +226,33 @@ impl PositionContext<'_> {
         if scale <= 0.0 {
             return Err(timing.refused(format!("a scale of {scale}"), "write a scale above 0"));
         }
-        // Relative times go on from that of the place at which it begins.
+        let offset_s = scope.number_or_zero(timing, "offset")?;
         let is_relative = timing.raw("domainAbsoluteRelative") == Some("relative");
-        let first_s = if is_relative {
-            at(&timed, offset_m, |it| (it.1, it.0))
+        let since_s = if is_relative {
+            0.0
         } else {
-            let begins_s = begins_s.ok_or_else(|| {
+            begins_s.ok_or_else(|| {
                 let help = "write domainAbsoluteRelative=\"relative\"";
                 let what = "times of the run, of a trajectory that waits for something";
                 timing.refused(what, help)
-            })?;
-            begins_s * scale
+            })?
         };
-        let from_s = first_s + scope.number_or_zero(timing, "offset")?;
-        let begins_m = at(&timed, from_s, |it| it);
-        let later = timed
-            .iter()
-            .filter(|(at_s, _)| from_s < *at_s)
-            .map(|(at_s, at_m)| ((at_s - from_s) / scale, *at_m));
+        // A distance cuts off the first part and its time, but no wait at the start.
+        let first_s = timed.first().map_or(0.0, |it| it.0);
+        let cut_at_s = if offset_m > 0.0 {
+            at(&timed, offset_m, |it| (it.1, it.0))
+        } else {
+            first_s
+        };
+        // Times are scaled and then shifted, as those of trajectories in a story are.
+        let played_s = |time_s: f64| scale * (time_s - (cut_at_s - first_s)) + offset_s - since_s;
+        let from = (played_s(cut_at_s), offset_m);
+        let played = timed.iter().map(|it| (played_s(it.0), it.1));
+        let places: Vec<TimedPlace> = std::iter::once(from)
+            .chain(played.filter(|it| it.0 > from.0))
+            .collect();
+        let begins_m = at(&places, 0.0, |it| it);
+        let later = places.into_iter().filter(|it| it.0 > 0.0);
         let timed = std::iter::once((0.0, begins_m)).chain(later).collect();
         on.along_m = begins_m;
         Ok((on, Some(timed)))

@@ -1,7 +1,7 @@
 //! Actions of events, as those of a world's storyboard.
 
 use super::numbers::StatedIn;
-use super::speeds::speed;
+use super::speeds::{keeps_speed, speed};
 use super::survey::{TakenAction, content};
 use super::triggers::signal_state;
 use super::{StoryWriter, relevant};
@@ -123,6 +123,12 @@ impl StoryWriter<'_> {
         if is_across && self.is_triggering(number) {
             let help = "name the actors by EntityRef, with selectTriggeringEntities=\"false\"";
             let what = "a lane of actors that trigger their event is not read";
+            return Err(at.node.refused(what, help));
+        }
+        let is_several = actors.len() > 1 || self.is_triggering(number);
+        if at.node.name == "SpeedAction" && is_several && keeps_speed(at)? {
+            let help = "leave it out, or give each actor a `ManeuverGroup` of its own";
+            let what = "a speed at a rate of 0 of several actors is not read";
             return Err(at.node.refused(what, help));
         }
         let effect = self.private_effect(at, &actors)?;

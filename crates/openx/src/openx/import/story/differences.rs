@@ -7,7 +7,7 @@ use super::StoryWriter;
 use super::parts::{PartKind, StoryPart};
 use super::quantities::is_along_route;
 use super::survey::content;
-use crate::opendrive::scope::number;
+use crate::opendrive::scope::{ParameterScope, number};
 use crate::opendrive::tree::XmlNode;
 
 const REPEATED: &str = "executions left of an event that another overrides";
@@ -18,6 +18,7 @@ const WAITING: &str = "stop triggers of acts that have not begun";
 const REACHED: &str = "changes of speed that may begin at their target";
 const ALONG: &str = "distances along the route";
 const STANDING: &str = "lateral motion of agents that may stand";
+const SCALED: &str = "scaled or shifted times of trajectories";
 
 impl StoryWriter<'_> {
     /// Lists all that matters and may differ.
@@ -97,6 +98,9 @@ impl StoryWriter<'_> {
                     self.note(REACHED, node);
                 }
             }
+            "FollowTrajectoryAction" if changes_times(node, &part.scope) => {
+                self.note(SCALED, node);
+            }
             _ => {}
         }
     }
@@ -112,12 +116,15 @@ impl StoryWriter<'_> {
 
     fn note_conditions(&self, number: usize) {
         let triggers = ["StartTrigger", "StopTrigger"];
-        let node = self.parts.0[number].node;
+        let part = &self.parts.0[number];
+        // A wrong word is a problem of its condition, which names it.
+        let is_along = |it: &XmlNode| is_along_route(it, &part.scope).unwrap_or(false);
+        let node = part.node;
         for trigger in triggers.iter().filter_map(|name| node.child(name)) {
             for condition in inside(trigger, &|it| it.name == "StoryboardElementStateCondition") {
                 self.note_transition(number, condition);
             }
-            for condition in inside(trigger, &is_along_route) {
+            for condition in inside(trigger, &is_along) {
                 self.note(ALONG, condition);
             }
         }
@@ -169,6 +176,16 @@ fn repeats(part: &StoryPart<'_>) -> bool {
     let often = part.scope.number(part.node, "maximumExecutionCount");
     // A wrong count is reported where the event is written.
     often.is_ok_and(|it| it > 1.0)
+}
+
+/// Returns whether an action scales the times of its trajectory, or shifts them.
+fn changes_times(action: &XmlNode, scope: &ParameterScope) -> bool {
+    let reference = action.child("TimeReference");
+    let timing = reference.and_then(|it| it.child("Timing"));
+    timing.is_some_and(|it| {
+        let scales = scope.number(it, "scale").is_ok_and(|scale| scale != 1.0);
+        scales || scope.number(it, "offset").is_ok_and(|offset| offset != 0.0)
+    })
 }
 
 /// Returns the elements inside a node that a test finds.

@@ -1,6 +1,6 @@
 //! Actions across the path of an entity: lanes, offsets and distances.
 
-use super::numbers::{StatedIn, is_true};
+use super::numbers::StatedIn;
 use super::quantities::coordinate_system;
 use super::speeds::{dynamics, shape};
 use super::{StoryFrame, StoryWriter};
@@ -44,7 +44,7 @@ impl StoryWriter<'_> {
         let line = frame.concrete.roads.road(it, &on.road)?;
         let across = match target.name.as_str() {
             "AbsoluteTargetLane" => TargetAcross::Line(line.middle_m(it, value)?),
-            "RelativeTargetLane" => match self.lane_of(at.at(target), frame, actor)? {
+            "RelativeTargetLane" => match self.lane_of(at.at(target), frame, actor, value)? {
                 Ok(of) => {
                     same_road(target, &of, &on)?;
                     // Left of an entity that faces against its road is the road's right.
@@ -103,7 +103,7 @@ impl StoryWriter<'_> {
         Ok(Effect::LaneOffset {
             target_m: None,
             target: Some(offset_target),
-            continuous: is_true(at, "continuous")?,
+            continuous: at.scope.is_true(at.node, "continuous")?,
             shape,
             max_lateral_acc_mps2,
         })
@@ -131,7 +131,8 @@ impl StoryWriter<'_> {
             let value_m = self.numbers.stated(at, &["value"], value);
             return Ok(OffsetTarget::Absolute { value_m });
         }
-        match self.lane_of(at, frame, actor)? {
+        // An offset counts from the lane of the other itself.
+        match self.lane_of(at, frame, actor, 0)? {
             Ok(other) => {
                 same_road(target, &other, &on)?;
                 Ok(to_line(value * f64::from(other.side()) + other.t_m))
@@ -161,9 +162,9 @@ impl StoryWriter<'_> {
                     return Err(it.refused(format!("there is no side `{other}`"), help));
                 }
             },
-            freespace: is_true(at, "freespace")?,
+            freespace: at.scope.is_true(at.node, "freespace")?,
             coordinate_system: coordinate_system(it)?,
-            continuous: is_true(at, "continuous")?,
+            continuous: at.scope.is_true(at.node, "continuous")?,
             limits: self.limits(at)?,
         })
     }
@@ -189,11 +190,14 @@ impl StoryWriter<'_> {
     }
 
     /// Returns the lane to which a target is relative, or the entity if the run decides it.
+    ///
+    /// The target is on the lane that is `lanes` to the left of it.
     fn lane_of<'a>(
         &self,
         at: StatedIn<'_>,
         frame: &'a StoryFrame<'_>,
         actor: &'a EntityInFrame<'_>,
+        lanes: i32,
     ) -> Result<Result<OnLane, &'a EntityInFrame<'a>>, ImportError> {
         let name = at.scope.text(at.node, "entityRef")?;
         let found = frame.all.iter().find(|it| it.entity.name == name);
@@ -205,7 +209,7 @@ impl StoryWriter<'_> {
         // The user drives the ego, which need not stay where it starts.
         if other.entity.is_ego {
             let first = frame.concrete.lane_at(other.spot.y_m);
-            let by = at.scope.number(at.node, "value")? * f64::from(lane.side());
+            let by = f64::from(lanes * lane.side());
             // Lanes beyond those of the world have no number there.
             let is_lane = (0.0..frame.concrete.lanes as f64).contains(&(first + by));
             let shared = [other, actor].map(|it| self.shares_lanes(at.node, frame, it).is_ok());

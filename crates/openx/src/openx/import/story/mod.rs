@@ -214,6 +214,7 @@ impl<'a> StoryWriter<'a> {
         self.origins.push((path.clone(), part.node.at()));
         let executions = self.executions(part);
         let present = self.present_actors(number);
+        let is_triggering = self.triggering(number);
         let actors = present.iter().map(|it| it.name.clone()).collect();
         let maneuvers = self.relevant(PartKind::Maneuver, Some(number));
         let mut written = Vec::new();
@@ -233,7 +234,7 @@ impl<'a> StoryWriter<'a> {
         ManeuverGroup {
             name: part.name.clone(),
             actors,
-            actors_are_triggering: self.is_triggering(number),
+            actors_are_triggering: self.blockers.keep(is_triggering).unwrap_or(false),
             maximum_execution_count: executions,
             maneuvers: written,
         }
@@ -313,12 +314,19 @@ impl<'a> StoryWriter<'a> {
             .collect()
     }
 
-    /// Returns whether the actors of an element are those that trigger an event.
+    /// Returns whether agents that trigger the act of an element are its actors, too.
     fn is_triggering(&self, number: usize) -> bool {
-        let mut around = self.parts.around(number);
-        let group = around.find(|it| self.parts.0[*it].kind == PartKind::ManeuverGroup);
-        let actors = group.and_then(|group| self.parts.0[group].node.child("Actors"));
-        actors.and_then(|it| it.raw("selectTriggeringEntities")) == Some("true")
+        // A wrong word is named where the group is written.
+        self.triggering(number).unwrap_or(false)
+    }
+
+    fn triggering(&self, number: usize) -> Result<bool, ImportError> {
+        let mut around = self.parts.around(number).map(|it| &self.parts.0[it]);
+        let group = around.find(|it| it.kind == PartKind::ManeuverGroup);
+        match group.and_then(|it| Some((it.node.child("Actors")?, &it.scope))) {
+            Some((actors, scope)) => scope.is_true(actors, "selectTriggeringEntities"),
+            None => Ok(false),
+        }
     }
 
     /// Returns the name of an entity in the world.

@@ -102,22 +102,3 @@ impl StoryNumbers {
         StoryNumber::Parameter(parameter)
     }
 }
-
-/// Returns an attribute of truth, which is false if it is missing.
-///
-/// # Errors
-///
-/// Returns an error for other words than those of truth.
-pub(super) fn is_true(at: StatedIn<'_>, name: &str) -> Result<bool, ImportError> {
-    if at.node.raw(name).is_none() {
-        return Ok(false);
-    }
-    match at.scope.text(at.node, name)?.as_str() {
-        "true" | "1" => Ok(true),
-        "false" | "0" => Ok(false),
-        other => {
-            let what = format!("`{name}` is `{other}`, which is neither true nor false");
-            Err(at.node.refused(what, "write true or false"))
-        }
-    }
-}

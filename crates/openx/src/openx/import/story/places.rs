@@ -146,7 +146,7 @@ impl StoryWriter<'_> {
         let it = at.node;
         let reference = it.child("TrajectoryRef").unwrap_or(it);
         let (trajectory, own) = self.ground.trajectory(reference, at.scope)?;
-        if trajectory.raw("closed").is_some_and(|it| it == "true") {
+        if own.is_true(&trajectory, "closed")? {
             let help = "write closed=\"false\"";
             return Err(trajectory.refused("a trajectory that begins again is not read", help));
         }
@@ -210,7 +210,8 @@ impl StoryWriter<'_> {
         Ok(self.in_world(&placed.spot))
     }
 
-    fn time_s(&self, at: StatedIn<'_>, name: &str) -> Result<Option<StoryNumber>, ImportError> {
+    /// Returns an attribute as a number, or `None` without it.
+    fn if_stated(&self, at: StatedIn<'_>, name: &str) -> Result<Option<StoryNumber>, ImportError> {
         let stated = at.node.raw(name);
         stated
             .map(|_| self.numbers.of(at, name, |it| it))
@@ -230,7 +231,7 @@ impl StoryWriter<'_> {
                 heading_rad: heading.map(|it| self.numbers.stated(at, &[], it)),
                 // Without a timing the file's times mean nothing.
                 time_s: if is_timed {
-                    self.time_s(at, "time")?
+                    self.if_stated(at, "time")?
                 } else {
                     None
                 },
@@ -256,14 +257,14 @@ impl StoryWriter<'_> {
             to_per_m: self
                 .numbers
                 .stated(at, &[name, "curvature", "length"], to_per_m),
-            time_s: self.time_s(at, "stopTime")?,
+            time_s: self.if_stated(at, "stopTime")?,
         };
-        let time_s = self.time_s(at, "startTime")?;
+        let time_s = self.if_stated(at, "startTime")?;
         Ok(self.along(at, begins, time_s, vec![piece]))
     }
 
     fn spline(&self, at: StatedIn<'_>) -> Result<StoryTrajectory, ImportError> {
-        let mut pieces = Vec::new();
+        let mut pieces: Vec<ClothoidPiece> = Vec::new();
         let mut begins = None;
         let mut time_s = None;
         for segment in at.node.all("ClothoidSplineSegment") {
@@ -274,7 +275,12 @@ impl StoryWriter<'_> {
                     return Err(segment.refused("a way that begins anew is not read", help));
                 }
                 begins = Some(self.spot(at, "PositionStart")?);
-                time_s = self.time_s(at, "timeStart")?;
+            }
+            // A segment begins where and when the one before it ends.
+            let begins_s = self.if_stated(at, "timeStart")?;
+            match pieces.last_mut() {
+                Some(before) => before.time_s = begins_s,
+                None => time_s = begins_s,
             }
             // A heading offset between segments would be a corner.
             if at.scope.number_or_zero(segment, "hOffset")? != 0.0 {
@@ -293,9 +299,9 @@ impl StoryWriter<'_> {
             let help = "give its first segment a `PositionStart`";
             return Err(at.node.refused("nothing says where it begins", help));
         };
-        // The file states the time of the whole curve only.
+        // The time at the end belongs to the whole curve.
         if let Some(last) = pieces.last_mut() {
-            last.time_s = self.time_s(at, "timeEnd")?;
+            last.time_s = self.if_stated(at, "timeEnd")?;
         }
         Ok(self.along(at, begins, time_s, pieces))
     }
@@ -324,8 +330,8 @@ impl StoryWriter<'_> {
             Ok(ControlPoint {
                 x_m: self.numbers.stated(at, &[], spot.x_m),
                 y_m: self.numbers.stated(at, &[], spot.y_m),
-                weight: self.time_s(at, "weight")?,
-                time_s: self.time_s(at, "time")?,
+                weight: self.if_stated(at, "weight")?,
+                time_s: self.if_stated(at, "time")?,
             })
         });
         let knots = at.node.all("Knot");

@@ -1,9 +1,10 @@
 //! Conditions of entities: speeds, distances, times and places.
 
 use super::StoryWriter;
-use super::numbers::{StatedIn, is_true};
+use super::numbers::StatedIn;
 use super::triggers::rule;
 use crate::opendrive::error::ImportError;
+use crate::opendrive::scope::ParameterScope;
 use crate::opendrive::tree::XmlNode;
 use crate::story::values::{
     ComparisonRule, CoordinateSystem, DistanceType, EntityCondition, StoryNumber,
@@ -60,24 +61,24 @@ impl StoryWriter<'_> {
                 entity: self.other(at)?,
                 distance_type: distance_type(it)?.unwrap_or(DistanceType::Longitudinal),
                 coordinate_system: coordinate_system(it)?,
-                freespace: is_true(at, "freespace")?,
+                freespace: at.scope.is_true(at.node, "freespace")?,
                 rule: rule(it)?,
                 value_m: value("value")?,
             },
             "TimeHeadwayCondition" => {
                 let entity = self.other(at)?;
-                let (distance_type, coordinate_system) = time_distance(it)?;
+                let (distance_type, coordinate_system) = time_distance(at)?;
                 EntityCondition::TimeHeadway {
                     entity,
                     distance_type,
                     coordinate_system,
-                    freespace: is_true(at, "freespace")?,
+                    freespace: at.scope.is_true(at.node, "freespace")?,
                     rule: rule(it)?,
                     value_s: value("value")?,
                 }
             }
             "TimeToCollisionCondition" => {
-                let (distance_type, coordinate_system) = time_distance(it)?;
+                let (distance_type, coordinate_system) = time_distance(at)?;
                 let target = it.inner("TimeToCollisionConditionTarget")?.only()?;
                 if target.raw("entityRef").is_none() {
                     let help = "name an entity as the target";
@@ -88,7 +89,7 @@ impl StoryWriter<'_> {
                     entity: self.entity(target, &name)?,
                     distance_type,
                     coordinate_system,
-                    freespace: is_true(at, "freespace")?,
+                    freespace: at.scope.is_true(at.node, "freespace")?,
                     rule: rule(it)?,
                     value_s: value("value")?,
                 }
@@ -123,9 +124,9 @@ impl StoryWriter<'_> {
 
     fn place_distance(&mut self, at: StatedIn<'_>) -> Result<EntityCondition, ImportError> {
         let it = at.node;
-        let (kind, system) = measured(it)?;
+        let (kind, system) = measured(at)?;
         let value_m: StoryNumber = self.numbers.of(at, "value", |value| value)?;
-        let freespace = is_true(at, "freespace")?;
+        let freespace = at.scope.is_true(at.node, "freespace")?;
         // A place at an entity is a point, without the entity's box.
         if let Some(name) = followed(at)?.filter(|_| !freespace) {
             return Ok(EntityCondition::RelativeDistance {
@@ -168,19 +169,19 @@ pub(super) fn coordinate_system(it: &XmlNode) -> Result<CoordinateSystem, Import
 }
 
 /// Returns direction and system of a distance. Without both it is a straight line.
-fn measured(it: &XmlNode) -> Result<(DistanceType, CoordinateSystem), ImportError> {
-    let stated = (distance_type(it)?, coordinate_system(it)?);
-    if is_along_route(it) {
+fn measured(at: StatedIn<'_>) -> Result<(DistanceType, CoordinateSystem), ImportError> {
+    let stated = (distance_type(at.node)?, coordinate_system(at.node)?);
+    if is_along_route(at.node, at.scope)? {
         return Ok((DistanceType::Longitudinal, CoordinateSystem::Road));
     }
     Ok((stated.0.unwrap_or(DistanceType::Euclidean), stated.1))
 }
 
 /// Returns whether a distance is one along the route, by the older attribute.
-pub(super) fn is_along_route(it: &XmlNode) -> bool {
+pub(super) fn is_along_route(it: &XmlNode, scope: &ParameterScope) -> Result<bool, ImportError> {
     // It is ignored beside the newer ones.
     let mut newer = ["relativeDistanceType", "coordinateSystem"].iter();
-    newer.all(|name| it.raw(name).is_none()) && it.raw("alongRoute") == Some("true")
+    Ok(newer.all(|name| it.raw(name).is_none()) && scope.is_true(it, "alongRoute")?)
 }
 
 fn distance_type(it: &XmlNode) -> Result<Option<DistanceType>, ImportError> {
@@ -198,11 +199,11 @@ fn distance_type(it: &XmlNode) -> Result<Option<DistanceType>, ImportError> {
 }
 
 /// Returns how the distance of a headway or of a time to collision is measured.
-fn time_distance(it: &XmlNode) -> Result<(DistanceType, CoordinateSystem), ImportError> {
-    match measured(it)? {
+fn time_distance(at: StatedIn<'_>) -> Result<(DistanceType, CoordinateSystem), ImportError> {
+    match measured(at)? {
         (DistanceType::Lateral, _) => {
             let help = "write relativeDistanceType=\"longitudinal\"";
-            Err(it.refused("a time across the way is not read", help))
+            Err(at.node.refused("a time across the way is not read", help))
         }
         along => Ok(along),
     }

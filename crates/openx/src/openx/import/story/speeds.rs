@@ -1,7 +1,7 @@
 //! Actions along the path of an entity: speeds, profiles and distances.
 
 use super::StoryWriter;
-use super::numbers::{StatedIn, StoryNumbers, is_true};
+use super::numbers::{StatedIn, StoryNumbers};
 use super::quantities::coordinate_system;
 use crate::opendrive::error::ImportError;
 use crate::opendrive::tree::XmlNode;
@@ -21,7 +21,7 @@ pub(super) fn dynamics(
     let shape = shape(it)?;
     let step = TransitionDynamics {
         shape: DynamicsShape::Step,
-        dimension: Dimension::Time(StoryNumber::Number(0.0)),
+        dimension: Some(Dimension::Time(StoryNumber::Number(0.0))),
     };
     if shape == DynamicsShape::Step {
         return Ok(step);
@@ -41,7 +41,10 @@ pub(super) fn dynamics(
             return Err(it.refused("a change of this dimension is not read", help));
         }
     };
-    Ok(TransitionDynamics { shape, dimension })
+    Ok(TransitionDynamics {
+        shape,
+        dimension: Some(dimension),
+    })
 }
 
 /// Returns the shape of a change.
@@ -85,12 +88,17 @@ pub(super) fn speed(
         dynamics: if keeps {
             TransitionDynamics {
                 shape: DynamicsShape::Step,
-                dimension: Dimension::Time(StoryNumber::Number(0.0)),
+                dimension: Some(Dimension::Time(StoryNumber::Number(0.0))),
             }
         } else {
             self::dynamics(dynamics, numbers)?
         },
     })
+}
+
+/// Returns whether a speed action changes no speed.
+pub(super) fn keeps_speed(at: StatedIn<'_>) -> Result<bool, ImportError> {
+    is_rate_of_zero(at.at(at.node.inner("SpeedActionDynamics")?))
 }
 
 fn is_rate_of_zero(at: StatedIn<'_>) -> Result<bool, ImportError> {
@@ -120,7 +128,7 @@ fn speed_target(
         "RelativeTargetSpeed" => {
             let name = at.scope.text(target, "entityRef")?;
             let entity = names(target, &name)?;
-            let continuous = is_true(at, "continuous")?;
+            let continuous = at.scope.is_true(at.node, "continuous")?;
             // Both kinds of values have another one that changes nothing.
             let is_factor = target.raw("speedTargetValueType") == Some("factor");
             let is_same = value == if is_factor { 1.0 } else { 0.0 };
@@ -286,9 +294,9 @@ impl StoryWriter<'_> {
                     return Err(it.refused(format!("there is no side `{other}`"), help));
                 }
             },
-            freespace: is_true(at, "freespace")?,
+            freespace: at.scope.is_true(at.node, "freespace")?,
             coordinate_system: coordinate_system(it)?,
-            continuous: is_true(at, "continuous")?,
+            continuous: at.scope.is_true(at.node, "continuous")?,
             limits: self.limits(at)?,
         })
     }

@@ -3,9 +3,10 @@
 use super::SampleStage;
 use crate::scene::drive::along_law::{AlongAim, AlongLaw, SpeedLimits};
 use crate::scene::drive::story_law::StoryLaw;
-use crate::story::values::{CoordinateSystem, DynamicLimits, TransitionDynamics};
+use crate::story::values::{CoordinateSystem, DynamicLimits};
 use crate::story::view::{
-    ActorAction, ActorDistance, ActorSpeed, DistanceSide, StoryView, Synchronization,
+    ActorAction, ActorDistance, ActorSpeed, ActorTransition, DistanceSide, StoryView,
+    Synchronization,
 };
 
 impl SampleStage<'_> {
@@ -56,7 +57,7 @@ impl SampleStage<'_> {
     fn speed_law(
         &self,
         target: ActorSpeed,
-        dynamics: TransitionDynamics<f64>,
+        dynamics: ActorTransition,
         limits: SpeedLimits,
         at_s: f64,
     ) -> StoryLaw {
