@@ -110,7 +110,7 @@ impl RawPolicy {
         if !(1e-6..=1e6).contains(&temperature) || !(0.0..1.0).contains(&unit) {
             return Err(wrong(
                 format!("a draw at temperature {temperature} with {unit}"),
-                "give a temperature above 0 and a number in [0, 1)",
+                "give a temperature from 1e-6 to 1e6 and a number in [0, 1)",
             ));
         }
         Ok(self

@@ -25,8 +25,8 @@ const WORLDS: [&str; 6] = [
     "acc",
 ];
 /// How far a rigid contact may be from that of a kinematic ego at its speeds.
-const RIGID_S: f64 = 0.01;
-const RIGID_MPS: f64 = 0.3;
+const RIGID_S: f64 = 0.002;
+const RIGID_MPS: f64 = 0.2;
 
 fn world(name: &str, plant: PlantKind) -> Scenario {
     let path = format!("{}/worlds/{name}.ron", env!("CARGO_MANIFEST_DIR"));

@@ -59,7 +59,7 @@ pub struct DqnSettings {
     pub polyak: f64,
     /// γ (1): the reward comes once, at the end, and 0.9 fails.
     pub discount: f64,
-    /// Rewards in an n-step return (3): 1 is slower, whole episodes fail.
+    /// Rewards in an n-step return (3): 1 is slower.
     pub steps: usize,
     /// ε at the start (1): every action everywhere.
     pub exploration: f64,
