@@ -6,7 +6,7 @@ use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::experiment::ControllerFactory;
 use brakecheck::experiment::TestStarts;
 use brakecheck::run_dir::Stored;
-use brakecheck::run_dir::{ClosingSpeed, Unconfirmed};
+use brakecheck::run_dir::{ClosingSpeed, Row, Unconfirmed};
 use brakecheck::scene::Start;
 use brakecheck::search::{
     Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Searched, Switches, Uniform, anytime,
@@ -423,20 +423,55 @@ fn what_was_reached_with_less_is_counted_by_hand() {
         found(2, false, true),
         None,
     ];
-    for (budget, successes, simulations) in [
-        (1, 1, 1 + 1 + 1 + 1),
-        (9, 1, 1 + 9 + 9 + 9),
-        (10, 2, 1 + 10 + 10 + 10),
-        (30, 3, 1 + 10 + 30 + 30),
-        (40, 3, 1 + 10 + 30 + 40),
+    // Before its solution, the second start is invalid too.
+    for (budget, starts, successes, simulations) in [
+        (1, 3, 1, 1 + 1 + 1),
+        (9, 3, 1, 1 + 9 + 9),
+        (10, 4, 2, 1 + 10 + 10 + 10),
+        (30, 4, 3, 1 + 10 + 30 + 30),
+        (40, 4, 3, 1 + 10 + 30 + 40),
     ] {
         let at = anytime(&all, budget);
         assert_eq!((at.budget, at.successes), (budget, successes));
-        near(at.success_rate, successes as f64 / 4.0);
-        near(at.sims_per_start, f64::from(simulations) / 4.0);
-        assert_eq!(at.ci95, wilson(successes, 4));
+        near(at.success_rate, successes as f64 / starts as f64);
+        near(at.sims_per_start, f64::from(simulations) / starts as f64);
+        assert_eq!(at.ci95, wilson(successes, starts));
     }
     assert_eq!(anytime(&[None], 5).sims_per_start, 0.0);
+}
+
+/// A search that is cut short is one with less, and nothing stays of what came later.
+#[test]
+fn the_row_within_a_budget_is_that_of_a_search_with_it() {
+    let (world, starts) = (chase(), starts());
+    let request = SearchRequest {
+        scenario: &world,
+        ego: "nominal",
+        method: Hold.into(),
+        budget: 40,
+        starts: &starts,
+    };
+    let mut most = search(&request, &quiet());
+    let less = searched(&world, Hold.into(), 5, &starts).row;
+    let cut = most.row_within(&request, 5);
+    // How many of the first five simulations broke a rule is not recorded.
+    assert!(cut.foul_rate.is_nan());
+    assert!(cut.physics_steps < most.row.physics_steps && cut.cpu_s < most.row.cpu_s);
+    let known = Row {
+        foul_rate: less.foul_rate,
+        physics_steps: less.physics_steps,
+        cpu_s: less.cpu_s,
+        ..cut
+    };
+    assert_eq!(known, less);
+    assert_eq!(most.row_within(&request, 40), most.row);
+    // A fault ahead of a later solution leaves the start without an outcome.
+    let is_late = |found: &&mut SearchResult| found.actions.is_some() && found.simulations > 1;
+    let late = most.found.iter_mut().flatten().find(is_late);
+    late.expect("some start takes two").fault = Some(Fault::error("no answer"));
+    let cut = most.row_within(&request, 1);
+    assert_eq!((cut.invalid, cut.starts), (1, less.starts - 1));
+    assert_eq!((cut.sims_per_start, cut.faults.len()), (1.0, 1));
 }
 
 /// What fails to answer on its fourth call is solved before that, or not at all.
