@@ -287,6 +287,17 @@ fn a_start_that_is_solved_in_the_end_is_not_one_with_nothing_else() {
     assert!(row.method.ends_with(", 2 unconfirmed"), "{}", row.method);
 }
 
+/// Constants: +1 breaks a rule at once, −2 does so on rigid bodies, −3 on one of the
+/// plants.
+#[test]
+fn rules_that_are_broken_on_rigid_bodies_are_in_the_share() {
+    let starts = starts_at(&[24.01]);
+    let Searched { row, found } = searched(&rigid_with(EXACT), Switches(0).into(), 1, &starts);
+    let found = found[0].as_ref().expect("searched");
+    assert_eq!((found.violations, &found.actions), (3, &None));
+    near(row.foul_rate, 3.0 / found.simulations as f64);
+}
+
 /// After three hundred sequences that did not carry over a start is given up.
 #[test]
 fn a_start_is_given_up_after_three_hundred_confirmations() {
@@ -604,6 +615,24 @@ impl Controller for Single {
 
     fn fork(&self) -> Option<Box<dyn Controller>> {
         None
+    }
+}
+
+/// A world that requires several failures has them played, and they cost.
+#[test]
+fn the_repetitions_of_a_confirmed_sequence_are_counted() {
+    let single: ControllerFactory = Arc::new(|| Box::new(Single(Quirky::failing_from(&[]))));
+    let once = chase().with_ego("single", single);
+    let thrice = once.repeated(brakecheck::world::Repeats { runs: 3, gate: 3 });
+    let of = |world| searched(world, Switches(0).into(), 1, &starts()).found;
+    for (one, three) in of(&once).iter().zip(&of(&thrice)) {
+        let (Some(one), Some(three)) = (one, three) else {
+            continue;
+        };
+        assert_eq!(one.actions, three.actions);
+        let more = if one.actions.is_some() { 2 } else { 0 };
+        assert_eq!(one.simulations + more, three.simulations);
+        assert_eq!(one.violations, three.violations);
     }
 }
 
