@@ -110,9 +110,9 @@ impl RecordedRows<'_> {
     fn notes(&self, study: &str) -> String {
         let rows = self.of(study);
         // Rows that were measured by hand come from other commands.
-        let fresh: Vec<&ResultRow> = rows.iter().filter(|row| !row.depends.is_empty()).collect();
+        let by_command = rows.iter().filter(|row| !row.depends.is_empty());
         let mut commands: Vec<(String, Vec<&ResultRow>)> = Vec::new();
-        for row in fresh {
+        for row in by_command {
             let command = format!("`repro {}`", without_world(&row.command));
             match commands.iter_mut().find(|(known, _)| *known == command) {
                 Some((_, rows)) => rows.push(row),
