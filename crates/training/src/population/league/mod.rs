@@ -27,6 +27,7 @@ mod round;
 
 use std::path::Path;
 
+use super::manifest::{PAYOFF_STARTS, RESPONSE_STARTS};
 use super::{PopulationDir, PopulationOrigin};
 use crate::experiment::{Watch, consent, consent_to_family};
 use crate::rl::Policy;
@@ -41,10 +42,6 @@ use ego_response::EgoResponse;
 pub use error::LeagueError;
 use payoff::{FreeDrive, LeagueEgo, PayoffStarts};
 pub use round::{LeagueResponse, LeagueRound};
-
-/// Usual starts of the payoffs, and of the search for a response of the ego.
-const PAYOFF_STARTS: usize = 100;
-const RESPONSE_STARTS: usize = 40;
 
 /// Request to train a league.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +65,14 @@ impl<'a> LeagueRequest<'a> {
             rounds,
             payoff_starts: PAYOFF_STARTS,
             response_starts: RESPONSE_STARTS,
+        }
+    }
+
+    fn origin(&self) -> PopulationOrigin {
+        PopulationOrigin::League {
+            rounds: self.rounds,
+            payoff_starts: self.payoff_starts,
+            response_starts: self.response_starts,
         }
     }
 }
@@ -114,10 +119,7 @@ impl LeagueSession {
             resumed(path, &scenario, request)?
         } else {
             let seed = request.training.seed.unwrap_or(0);
-            let origin = PopulationOrigin::League {
-                rounds: request.rounds,
-            };
-            PopulationDir::create(path, &scenario, seed, origin, request.rounds + 1)?
+            PopulationDir::create(path, &scenario, seed, request.origin(), request.rounds + 1)?
         };
         Ok(LeagueSession {
             scenario,
@@ -215,9 +217,7 @@ fn resumed(
 ) -> Result<PopulationDir, LeagueError> {
     let dir = PopulationDir::resume(path)?;
     let manifest = dir.manifest();
-    let origin = PopulationOrigin::League {
-        rounds: request.rounds,
-    };
+    let origin = request.origin();
     // Without a seed in the request, the league keeps its own.
     let seed = request.training.seed.unwrap_or(manifest.seed);
     let compared = [
