@@ -183,7 +183,7 @@ impl CompactText<'_> {
         let name = self.word();
         if let Some(rest) = self.rest.strip_prefix(':') {
             self.rest = rest;
-            // Keys of maps are strings with quotes and escapes, and fields of structs are not.
+            // Keys of maps are strings with quotes and escapes, unlike fields of structs.
             let key: String = if name.starts_with('"') {
                 ron::from_str(&name).unwrap_or_else(|_| name.clone())
             } else {

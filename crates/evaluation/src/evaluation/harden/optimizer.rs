@@ -173,7 +173,8 @@ impl Optimizer<'_> {
         pairs.map(|(one, value)| one.x_of(*value)).collect()
     }
 
-    /// Returns the cost, in which every stage that was not played adds more than usual excess.
+    /// Returns the cost, in which every stage that was not played adds more than a usual
+    /// excess.
     fn cost(&self, candidate: &EgoCandidate) -> f64 {
         let unplayed = (self.slices.len() - candidate.stages) as f64;
         self.conditions.cost(candidate) + UNPLAYED * unplayed
