@@ -452,7 +452,7 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
 /// Parses a line. `None`: it is blank.
 fn message(line: &[u8]) -> Result<Option<ServeRequest>, String> {
     let content = line.strip_suffix(b"\n").unwrap_or(line);
-    // A line that is cut at the limit may end within a character, so this is tested first.
+    // Tested first, because a line that is cut at the limit may end within a character.
     if content.len() as u64 > LONGEST {
         return Err(format!("it is longer than {LONGEST} bytes"));
     }

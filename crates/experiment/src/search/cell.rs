@@ -34,8 +34,8 @@ pub struct ExperimentCell {
 /// Result of an adversary on one start.
 #[derive(Clone, Debug)]
 pub struct StartResult {
-    /// Outcome. A search without a success gives `Held`, unless every run broke a rule, the
-    /// ego or the physics failed, or no run was played.
+    /// Outcome. A search without a success gives `Held`, unless every run broke a rule,
+    /// the ego or the physics failed, or no run was played.
     pub outcome: StartOutcome,
     /// Verdict of the episode. `None`: a search has no verdict of its own.
     pub verdict: Option<Verdict>,
