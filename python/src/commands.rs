@@ -328,7 +328,7 @@ pub(crate) fn eval_world<'py>(
         let mut rows = Vec::new();
         let ado = Ado::Rule(policy, "python", "python");
         // The order matters for the places below: your ado first, the constant second.
-        let adversaries: [&dyn Adversary; 4] = [&ado, &BestConstant, &Ado::Held, &Ado::Random];
+        let adversaries: [&dyn Adversary; 4] = [&ado, &BestConstant, &Ado::Hold, &Ado::Random];
         for ego in &egos {
             let experiment = Experiment {
                 ego,

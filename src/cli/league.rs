@@ -9,29 +9,27 @@ use super::failure::{Exit, Failure};
 use super::progress;
 use super::terminal::{self, Common};
 use crate::experiment::Audience;
-use crate::population::{LeagueRequest, LeagueResponse, LeagueRound, PopulationDir, train_league};
+use crate::population::{LeagueResponse, LeagueRound, LeagueSession, PopulationDir};
 use crate::run_dir::counted;
-use crate::world::Scenario;
 
-/// Trains a league, or continues one.
+/// Trains a league of some rounds that was begun or opened again.
 pub(super) fn train(
-    world: &Scenario,
+    session: LeagueSession,
     path: &Path,
-    request: &LeagueRequest<'_>,
-    resume: bool,
+    requested: usize,
     common: &Common,
     audience: Option<&dyn Audience>,
 ) -> Result<Exit, Failure> {
     let bar = progress::bar(common, "");
     let watch = bar.watch().shown_to(audience);
-    let rounds = train_league(world, path, request, resume, &watch)?;
+    let rounds = session.train(&watch)?;
     drop(bar);
     // Round 0 precedes the requested rounds, so a whole league has one more.
-    if rounds.len() <= request.rounds {
+    if rounds.len() <= requested {
         terminal::note(&format!(
             "stopped after {} of {}; go on with the same command and `--resume` in {}",
             rounds.len().saturating_sub(1),
-            counted(request.rounds, "round"),
+            counted(requested, "round"),
             path.display(),
         ));
         // Without an interruption only faults of an ego end a league early.

@@ -14,8 +14,7 @@ use super::test_args::note_program_costs;
 use super::{progress, table};
 use crate::experiment::{Audience, EgoUnderTest};
 use crate::population::{
-    DistinctOutcome, DistinctRequest, PopulationDir, PopulationResults, PopulationTest,
-    train_distinct,
+    DistinctOutcome, DistinctSession, PopulationDir, PopulationResults, PopulationTest,
 };
 use crate::report::TextTable;
 use crate::run_dir::{Row, RunDir, counted};
@@ -24,18 +23,16 @@ use crate::world::Scenario;
 /// Most cells that a table lists.
 const LISTED: usize = 20;
 
-/// Trains a population, or continues one.
+/// Trains a population that was begun or opened again.
 pub(super) fn train(
-    world: &Scenario,
+    session: DistinctSession,
     path: &Path,
-    request: &DistinctRequest<'_>,
-    resume: bool,
     common: &Common,
     audience: Option<&dyn Audience>,
 ) -> Result<Exit, Failure> {
     let bar = progress::bar(common, "");
     let watch = bar.watch().shown_to(audience);
-    let trained = train_distinct(world, path, request, resume, &watch)?;
+    let trained = session.train(&watch)?;
     // The bar must not overwrite the lines that follow.
     drop(bar);
     if trained.interrupted {

@@ -300,6 +300,13 @@ pub(super) fn constants(given: &[String]) -> Result<Constants, Failure> {
                 "write NAME=NUMBER, such as `--const d_safe=4.7`",
             ));
         };
+        // The last of two values would replace the other silently.
+        if constants.contains_key(&name) {
+            return Err(Failure::input(
+                format!("the constant `{name}` is there twice"),
+                "leave one of them out",
+            ));
+        }
         constants.insert(name, value);
     }
     Ok(constants)

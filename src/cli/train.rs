@@ -21,7 +21,7 @@ use super::test_args::temperature;
 use super::traffic_args::TrafficArgs;
 use super::verdict::verdict;
 use super::{league, population, progress, table};
-use crate::population::{DistinctRequest, LeagueRequest};
+use crate::population::{DistinctRequest, DistinctSession, LeagueRequest, LeagueSession};
 use crate::risk::RiskTraffic;
 use crate::rulebook::TrainingGoal;
 use crate::run_dir::{AdversaryId, CalibrationWarning, RunDir, TrainingEnd, counted};
@@ -182,21 +182,24 @@ fn train_one(given: Given<'_>, world: &Scenario) -> Result<Exit, Failure> {
 fn train_population(args: &TrainArgs, world: &Scenario, members: usize) -> Result<Exit, Failure> {
     let from = source(args)?;
     let request = DistinctRequest::new(request(args, world, from.as_ref()), members);
-    let title = format!("training in {}", world.name);
-    let live = args.live.open(&title, Streamed::Training)?;
     let path = output(args, world);
-    let (common, audience) = (&args.common, live.audience());
-    population::train(world, &path, &request, args.resume, common, audience)
+    let session = DistinctSession::begin(world, &path, &request, args.resume)?;
+    let title = format!("training in {}", world.name);
+    // Opened after the session, as in `train_one`.
+    let live = args.live.open(&title, Streamed::Training)?;
+    population::train(session, &path, &args.common, live.audience())
 }
 
 /// Trains egos and ados by alternating responses.
 fn train_league(args: &TrainArgs, world: &Scenario, rounds: usize) -> Result<Exit, Failure> {
     let from = source(args)?;
     let request = LeagueRequest::new(request(args, world, from.as_ref()), rounds);
+    let path = output(args, world);
+    let session = LeagueSession::begin(world, &path, &request, args.resume)?;
     let title = format!("training in {}", world.name);
+    // Opened after the session, as in `train_one`.
     let live = args.live.open(&title, Streamed::Training)?;
-    let (path, audience) = (output(args, world), live.audience());
-    league::train(world, &path, &request, args.resume, &args.common, audience)
+    league::train(session, &path, rounds, &args.common, live.audience())
 }
 
 /// Returns the run directory.

@@ -4,8 +4,8 @@ use indexmap::IndexMap;
 use serde_json::{Value, json};
 
 use super::{PROTOCOL, actions_of, number};
-use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec};
+use crate::scene::{Derived, World};
 use crate::world::Scenario;
 use crate::world_file::OriginFile;
 
@@ -24,6 +24,7 @@ pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
         .iter()
         .map(|rule| json!({ "name": rule.name, "stl": rule.formula.to_string() }));
     let drive = drive(world);
+    let (signals, constants) = derivation(world);
     json!({
         "protocol": PROTOCOL,
         "program": concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
@@ -34,10 +35,10 @@ pub(super) fn hello(scenario: &Scenario, ado: &str) -> Value {
         "decision_s": clock.decision_s,
         "horizon_s": clock.horizon_s,
         "observe": observed(world),
-        "derived": derived(drive),
+        "derived": derived(signals),
         // Expressions of derived signals use them, and a simulator may compute these
         // itself.
-        "constants": drive.map(|spec| &spec.constants),
+        "constants": constants,
         "agents": drive.map(agents),
         "ego_spec": scenario.ego_spec().to_string(),
         "rules": rules.collect::<Vec<_>>(),
@@ -79,9 +80,16 @@ fn observed(world: &World) -> Vec<Value> {
     observed.collect()
 }
 
-/// Returns the signals that the world computes from others, with their expressions.
-fn derived(drive: Option<&DriveSpec>) -> Vec<Value> {
-    let signals = drive.map_or(&[][..], |spec| &spec.derived);
+/// Returns the derived signals of a world, and the constants of their expressions.
+fn derivation(world: &World) -> (&[Derived], &IndexMap<String, f64>) {
+    match world {
+        World::Drive(world) => (&world.spec().derived[..], &world.spec().constants),
+        World::Grid(world) => (&world.spec().derived[..], &world.spec().constants),
+    }
+}
+
+/// Describes the signals that the world computes from others, with their expressions.
+fn derived(signals: &[Derived]) -> Vec<Value> {
     let derived = signals.iter().map(|derived| {
         json!({
             "name": derived.signal.name,
@@ -138,15 +146,15 @@ pub(super) fn with_derived(
         }
         known.insert(name.clone(), value);
     }
-    let World::Drive(drive) = world else {
-        return Ok(known);
+    let bound = match world {
+        World::Drive(drive) => drive.derived_exprs(),
+        World::Grid(grid) => grid.derived_exprs(),
     };
-    let bound = drive.derived_exprs();
+    let (signals, constants) = derivation(world);
     // A derived signal may read those before it.
-    for (derived, bound) in drive.spec().derived.iter().zip(bound) {
+    for (derived, bound) in signals.iter().zip(bound) {
         let name = derived.signal.name.as_str();
         let mut reads = derived.expr.signals().into_iter();
-        let constants = &drive.spec().constants;
         let is_known = |it: &str| known.contains_key(it) || constants.contains_key(it);
         // The simulator may compute a derived signal itself, and its value counts then.
         if known.contains_key(name) || !reads.all(is_known) {
@@ -159,4 +167,39 @@ pub(super) fn with_derived(
         known.insert(name.to_owned(), value);
     }
     Ok(known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::Aftermath;
+
+    #[test]
+    fn derived_signals_of_a_grid_follow_from_the_given_ones() {
+        let scenario = Scenario::shipped("grid").expect("shipped").expect("sound");
+        let mut bench = scenario.bench();
+        let key = StartKey {
+            purpose: Purpose::Test,
+            seed: 0,
+            index: 0,
+        };
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        bench.begin(&start, noise, Aftermath::Skip);
+        let value = |name: &str| bench.trace().signal(name).expect("published")[0];
+        let (derived, _) = derivation(scenario.world());
+        let is_derived = |name: &str| derived.iter().any(|it| it.signal.name == name);
+        let schema = scenario.world().schema();
+        let names = schema.signals().iter().map(|it| it.name.clone());
+        let given: IndexMap<String, Value> = names
+            .filter(|name| !is_derived(name))
+            .map(|name| (name.clone(), json!(value(&name))))
+            .collect();
+        let known = with_derived(&scenario, &given).expect("numbers");
+        assert!(!derived.is_empty());
+        for derived in derived {
+            let name = derived.signal.name.as_str();
+            assert_eq!(known.get(name), Some(&value(name)), "{name}");
+        }
+    }
 }

@@ -72,12 +72,12 @@ fn possible(before: &BodyState, after: &BodyState, sample_s: f64) -> Result<(), 
         [ahead_m * cos - left_m * sin, ahead_m * sin + left_m * cos]
     };
     let ways_m = [way_m(before), way_m(after)];
+    // The mean of both ends, which a constant acceleration and turn would give.
     let said_m: [f64; 2] = core::array::from_fn(|i| 0.5 * (ways_m[0][i] + ways_m[1][i]));
     let moved_m = [
         after.pose.x_m - before.pose.x_m,
         after.pose.y_m - before.pose.y_m,
     ];
-    // The mean of both ends: what a constant acceleration and turn would give.
     let off_m = libm::hypot(moved_m[0] - said_m[0], moved_m[1] - said_m[1]);
     let [first_m, second_m] = ways_m.map(|way_m| libm::hypot(way_m[0], way_m[1]));
     let longest_m = first_m.max(second_m);
@@ -274,11 +274,11 @@ impl LiveEpisode {
             let Some(agent) = self.agents.iter().position(|it| *it == name) else {
                 return Err(format!("`sample`: unknown agent `{name}`"));
             };
-            // A simulator need not report an acceleration, but signals may read it.
             given
                 .possible()
                 .map_err(|why| format!("`sample`: `{name}` {why}"))?;
             let last = &before[agent].state;
+            // A simulator need not report an acceleration, but signals may read it.
             let state = given.state((given.speed_mps - last.speed_mps) / sample_s);
             states[agent] = Some(state);
         }

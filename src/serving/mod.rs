@@ -33,7 +33,7 @@ use player::ServedPlayer;
 
 /// Version of the protocol.
 const PROTOCOL: u32 = 1;
-/// Largest length of a message, bytes.
+/// Largest length of a message without the end of its line, bytes.
 const LONGEST: u64 = 65_536;
 
 /// Ado that acts in the world of another simulator.
@@ -203,38 +203,28 @@ impl ServedAdo {
         answers: &mut impl Write,
     ) -> Result<Served, ServeError> {
         let mut served = Served::default();
-        let mut text = String::new();
+        let mut bytes = Vec::new();
         for line in 1.. {
-            text.clear();
+            bytes.clear();
             let mut refuse = |why: String| {
                 // The other side may be gone already, so a failed write is ignored.
                 let _ = write_line(answers, &json!({ "error": why }));
                 ServeError::NoMessage { line, why }
             };
-            // One byte more shows that the limit is exceeded.
-            match requests.by_ref().take(LONGEST + 1).read_line(&mut text) {
-                Ok(0) => break,
-                Ok(_) => {}
-                // `read_line` reports bytes that are not UTF-8 in this way.
-                Err(error) if error.kind() == io::ErrorKind::InvalidData => {
-                    return Err(refuse("it is not UTF-8".to_owned()));
-                }
-                Err(error) => return Err(error.into()),
+            // One byte more is the end of the line, or shows that the limit is exceeded.
+            let mut most = requests.by_ref().take(LONGEST + 1);
+            if most.read_until(b'\n', &mut bytes)? == 0 {
+                break;
             }
-            let Some(request) = message(&text).map_err(&mut refuse)? else {
+            let Some(request) = message(&bytes).map_err(&mut refuse)? else {
                 continue;
             };
             if request.close.is_some() {
                 break;
             }
-            let decides = request.decide.is_some();
-            let samples = request.sample.is_some();
             let answer = match self.answer(&request) {
                 Ok(answer) => {
-                    served.decisions += u64::from(decides);
-                    if samples {
-                        served.count(&answer);
-                    }
+                    served.count(&answer);
                     answer
                 }
                 Err(why) => {
@@ -392,9 +382,14 @@ impl ServedAdo {
 }
 
 impl Served {
-    /// Counts an episode that ended with this answer.
+    /// Counts a decision, or an episode that ended with this answer.
+    ///
+    /// A rule may be broken at the start, so `reset` may end an episode, too.
     fn count(&mut self, answer: &Map<String, Value>) {
         let holds = |key: &str| answer.get(key).is_some_and(|it| it == &json!(true));
+        // Answers of a judged episode have an action, too, and `done` beside it.
+        let is_judged = answer.contains_key("done");
+        self.decisions += u64::from(answer.contains_key("action") && !is_judged);
         if holds("done") {
             self.episodes += 1;
             self.successes += u64::from(holds("is_success"));
@@ -455,10 +450,13 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
 }
 
 /// Parses a line. `None`: it is blank.
-fn message(text: &str) -> Result<Option<ServeRequest>, String> {
-    if text.len() as u64 > LONGEST {
+fn message(line: &[u8]) -> Result<Option<ServeRequest>, String> {
+    let content = line.strip_suffix(b"\n").unwrap_or(line);
+    // Tested first, because a line that is cut at the limit may end within a character.
+    if content.len() as u64 > LONGEST {
         return Err(format!("it is longer than {LONGEST} bytes"));
     }
+    let text = std::str::from_utf8(content).map_err(|_| "it is not UTF-8".to_owned())?;
     if text.trim().is_empty() {
         return Ok(None);
     }

@@ -47,6 +47,21 @@ fn a_training_streams_to_stdout_and_prints_its_table_beside() {
 }
 
 #[test]
+fn a_refused_training_of_several_ados_leaves_no_stream() {
+    let dir = scratch();
+    let (file, run) = (path(&dir, "live.rrd"), path(&dir, "run"));
+    // A grid has no cells, and `cut_in` no family.
+    for (world, many) in [
+        ("worlds/grid.ron", "--distinct"),
+        ("worlds/cut_in.ron", "--league"),
+    ] {
+        let output = brakecheck(&["train", world, many, "2", "-o", &run, "--rerun", &file]);
+        assert_eq!(code(&output), 2, "{}", stderr(&output));
+        assert!(!std::path::Path::new(&file).exists(), "{world}");
+    }
+}
+
+#[test]
 fn rows_do_not_depend_on_a_stream() {
     let dir = scratch();
     let file = path(&dir, "search.rrd");

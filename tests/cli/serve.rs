@@ -8,7 +8,7 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::Aftermath;
 use serde_json::{Value, json};
 
-use super::{brakecheck, code, path, refusal, scratch, small_run, stderr};
+use super::{brakecheck, code, path, refusal, root, scratch, small_run, stderr};
 
 /// Says all lines at once, and reads what is answered.
 fn say(args: &[&str], lines: &[u8]) -> (Output, Vec<Value>) {
@@ -157,7 +157,9 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
     let dir = scratch();
     let (run, _) = small_run(&dir, "run", &[]);
     let long = vec![b' '; 70_000];
-    let cases: [(&[u8], &str); 5] = [
+    // The limit is within the last character.
+    let cut = " ".repeat(65_536) + "é\n";
+    let cases: [(&[u8], &str); 6] = [
         (
             b"{\"reset\": {}}\nnonsense\n{\"reset\": {}}\n",
             "line 2 is no message",
@@ -165,6 +167,7 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
         (b"[1]\n", "line 1 is no message"),
         (b"{\"reset\": \"\xff\"}\n", "not UTF-8"),
         (&long, "longer than 65536 bytes"),
+        (cut.as_bytes(), "longer than 65536 bytes"),
         (
             b"{\"reset\": {\"index\": 0, \"step_s\": NaN}}\n",
             "JSON has no NaN",
@@ -179,4 +182,38 @@ fn what_is_no_message_and_what_is_no_ado_end_with_2() {
     let output = brakecheck(&["serve", &none]);
     refusal(&output, "brakecheck train");
     assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn a_line_of_the_greatest_length_and_a_message_of_two_kinds_are_answered_once() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    let mut hello = json!({ "hello": { "protocol": 1 }, "decide": {} }).to_string();
+    hello.push_str(&" ".repeat(65_536 - hello.len()));
+    let (output, answers) = say(&[&run], format!("{hello}\n").as_bytes());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(answers.len(), 1);
+    assert!(answers[0]["hello"].is_object());
+    // Only `hello` was answered.
+    let said = stderr(&output);
+    assert!(said.contains("0 decisions, 0 messages"), "{said}");
+}
+
+#[test]
+fn an_episode_that_is_decided_at_its_start_is_counted() {
+    let dir = scratch();
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
+    let rule = "rulebook: [Rule(name: \"fast\", stl: \"always[0, T] (ado.speed >= 90)\"),";
+    let file = path(&dir, "acc.ron");
+    std::fs::write(&file, text.replacen("rulebook: [", rule, 1)).expect("written");
+    let (output, answers) = say(&[&file], &lines(&[json!({ "reset": { "index": 0 } })]));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(answers[0]["done"], true, "{}", answers[0]);
+    assert_eq!(answers[0]["broken_rule"], "fast");
+    let said = stderr(&output);
+    assert!(
+        said.contains("1 judged episode, the ego failed in 0 of them, 0 kept"),
+        "{said}"
+    );
+    assert!(said.contains("0 decisions, 0 messages"), "{said}");
 }

@@ -130,7 +130,7 @@ fn a_tie_is_settled_by_the_comparison() {
 #[test]
 fn what_users_get_wrong_exits_with_2_and_is_named() {
     let good = "t,x,y\n0,1,2\n1,3,4\n";
-    let cases: [(&[&str], &str, &str); 15] = [
+    let cases: [(&[&str], &str, &str); 16] = [
         (&["always (z > 0)"], good, "z"),
         (&["always (x > "], good, "formula:1:"),
         (&["always[0, 0.5] (x > 0)"], good, "neighbours"),
@@ -143,6 +143,11 @@ fn what_users_get_wrong_exits_with_2_and_is_named() {
         (&["x > 0", "--dt", "0"], good, "sampling period"),
         (&["x > c", "--const", "c"], good, "NAME=NUMBER"),
         (&["x > c", "--const", "c=nan"], good, "named constant"),
+        (
+            &["x > c", "--const", "c=1", "--const", " c =2"],
+            good,
+            "the constant `c` is there twice",
+        ),
         (&["x > 0", "--const", "x=1"], good, "`x` is a signal"),
         (&["x > 0", "--const", "=1"], good, "the constant ``"),
         (

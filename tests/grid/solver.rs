@@ -260,6 +260,16 @@ fn a_game_without_a_list_of_starts_that_is_too_large_is_refused_before_it_is_exp
     let admitted = GameGraph::admits(cells(&world).world(), world.rulebook());
     let error = admitted.expect_err("10⁸ starts").to_string();
     assert!(error.contains("more than 60000000 transitions"), "{error}");
+    // Of 60⁴ pairs of fine cells with five actions, a third is no start.
+    let fine = text
+        .replace("map: (size: 100, refine: 1)", "map: (size: 2, refine: 30)")
+        .replace("(0, 2), (0, -2), (-2, 0), (2, 0), ", "")
+        .replace("neutral: 8", "neutral: 4");
+    let fine = Scenario::parse("fine.ron", &fine).unwrap_or_else(|error| panic!("{error}"));
+    let (grid, actions) = (cells(&fine), 5);
+    assert_eq!(GameGraph::admits(grid.world(), fine.rulebook()), Ok(()));
+    assert_eq!(grid.world().spec().moves.len(), actions);
+    assert!(grid.world().spec().arena.cells().pow(2) * actions > 60_000_000);
     let unknown = Position {
         ego: cells(&world).world().spec().arena.cell(0),
         ado: cells(&world).world().spec().arena.cell(1),

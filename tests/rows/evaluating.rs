@@ -213,7 +213,7 @@ fn random_and_held_ados_come_to_what_their_draws_come_to() {
             .collect()
     };
     let (random, held) = (of(&mut Random::new(5)), of(&mut HeldRandom::new(5, 5)));
-    for (ado, word, papers) in [(Ado::Random, "random", random), (Ado::Held, "hold", held)] {
+    for (ado, word, papers) in [(Ado::Random, "random", random), (Ado::Hold, "hold", held)] {
         let row = evaluated(&world, ado, &starts).row;
         let steps = papers.iter().map(Paper::steps).sum();
         expect_row(&row, &papers, 16, steps);

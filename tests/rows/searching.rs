@@ -6,7 +6,7 @@ use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::experiment::ControllerFactory;
 use brakecheck::experiment::TestStarts;
 use brakecheck::run_dir::Stored;
-use brakecheck::run_dir::{ClosingSpeed, Unconfirmed};
+use brakecheck::run_dir::{ClosingSpeed, Row, Unconfirmed};
 use brakecheck::scene::Start;
 use brakecheck::search::{
     Cem, Hold, Method, Mutate, SearchRequest, SearchResult, Searched, Switches, Uniform, anytime,
@@ -287,6 +287,17 @@ fn a_start_that_is_solved_in_the_end_is_not_one_with_nothing_else() {
     assert!(row.method.ends_with(", 2 unconfirmed"), "{}", row.method);
 }
 
+/// Constants: +1 breaks a rule at once, −2 does so on rigid bodies, −3 on one of the
+/// plants.
+#[test]
+fn rules_that_are_broken_on_rigid_bodies_are_in_the_share() {
+    let starts = starts_at(&[24.01]);
+    let Searched { row, found } = searched(&rigid_with(EXACT), Switches(0).into(), 1, &starts);
+    let found = found[0].as_ref().expect("searched");
+    assert_eq!((found.violations, &found.actions), (3, &None));
+    near(row.foul_rate, 3.0 / found.simulations as f64);
+}
+
 /// After three hundred sequences that did not carry over a start is given up.
 #[test]
 fn a_start_is_given_up_after_three_hundred_confirmations() {
@@ -423,20 +434,55 @@ fn what_was_reached_with_less_is_counted_by_hand() {
         found(2, false, true),
         None,
     ];
-    for (budget, successes, simulations) in [
-        (1, 1, 1 + 1 + 1 + 1),
-        (9, 1, 1 + 9 + 9 + 9),
-        (10, 2, 1 + 10 + 10 + 10),
-        (30, 3, 1 + 10 + 30 + 30),
-        (40, 3, 1 + 10 + 30 + 40),
+    // Before its solution, the second start is invalid too.
+    for (budget, starts, successes, simulations) in [
+        (1, 3, 1, 1 + 1 + 1),
+        (9, 3, 1, 1 + 9 + 9),
+        (10, 4, 2, 1 + 10 + 10 + 10),
+        (30, 4, 3, 1 + 10 + 30 + 30),
+        (40, 4, 3, 1 + 10 + 30 + 40),
     ] {
         let at = anytime(&all, budget);
         assert_eq!((at.budget, at.successes), (budget, successes));
-        near(at.success_rate, successes as f64 / 4.0);
-        near(at.sims_per_start, f64::from(simulations) / 4.0);
-        assert_eq!(at.ci95, wilson(successes, 4));
+        near(at.success_rate, successes as f64 / starts as f64);
+        near(at.sims_per_start, f64::from(simulations) / starts as f64);
+        assert_eq!(at.ci95, wilson(successes, starts));
     }
     assert_eq!(anytime(&[None], 5).sims_per_start, 0.0);
+}
+
+/// A search that is cut short is one with less, and nothing stays of what came later.
+#[test]
+fn the_row_within_a_budget_is_that_of_a_search_with_it() {
+    let (world, starts) = (chase(), starts());
+    let request = SearchRequest {
+        scenario: &world,
+        ego: "nominal",
+        method: Hold.into(),
+        budget: 40,
+        starts: &starts,
+    };
+    let mut most = search(&request, &quiet());
+    let less = searched(&world, Hold.into(), 5, &starts).row;
+    let cut = most.row_within(&request, 5);
+    // How many of the first five simulations broke a rule is not recorded.
+    assert!(cut.foul_rate.is_nan());
+    assert!(cut.physics_steps < most.row.physics_steps && cut.cpu_s < most.row.cpu_s);
+    let known = Row {
+        foul_rate: less.foul_rate,
+        physics_steps: less.physics_steps,
+        cpu_s: less.cpu_s,
+        ..cut
+    };
+    assert_eq!(known, less);
+    assert_eq!(most.row_within(&request, 40), most.row);
+    // A fault ahead of a later solution leaves the start without an outcome.
+    let is_late = |found: &&mut SearchResult| found.actions.is_some() && found.simulations > 1;
+    let late = most.found.iter_mut().flatten().find(is_late);
+    late.expect("some start takes two").fault = Some(Fault::error("no answer"));
+    let cut = most.row_within(&request, 1);
+    assert_eq!((cut.invalid, cut.starts), (1, less.starts - 1));
+    assert_eq!((cut.sims_per_start, cut.faults.len()), (1.0, 1));
 }
 
 /// What fails to answer on its fourth call is solved before that, or not at all.
@@ -569,6 +615,24 @@ impl Controller for Single {
 
     fn fork(&self) -> Option<Box<dyn Controller>> {
         None
+    }
+}
+
+/// A world that requires several failures has them played, and they cost.
+#[test]
+fn the_repetitions_of_a_confirmed_sequence_are_counted() {
+    let single: ControllerFactory = Arc::new(|| Box::new(Single(Quirky::failing_from(&[]))));
+    let once = chase().with_ego("single", single);
+    let thrice = once.repeated(brakecheck::world::Repeats { runs: 3, gate: 3 });
+    let of = |world| searched(world, Switches(0).into(), 1, &starts()).found;
+    for (one, three) in of(&once).iter().zip(&of(&thrice)) {
+        let (Some(one), Some(three)) = (one, three) else {
+            continue;
+        };
+        assert_eq!(one.actions, three.actions);
+        let more = if one.actions.is_some() { 2 } else { 0 };
+        assert_eq!(one.simulations + more, three.simulations);
+        assert_eq!(one.violations, three.violations);
     }
 }
 

@@ -198,7 +198,7 @@ fn replays_cost_what_they_try_and_more_of_them_solve_no_less() {
     let mut pairs = one.solved.iter().zip(ten.solved.iter());
     assert!(pairs.all(|(one, ten)| one == ten || (*one, *ten) == (Unsolved, Solved)));
     assert!(one.successes + 10 < ten.successes, "{one:?} {ten:?}");
-    assert!(row(Ado::Held).successes < one.successes);
+    assert!(row(Ado::Hold).successes < one.successes);
     // They are the first trials of `mutate`.
     let mutated = search(
         &request(&world, Mutate(stored).into(), 10, &starts),

@@ -93,7 +93,7 @@ fn rows_do_not_depend_on_the_number_of_threads() {
             let hold = EvalRequest {
                 scenario: &world,
                 ego: "nominal",
-                ado: Ado::Held,
+                ado: Ado::Hold,
                 starts: &starts,
             };
             let mut rows = vec![

@@ -27,6 +27,8 @@ pub struct Shown {
     pub name: String,
     /// Episode that shows it.
     pub episode: Episode,
+    /// Largest number of switches of the search that found it.
+    pub switches: usize,
 }
 
 /// Error of a world that does not show what a figure needs.
@@ -79,8 +81,8 @@ pub fn two_behaviours(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Show
         found.ok_or_else(|| not_found(scenario, SWITCHES, what))
     };
     Ok(vec![
-        shown("First violation", find(-1.0, "violates ψ_ego")?),
-        shown("Last violation", find(1.0, "violates ψ_ego")?),
+        shown("First violation", find(-1.0, "violates ψ_ego")?, SWITCHES),
+        shown("Last violation", find(1.0, "violates ψ_ego")?, SWITCHES),
     ])
 }
 
@@ -121,12 +123,14 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
         shown(
             "Merges far away",
             find(&farthest, "merges and lets ψ_ego hold")?,
+            FEW_SWITCHES,
         ),
         shown(
             "Cuts in, breaking its rule",
             find(&rude, "breaks the first rule")?,
+            FEW_SWITCHES,
         ),
-        shown("Violation, every rule kept", violation?),
+        shown("Violation, every rule kept", violation?, SWITCHES),
     ])
 }
 
@@ -177,18 +181,19 @@ pub fn two_at_the_light(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Sh
         let held = extreme(scenario, &start, 0, FEW_SWITCHES, held, watch);
         if let (Some(held), Some(found)) = (held, first_found(scenario, &start, watch)) {
             return Ok(vec![
-                shown("The ego obeys the light", held),
-                shown("The ado makes the ego run the red", found),
+                shown("The ego obeys the light", held, FEW_SWITCHES),
+                shown("The ado makes the ego run the red", found, SWITCHES),
             ]);
         }
     }
     Err(not_found(scenario, SWITCHES, "makes the ego run the red"))
 }
 
-fn shown(name: &str, episode: Episode) -> Shown {
+fn shown(name: &str, episode: Episode, switches: usize) -> Shown {
     Shown {
         name: name.to_owned(),
         episode,
+        switches,
     }
 }
 

@@ -254,7 +254,7 @@ pub fn crash_study(
         );
     }
     // The page reads these three by position.
-    rows.extend(study.row(&Ado::Held, Some(Ado::Held), None));
+    rows.extend(study.row(&Ado::Hold, Some(Ado::Hold), None));
     rows.extend(study.row(&BestConstant, None, None));
     let searched = study.row(&Search::switches(1), None, Some("search, switches ≤ 1"));
     // A search breaks rules only in episodes that it discards, so its rate is 0.

@@ -77,21 +77,24 @@ pub fn near_starts(
     watch: &Watch<'_>,
 ) -> Option<NearFailing> {
     let axes = scenario.axes();
-    let look = |bench: &mut Testbench, start: &Start, noise: u64| {
+    let look = |bench: &mut Testbench, from: NoisyStart<'_>, index: usize| {
         let mut obs = vec![0.0; bench.spaces().observation];
         // The value is read at the first observation, before the ado acts.
-        bench.begin(start, noise, Aftermath::Skip);
+        bench.begin(from.start, from.noise, Aftermath::Skip);
         bench.observe(&mut obs);
         let value = f64::from(trained.policy.value(&obs));
         let mut ado = PolicyActor(trained.policy);
-        let from = NoisyStart { start, noise };
-        let episode = watch.play(bench, from, 0, &mut ado, Aftermath::Skip);
+        let episode = watch.play(bench, from, index, &mut ado, Aftermath::Skip);
         (value, episode.verdict.is_success())
     };
     // The failing start itself is evaluated first, as the centre of the neighbourhoods.
     let mut bench = scenario.bench();
-    // The paper's start has no index, so it gets the noise seed 0.
-    let (value, fails) = look(&mut bench, around, 0);
+    // The paper's start has no index, so it gets the noise seed 0 and the index 0.
+    let centre = NoisyStart {
+        start: around,
+        noise: 0,
+    };
+    let (value, fails) = look(&mut bench, centre, 0);
     // Starts follow from their keys, so those of a training need no file.
     let training_starts: Vec<Start> = (0..trained.episodes)
         .map(|index| {
@@ -102,20 +105,18 @@ pub fn near_starts(
             })
         })
         .collect();
-    let untried: Vec<&(Start, u64)> = starts
-        .starts
-        .iter()
-        .zip(&starts.trivial)
-        .filter(|(_, t)| !**t)
-        .map(|(s, _)| s)
+    // Faults are reported by the position among all starts.
+    let untried: Vec<usize> = (0..starts.starts.len())
+        .filter(|index| !starts.trivial[*index])
         .collect();
     let all = EpisodeLoop::uncounted(watch);
     let evaluated = all.each(
         &untried,
         || scenario.bench(),
-        |bench, (start, noise), _| {
-            let (value, fails) = look(bench, start, *noise);
-            Some((start, value, fails))
+        |bench, &index, _| {
+            let from = NoisyStart::from(&starts.starts[index]);
+            let (value, fails) = look(bench, from, index);
+            Some((from.start, value, fails))
         },
     );
     // A stopped evaluation has gaps and would bias the shares.

@@ -1,6 +1,6 @@
 //! The signals of a world as a table: those of many agents by pattern.
 
-use indexmap::IndexMap;
+use indexmap::{IndexMap, IndexSet};
 
 use super::super::common::table_of;
 use crate::world::Scenario;
@@ -58,10 +58,14 @@ impl SignalPatterns {
 pub(super) fn names(scenario: &Scenario) -> Vec<String> {
     // Few is 0 here, so every world is listed by pattern, which keeps the list short.
     let patterns = SignalPatterns::of(scenario, 0).lines.into_keys();
-    let mut names: Vec<String> = patterns.map(|(name, ..)| name).collect();
-    // Patterns with the same name and another unit or meaning are neighbours.
-    names.dedup();
-    names
+    each_once(patterns.map(|(name, ..)| name))
+}
+
+/// Returns the names in their order, each where it is first.
+fn each_once(names: impl Iterator<Item = String>) -> Vec<String> {
+    // Patterns with the same name may have another unit or meaning.
+    let once: IndexSet<String> = names.collect();
+    once.into_iter().collect()
 }
 
 /// Returns a line per signal with its unit and meaning.
@@ -127,6 +131,12 @@ fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_name_is_listed_once_wherever_it_comes_again() {
+        let names = ["A.x", "A.y", "A.x"].map(str::to_owned);
+        assert_eq!(each_once(names.into_iter()), ["A.x", "A.y"]);
+    }
 
     #[test]
     fn signals_of_many_agents_are_one_line() {

@@ -214,7 +214,7 @@ fn differences_from_esmini_are_listed() {
         time(9.0, "none", 0.0)
     );
     let skips = |Edit { from, to }: Edit| edit(from, to.replace("override", "skip"));
-    let timed = SLOWER.replace(r#""rate""#, r#""time""#);
+    let in_time = SLOWER.replace(r#""rate""#, r#""time""#);
     let third_event = beside(&time(8.0, "none", 0.0), FASTER).to;
     let cases: [(&str, Vec<Edit>); 8] = [
         (
@@ -235,7 +235,7 @@ fn differences_from_esmini_are_listed() {
         ),
         (
             "changes of speed that may begin at their target",
-            vec![often("first"), does(timed)],
+            vec![often("first"), does(in_time)],
         ),
         (
             "lateral motion of agents that may stand",

@@ -24,7 +24,7 @@ fn covered(world: &Scenario) -> Coverage {
     let watch = Watch::unwatched();
     let starts = test_starts(world, 3, STARTS, &watch).expect("starts");
     let ego = EgoUnderTest::nominal(world);
-    let held = tries_of(&ego, Ado::Held, &starts, RULED_EPISODES, &watch).expect("played");
+    let held = tries_of(&ego, Ado::Hold, &starts, RULED_EPISODES, &watch).expect("played");
     let search = Search::switches(1)
         .play(&ego, &starts, &watch)
         .expect("searched");

@@ -44,7 +44,7 @@ impl<'a> EgoEvaluation<'a> {
                 AdversaryId::Retrained => self.retrained()?,
                 // A fair baseline for a learned ego gets as many runs as learning takes.
                 AdversaryId::Hold => {
-                    self.add(&Ado::Held);
+                    self.add(&Ado::Hold);
                     if let Some(runs) = self.evaluation.runs {
                         self.held_for_as_much(runs.get());
                     }

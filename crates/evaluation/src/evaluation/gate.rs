@@ -277,7 +277,8 @@ impl Gate {
             .collect();
         // Reasons that were chosen by name are taken by their word.
         let by_default = requested.contains(&GateOn::UnlessUnavoidable);
-        if by_default && self.severity_decides() && !closed_by.contains(&GateOn::Severity) {
+        let by_severity = self.severity_decides() || closes_alone(&GateOn::Severity);
+        if by_default && by_severity && !closed_by.contains(&GateOn::Severity) {
             closed_by.push(GateOn::Severity);
         }
         DecidedGate {

@@ -293,7 +293,7 @@ impl<'a> ReportRequest<'a> {
                 return Ok(None);
             };
             let trained = Ado::Trained(policy, self.run.manifest().seed);
-            for ado in [trained, Ado::Held] {
+            for ado in [trained, Ado::Hold] {
                 // The ego of the page was played against the trained ado on all starts
                 // already.
                 if ego.name() == self.name() && matches!(ado, Ado::Trained(..)) {

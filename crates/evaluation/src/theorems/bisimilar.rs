@@ -78,8 +78,8 @@ pub struct ReplayedOnGrid {
 
 /// Returns the relations on which Theorem 3 is tested: by ε, below `tau`.
 ///
-/// Distances are multiples of a fine cell, so no other ε gives another relation. `None`:
-/// the grids differ in size, horizon or the ado's moves.
+/// Distances are multiples of a fine cell, or of half of one, so no other ε gives another
+/// relation. `None`: the grids differ in size, horizon or the ado's moves.
 pub fn bisimulations(
     nominal: GridScenario<'_>,
     changed: GridScenario<'_>,
@@ -93,7 +93,13 @@ pub fn bisimulations(
         && first.moves == second.moves;
     // Both grids are multiples of this common fine cell.
     let refine = first.arena.refine * second.arena.refine;
-    let epsilons = (0..).map(|cells| f64::from(cells) / f64::from(refine));
+    // Centres of cells that are cut into an even and an odd number are half of it apart.
+    let parts = if (first.arena.refine + second.arena.refine).is_multiple_of(2) {
+        refine
+    } else {
+        2 * refine
+    };
+    let epsilons = (0..).map(|steps| f64::from(steps) / f64::from(parts));
     // Below τ alone: Theorem 3 promises nothing for a greater distance.
     let below = epsilons.take_while(|epsilon| *epsilon < tau);
     let greatest = below.map(|epsilon| Bisimulation::greatest(first, second, epsilon));

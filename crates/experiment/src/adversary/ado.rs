@@ -29,7 +29,7 @@ pub enum Ado<'a> {
     /// A uniformly random action at each decision.
     Random,
     /// A uniformly random action, held for five decisions.
-    Held,
+    Hold,
     /// The same action all the time.
     Constant(usize),
     /// An untrained rule, with its name and its method in rows.
@@ -53,7 +53,7 @@ impl Ado<'_> {
             Ado::Composed => AdversaryId::Composed,
             Ado::Neutral => AdversaryId::Neutral,
             Ado::Random => AdversaryId::Random,
-            Ado::Held => AdversaryId::Hold,
+            Ado::Hold => AdversaryId::Hold,
             // The row states the label as its method, so the id needs no name.
             Ado::Constant(action) => AdversaryId::Constant { action, name: None },
             Ado::Rule(_, name, _) => name.into(),
@@ -77,7 +77,7 @@ impl Ado<'_> {
             Ado::Composed => format!("placed: {}", scenario.judged_ados().join(", ")),
             Ado::Neutral => scenario.action_label(scenario.world().spaces().neutral),
             Ado::Random => "random".to_owned(),
-            Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
+            Ado::Hold => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
             Ado::Rule(_, _, method) => (*method).to_owned(),
             Ado::Script(_) => "actions as given".to_owned(),
@@ -105,7 +105,7 @@ impl Ado<'_> {
             // Placed ados drive by their own rules, so nothing is left to decide.
             Ado::Composed | Ado::Neutral => Box::new(Constant(spaces.neutral)),
             Ado::Random => Box::new(Random::new(actions)),
-            Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
+            Ado::Hold => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),
             Ado::Script(actions) => Box::new(Replay::holding(actions)),
             Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),

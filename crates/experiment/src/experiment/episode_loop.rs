@@ -83,7 +83,7 @@ impl<'a> EpisodeLoop<'a> {
             }
             let clock = ThreadTime::now();
             let done = work(kept, item, &WorkItem { index, clock });
-            // An unfinished item is not counted.
+            // Counted without a result, too, because nothing of it is left to do.
             self.tick();
             done
         });

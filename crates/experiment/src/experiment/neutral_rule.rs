@@ -9,8 +9,9 @@ use crate::world::Scenario;
 
 /// Starts that are played.
 const PLAYED: u64 = 50;
-/// Starts from which some rule must be broken. From the others the ego fails before.
-const MOST: usize = 38;
+/// Least number of starts from which a rule is broken. From the others the ego fails
+/// before.
+const LEAST: usize = 38;
 
 /// Rule that the neutral action breaks from nearly every start, and never keeps.
 ///
@@ -58,7 +59,7 @@ impl NeutralRule {
                 _ => {}
             }
         }
-        if broken.iter().sum::<usize>() < MOST {
+        if broken.iter().sum::<usize>() < LEAST {
             return None;
         }
         let most = (0..broken.len()).max_by_key(|rule| broken[*rule])?;

@@ -130,12 +130,15 @@ impl GameGraph {
     pub fn admits(world: &GridWorld, rulebook: &Rulebook) -> Result<(), NotSolvable> {
         // The monitors are checked first, since that takes no exploration.
         judge_of(world, rulebook, Depth::Sign)?;
+        let most = MOST_TRANSITIONS / world.spec().moves.len().max(1);
         let listed = match &world.spec().starts {
             Starts::Pairs(pairs) => pairs.len(),
-            Starts::AllPairs | Starts::Uniform => world.spec().arena.cells().pow(2),
+            // The count ends beyond the limit, so that a huge map takes no longer.
+            Starts::AllPairs | Starts::Uniform => {
+                world.spec().arena.starts().take(most + 1).count()
+            }
         };
-        // The product may overflow in a large world, and a wrapped one would look small.
-        if listed.saturating_mul(world.spec().moves.len()) > MOST_TRANSITIONS {
+        if listed > most {
             let limit = MOST_TRANSITIONS;
             return Err(NotSolvable::TooLarge { limit });
         }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Adversary of rows, of campaigns and of `--ado`, with all that its player requires.
 ///
-/// Rows are compared by it, never by a caption. `search::Player` makes its player.
+/// Rows are compared by it, never by a caption. `search::PlayerParts` makes its player.
 ///
 /// In JSON it is `adversary`, beside the caption `ado`. A row of an earlier
 /// version has the word `ado` only, which is then the name of its adversary.

@@ -78,12 +78,12 @@ impl StartRepeated {
         } else {
             first(Invalid).or(first(Unsolved))
         };
-        let differs = episodes.windows(2).any(|pair| {
-            let same = pair[0].commands == pair[1].commands && pair[0].trace == pair[1].trace;
-            // Runs that fault end early, so their difference says nothing about
-            // determinism.
-            !same && pair.iter().all(|episode| episode.fault.is_none())
-        });
+        // Runs that fault end early, so their difference says nothing about determinism.
+        let sound = episodes.iter().filter(|episode| episode.fault.is_none());
+        let differs = sound
+            .clone()
+            .zip(sound.skip(1))
+            .any(|(one, next)| one.commands != next.commands || one.trace != next.trace);
         // Invariant: fewer failures than the gate leave a run without failure.
         (StartRepeated { outcomes, differs }, standing.unwrap_or(0))
     }
@@ -100,5 +100,42 @@ impl StartRepeated {
     /// Returns true if the runs of the ego differ.
     pub fn differs(&self) -> bool {
         self.differs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ego::Fault;
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{Aftermath, Replay, play};
+    use crate::world::Scenario;
+
+    #[test]
+    fn runs_differ_across_a_faulty_one_between_them() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let mut bench = world.bench();
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: 1,
+            index: 0,
+        };
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let mut run = |action: usize| {
+            let actions = [action];
+            let mut held = Replay::holding(&actions);
+            play(&mut bench, &start, noise, &mut held, Aftermath::Skip)
+        };
+        let (one, other) = (run(0), run(1));
+        assert!(one.trace != other.trace);
+        let mut faulty = one.clone();
+        faulty.fault = Some(Fault::error("no answer"));
+        let differs = |runs: &[&Episode]| {
+            let runs: Vec<Episode> = runs.iter().map(|run| (*run).clone()).collect();
+            StartRepeated::of(&runs, 1).0.differs()
+        };
+        assert!(differs(&[&one, &faulty, &other]));
+        assert!(!differs(&[&one, &faulty, &one]));
+        assert!(!differs(&[&faulty, &other]));
     }
 }

@@ -167,11 +167,12 @@ impl RunDir {
     /// Returns an error if training has not finished, a file is damaged or
     /// writing fails.
     pub fn copy_to(&self, path: &Path) -> Result<(), RunError> {
-        make_dir(path)?;
+        // All files are read first, so that a refusal leaves no directory.
         let policy = self.policy_bytes()?;
-        let world = self.read_text("world.ron")?;
-        write_file(&path.join("world.ron"), world.as_bytes())?;
-        write_file(&path.join("policy.safetensors"), &policy)?;
+        let mut files = vec![
+            ("world.ron", self.read_text("world.ron")?.into_bytes()),
+            ("policy.safetensors", policy),
+        ];
         let sealed = [
             ("from.safetensors", &self.manifest.from_sha256),
             (BANK, &self.manifest.bank_sha256),
@@ -180,15 +181,18 @@ impl RunDir {
         for (name, seal) in sealed {
             // A run that was begun without such a file names no hash of it.
             if seal.is_some() {
-                let bytes = self.read_verified(name, seal.as_deref())?;
-                write_file(&path.join(name), &bytes)?;
+                files.push((name, self.read_verified(name, seal.as_deref())?));
             }
         }
         // The manifest is last: without it the directory is no run.
         for name in [TIMING, MANIFEST] {
             if self.path.join(name).is_file() {
-                write_file(&path.join(name), self.read_text(name)?.as_bytes())?;
+                files.push((name, self.read_text(name)?.into_bytes()));
             }
+        }
+        make_dir(path)?;
+        for (name, bytes) in files {
+            write_file(&path.join(name), &bytes)?;
         }
         Ok(())
     }
@@ -203,4 +207,20 @@ pub fn trained_naturally(
     Ok(world
         .in_traffic(Arc::new(model))
         .naturally(training.per_1000_km))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_copy_of_an_unfinished_run_leaves_no_directory() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let run = RunDir::create(&dir.path().join("run"), &world, 7).expect("begun");
+        let copy = dir.path().join("copy");
+        let refused = run.copy_to(&copy);
+        assert!(matches!(refused, Err(RunError::Unfinished { .. })));
+        assert!(!copy.exists());
+    }
 }

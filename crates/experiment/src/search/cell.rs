@@ -34,7 +34,8 @@ pub struct ExperimentCell {
 /// Result of an adversary on one start.
 #[derive(Clone, Debug)]
 pub struct StartResult {
-    /// Outcome. A search that finds nothing gives `Held`.
+    /// Outcome. A search without a success gives `Held`, unless every run broke a rule,
+    /// the ego or the physics failed, or no run was played.
     pub outcome: StartOutcome,
     /// Verdict of the episode. `None`: a search has no verdict of its own.
     pub verdict: Option<Verdict>,
@@ -87,6 +88,8 @@ impl ExperimentCell {
                     // A fault may have hidden a failure, so such a start is not called
                     // held.
                     (None, Some(_)) => StartOutcome::Invalid,
+                    // A budget of 0 plays nothing.
+                    (None, None) if found.simulations == 0 => StartOutcome::NotReached,
                     // Runs that all broke a rule show nothing about the ego.
                     (None, None) if found.violations == found.simulations => {
                         StartOutcome::RuleViolation

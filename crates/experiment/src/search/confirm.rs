@@ -101,7 +101,7 @@ impl Confirmer<'_> {
     /// Such an ego may not be deterministic, so the runs are repeated as the world requires.
     fn replay(&mut self, actions: &[usize]) -> Confirmed {
         let Repeats { runs, gate } = self.scenario.repeats;
-        let (mut failures, mut shown) = (0, Confirmed::default());
+        let (mut failures, mut all) = (0, Confirmed::default());
         // The world of a caller may ask for 0 runs, which would confirm nothing.
         for _ in 0..runs.max(1) {
             // Invariant: `confirm` has made the root before it replays.
@@ -119,23 +119,20 @@ impl Confirmer<'_> {
             self.physics_steps += episode.physics_steps;
             let played = Confirmed::on(bench);
             failures += u32::from(played.success);
+            all.runs += played.runs;
+            all.violations += played.violations;
             // The first failure that ends in contact represents all repetitions.
-            if shown.contact.is_none() {
-                shown = played;
+            if all.contact.is_none() {
+                all.contact = played.contact;
+                all.violation_before_contact = played.violation_before_contact;
             }
             // The root is reset, because later sequences may start from it again.
             bench.begin(self.from.start, self.from.noise, Aftermath::Play);
             self.note(episode.fault);
         }
         // A gate of 0 would confirm a sequence without a failure.
-        if gate.max(1) <= failures {
-            Confirmed {
-                success: true,
-                ..shown
-            }
-        } else {
-            Confirmed::default()
-        }
+        all.success = gate.max(1) <= failures;
+        all
     }
 
     fn note(&mut self, fault: Option<Fault>) {
@@ -156,18 +153,25 @@ pub struct Confirmed {
     pub contact: Option<ContactEvent>,
     /// True if a rule was broken between failure and contact.
     pub violation_before_contact: bool,
+    /// Number of runs of the sequence.
+    pub runs: u64,
+    /// Runs in which a rule was broken before any failure.
+    pub violations: u64,
 }
 
 impl Confirmed {
     /// Reads the outcome from the bench of a finished episode.
     pub fn on(bench: &Testbench) -> Confirmed {
-        let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
+        let verdict = bench.verdict();
+        let success = verdict.is_some_and(|verdict| verdict.is_success());
         let rules = bench.rules_until_contact();
         Confirmed {
             success,
             // A contact without a failure does not count.
             contact: bench.contact().filter(|_| success).cloned(),
             violation_before_contact: rules.is_some_and(|rules| !rules.is_kept()),
+            runs: 1,
+            violations: u64::from(verdict.is_some_and(|verdict| verdict.is_foul())),
         }
     }
 }

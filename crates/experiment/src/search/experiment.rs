@@ -37,12 +37,14 @@ impl Experiment<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::cell::JUDGED;
+    use super::super::list::Uniform;
     use super::super::player::{BASELINES, BestSwitch, Search};
     use super::*;
     use crate::adversary::Ado;
     use crate::experiment::test_starts;
     use crate::run_dir::AdversaryId;
     use crate::sim::PlantKind;
+    use crate::stats::StartOutcome;
     use crate::world::Scenario;
 
     #[test]
@@ -77,5 +79,26 @@ mod tests {
         // Starts on which the ego fails by itself are left out.
         assert!(neutral.solved().is_empty() && neutral.explain_first().is_none());
         assert!(cells[5].row.successes > 0 && cells[5].explain_first().is_some());
+    }
+
+    #[test]
+    fn a_search_without_a_budget_breaks_no_rule() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let ego = EgoUnderTest::nominal(&world.on(PlantKind::Kinematic));
+        let watch = Watch::unwatched();
+        let starts = test_starts(ego.scenario(), 77, 6, &watch).expect("not stopped");
+        let search = Search {
+            method: Uniform.into(),
+            budget: 0,
+        };
+        let cell = search.play(&ego, &starts, &watch).expect("it applies");
+        for (outcome, trivial) in cell.outcomes().iter().zip(&starts.trivial) {
+            let expected = if *trivial {
+                StartOutcome::Trivial
+            } else {
+                StartOutcome::NotReached
+            };
+            assert_eq!(*outcome, expected);
+        }
     }
 }

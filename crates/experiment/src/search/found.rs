@@ -3,6 +3,7 @@
 use crate::adversary::RecordedFailure;
 use crate::ego::Fault;
 use crate::severity::Impact;
+use crate::stats::StartOutcome;
 
 /// Solution of one start and the cost of its search.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,10 +40,37 @@ impl SearchResult {
         self.actions.is_none() && self.fault.is_some()
     }
 
-    /// Returns the simulations spent with a budget, and whether they suffice.
-    pub fn within(&self, budget: u64) -> (u64, bool) {
+    /// Returns the simulations spent with a budget, and the outcome of the start then.
+    ///
+    /// A fault without a solution within the budget makes the start invalid.
+    pub fn within(&self, budget: u64) -> (u64, StartOutcome) {
         // A search ends with its success, so its simulations are those until then.
-        let solved = self.actions.is_some() && self.simulations <= budget;
-        (self.simulations.min(budget), solved)
+        let outcome = if self.actions.is_some() && self.simulations <= budget {
+            StartOutcome::Solved
+        } else if self.fault.is_some() {
+            // The fault may be beyond the budget, but no record shows that.
+            StartOutcome::Invalid
+        } else {
+            StartOutcome::Unsolved
+        };
+        (self.simulations.min(budget), outcome)
+    }
+
+    /// Returns the result as if the search had stopped at a budget.
+    ///
+    /// Physics steps and time are in proportion to the simulations. A result that was cut
+    /// has no violations, because no record shows which simulations they were in.
+    pub(super) fn cut(&self, budget: u64) -> SearchResult {
+        if self.simulations <= budget {
+            return self.clone();
+        }
+        let share = budget as f64 / self.simulations as f64;
+        SearchResult {
+            simulations: budget,
+            physics_steps: (share * self.physics_steps as f64).round() as u64,
+            cpu_s: share * self.cpu_s,
+            fault: self.fault.clone(),
+            ..SearchResult::default()
+        }
     }
 }

@@ -63,27 +63,20 @@ pub struct Searched {
 }
 
 impl Searched {
-    /// Returns the row as if the search had stopped at a smaller budget.
-    pub fn row_within(&self, method: &Method<'_>, budget: u64) -> Row {
-        let marks = self.row.solved.iter().zip(&self.found);
-        let within = |found: &SearchResult| found.within(budget);
-        // Later solutions are beyond the budget and count as unsolved.
-        let solved = marks.map(|(mark, found)| match (mark, found) {
-            (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
-            (mark, _) => *mark,
-        });
-        let mut row = self.row.clone();
-        // The counts below are derived from the outcomes, so these are replaced first.
-        row.solved = solved.collect();
-        count_solved(&mut row);
-        let spent: u64 = self.found.iter().flatten().map(|f| within(f).0).sum();
-        row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
-        row.max_sims_per_start = row.max_sims_per_start.map(|most| most.min(budget));
-        let found = self.found.iter().flatten();
-        count_contacts(&mut row, found.filter(|found| within(found).1));
-        row.method = method.text(budget, None);
-        // Budgets beyond the cut would be reported otherwise.
-        row.anytime.clear();
+    /// Returns the row of `request` as if the search had stopped at a smaller budget.
+    ///
+    /// Physics steps and time are in proportion to the simulations. The share of broken
+    /// rules is NaN if a start had more simulations.
+    pub fn row_within(&self, request: &SearchRequest<'_>, budget: u64) -> Row {
+        let results = self.found.iter().map(Option::as_ref);
+        let found: Vec<Option<SearchResult>> = results
+            .map(|found| found.map(|found| found.cut(budget)))
+            .collect();
+        let mut row = SearchRequest { budget, ..*request }.row(&found);
+        if found != self.found {
+            // No record shows which of the simulations broke a rule.
+            row.foul_rate = f64::NAN;
+        }
         row
     }
 }
@@ -117,12 +110,14 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
 }
 
 /// Returns the result of the searches with a smaller budget.
+///
+/// A start with a fault and without a solution within the budget is in no number.
 pub fn anytime(found: &[Option<SearchResult>], budget: u64) -> Anytime {
-    let searched = found.iter().flatten().filter(|found| !found.is_invalid());
+    let searched = found.iter().flatten().map(|found| found.within(budget));
     let (mut starts, mut successes, mut simulations) = (0, 0, 0);
-    for (spent, solved) in searched.map(|found| found.within(budget)) {
+    for (spent, outcome) in searched.filter(|(_, outcome)| *outcome != StartOutcome::Invalid) {
         starts += 1;
-        successes += usize::from(solved);
+        successes += usize::from(outcome == StartOutcome::Solved);
         simulations += spent;
     }
     // Without starts the rates are 0 instead of NaN.

@@ -40,7 +40,7 @@ pub struct Search<'a> {
 
 /// Ados that anything learned must beat.
 // Studies read these rows by position: held, random, and the best constant.
-pub const BASELINES: [&dyn Adversary; 3] = [&Ado::Held, &Ado::Random, &BestConstant];
+pub const BASELINES: [&dyn Adversary; 3] = [&Ado::Hold, &Ado::Random, &BestConstant];
 
 /// What the players of some adversaries are made of.
 #[derive(Clone, Copy, Default)]
@@ -89,7 +89,7 @@ impl<'a> PlayerParts<'a> {
             AdversaryId::Composed => Some(Ado::Composed),
             AdversaryId::Neutral => Some(Ado::Neutral),
             AdversaryId::Random => Some(Ado::Random),
-            AdversaryId::Hold => Some(Ado::Held),
+            AdversaryId::Hold => Some(Ado::Hold),
             AdversaryId::Constant { action, .. } => Some(Ado::Constant(*action)),
             AdversaryId::Script { actions, .. } => Some(Ado::Script(actions)),
             AdversaryId::Heuristic => self.heuristic.map(Ado::Heuristic),

@@ -68,9 +68,14 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
     let mut accept = |actions: &[usize], _: &Testbench| {
         // The walk ends at the verdict, and the row describes the contact after it.
         let played = confirmer.confirm(actions);
-        // Without pre-screening the confirmation repeats an episode that is already counted.
+        // Without pre-screening the first run repeats an episode that is already counted.
+        let runs = match cheap {
+            Some(_) => played.runs,
+            None => played.runs.saturating_sub(1),
+        };
+        found.simulations += runs;
+        found.violations += played.violations.min(runs);
         if cheap.is_some() {
-            found.simulations += 1;
             found.unconfirmed += u64::from(!played.success);
         }
         if played.success {
@@ -81,7 +86,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
             found.failure = confirmer.failure();
             found.actions = Some(actions.to_vec());
         }
-        if played.success || found.simulations >= MAX_CONFIRMATIONS {
+        if played.success || found.unconfirmed >= MAX_CONFIRMATIONS {
             WalkControl::Stop
         } else {
             WalkControl::Continue

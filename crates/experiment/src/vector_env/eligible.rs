@@ -52,7 +52,7 @@ impl LaneWorld {
         // A limit depends on the course of the episode, which test benches follow.
         let is_limited = world.traffic().limit().is_some();
         let fits = !is_limited && has_constant_surroundings(&layout) && has_only_vehicles(&layout);
-        // A single run shows whether running numbers decide all formulas.
+        // Rulebooks that judge whole traces have no judge of runs.
         if !fits || RunsJudge::new(&rulebook, samples, 1).is_none() {
             return None;
         }

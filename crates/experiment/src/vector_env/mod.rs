@@ -245,7 +245,8 @@ impl VectorEnv {
     /// Returns the key and the joint actions of the episode of environment `at`.
     ///
     /// They are all that its trace and its success need to be played again
-    /// ([`VectorEnv::play_again`]). `None` if no episode has begun.
+    /// ([`VectorEnv::play_again`]). `None` if no episode has begun, or if it began from a
+    /// start ([`VectorEnv::begin_at`]).
     pub fn played(&self, at: usize) -> Option<(StartKey, &[u32])> {
         let run = self.run(at);
         Some((run.key?, &run.actions))
@@ -254,7 +255,7 @@ impl VectorEnv {
     /// Plays the episode of environment `at` again on a bench of the same world.
     ///
     /// The bench then stands where the environment does, with its trace, contact and
-    /// fault. Returns false if no episode has begun.
+    /// fault. Returns false if the episode has no key ([`VectorEnv::played`]).
     pub fn play_again(&self, at: usize, bench: &mut Testbench) -> bool {
         let Some((key, actions)) = self.played(at) else {
             return false;

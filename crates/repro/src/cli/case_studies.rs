@@ -39,15 +39,15 @@ pub(super) fn run(study: &StudyRun<'_>) -> Result<Option<Made>, Failure> {
         let made = study.once(&piece, &scenario, &depends, settings(), |watch| {
             Ok(case_study(&scenario, &request, watch)?)
         })?;
-        // The piece above asks no reference driver, and outlives a change of them.
+        let piece = format!("{name}, three switches");
+        let deeper = study.once(&piece, &scenario, &depends, settings(), |watch| {
+            Ok(deeper_search(&scenario, &request, watch)?)
+        })?;
+        // The pieces above ask no reference driver, and outlive a change of them.
         depends.insert(DigestProbe::Drivers);
         let piece = format!("{name}, contacts");
         let contacts = study.once(&piece, &scenario, &depends, settings(), |watch| {
             Ok(trained_contacts(&scenario, &request, watch)?)
-        })?;
-        let piece = format!("{name}, three switches");
-        let deeper = study.once(&piece, &scenario, &depends, settings(), |watch| {
-            Ok(deeper_search(&scenario, &request, watch)?)
         })?;
         let (Some(made), Some(contacts), Some(deeper)) = (made, contacts, deeper) else {
             return Ok(None);

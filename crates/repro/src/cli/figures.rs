@@ -60,56 +60,74 @@ fn drawn(
         let all = shown.iter();
         all.map(|one| behaviour(scenario, one, distance)).collect()
     };
+    // Found by search and not by a trained ado, so that every machine draws the same.
+    let two = two_behaviours(acc, watch)?;
+    let three = three_merges(merge, watch)?;
+    let at_light = two_at_the_light(light, watch)?;
     let second = caption(
         "Fig. 2: two behaviours of the lead car from one start (both cars at 12 m/s, 15 m apart), \
          both ending in a violation.",
         acc,
-        2,
+        &two,
     );
     let third = caption(
         "Fig. 3: three merges from one start (both cars at 12 m/s, 16 m apart): far away; cutting \
          in against the rule; a violation with every rule kept.",
         merge,
-        2,
+        &three,
     );
     let fifth = caption(
         "Fig. 5: distance to the stop line of ego and ado, from one start. The ego runs the red \
          light where its curve enters the shaded region.",
         light,
-        2,
+        &at_light,
     );
-    // Found by search and not by a trained ado, so that every machine draws the same.
-    let two = behaviours(acc, &two_behaviours(acc, watch)?, "headway");
-    let three = behaviours(merge, &three_merges(merge, watch)?, "d_2");
-    let at_light: Vec<Distances> = two_at_the_light(light, watch)?
-        .iter()
-        .map(|one| distances(light, one))
-        .collect();
+    let headways = behaviours(acc, &two, "headway");
+    let gaps = behaviours(merge, &three, "d_2");
+    let to_line: Vec<Distances> = at_light.iter().map(|one| distances(light, one)).collect();
     Ok([
         Figure {
             file: "figure-2.svg",
-            svg: figure_2(&two, constant(acc, "d_safe"), &second),
+            svg: figure_2(&headways, constant(acc, "d_safe"), &second),
             caption: second,
         },
         Figure {
             file: "figure-3.svg",
-            svg: figure_3(&three, constant(merge, "d_safe"), &third),
+            svg: figure_3(&gaps, constant(merge, "d_safe"), &third),
             caption: third,
         },
         Figure {
             file: "figure-5.svg",
-            svg: figure_5(&at_light, &fifth),
+            svg: figure_5(&to_line, &fifth),
             caption: fifth,
         },
     ])
 }
 
-fn caption(what: &str, scenario: &Scenario, switches: usize) -> String {
+fn caption(what: &str, scenario: &Scenario, shown: &[Shown]) -> String {
     format!(
-        "{what} World {}, {} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
+        "{what} World {}, {} plant. The actions were found by search over all sequences with at most {}, not by a trained ado.",
         scenario.name(),
         scenario.plant(),
+        limits(shown),
     )
+}
+
+/// Returns the numbers of switches of the searches, by behaviour if they differ.
+fn limits(shown: &[Shown]) -> String {
+    let limit = |one: &Shown| match one.switches {
+        1 => "1 switch".to_owned(),
+        several => format!("{several} switches"),
+    };
+    if let [first, others @ ..] = shown
+        && others.iter().all(|one| one.switches == first.switches)
+    {
+        return limit(first);
+    }
+    let each = shown
+        .iter()
+        .map(|one| format!("{} (“{}”)", limit(one), one.name));
+    each.collect::<Vec<_>>().join(" or ")
 }
 
 fn constant(scenario: &Scenario, name: &str) -> f64 {
@@ -174,4 +192,34 @@ fn over_time(episode: &Episode, signal: &str) -> Vec<(f64, f64)> {
     let dt_s = episode.trace.dt_s();
     let values = values.iter().enumerate();
     values.map(|(i, value)| (i as f64 * dt_s, *value)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use brakecheck::seed::{Purpose, StartKey};
+    use brakecheck::testbench::{Aftermath, Constant, play};
+
+    #[test]
+    fn captions_have_the_switches_of_every_search() {
+        let text = include_str!("../../../../worlds/acc.ron");
+        let world = Scenario::parse("acc.ron", text).expect("a sound world");
+        let mut bench = world.bench();
+        let start = bench.draw(StartKey {
+            purpose: Purpose::Test,
+            seed: 0,
+            index: 0,
+        });
+        let episode = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Skip);
+        let of = |name: &str, switches: usize| Shown {
+            name: name.to_owned(),
+            episode: episode.clone(),
+            switches,
+        };
+        let one = caption("Fig.", &world, &[of("early", 2), of("late", 2)]);
+        assert!(one.contains(" at most 2 switches, not by"), "{one}");
+        let all = caption("Fig.", &world, &[of("far", 1), of("near", 2)]);
+        let limits = " at most 1 switch (“far”) or 2 switches (“near”), not by";
+        assert!(all.contains(limits), "{all}");
+    }
 }

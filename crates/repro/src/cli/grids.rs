@@ -52,12 +52,13 @@ impl From<Table1Error> for Failure {
     fn from(error: Table1Error) -> Failure {
         match error {
             Table1Error::Train(error) => error.into(),
-            Table1Error::NotAGrid(_) | Table1Error::Change(_) | Table1Error::NotSolvable(_) => {
-                Failure::input(
-                    error.to_string(),
-                    "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
-                )
-            }
+            Table1Error::NotAGrid(_)
+            | Table1Error::Change(_)
+            | Table1Error::NotSolvable(_)
+            | Table1Error::Unrelated => Failure::input(
+                error.to_string(),
+                "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
+            ),
         }
     }
 }

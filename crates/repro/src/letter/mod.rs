@@ -320,7 +320,7 @@ pub struct LetterStudy {
     pub rows: Vec<LetterRow>,
 }
 
-/// Letter and defaults of a path on the page, until the violation.
+/// Letter and defaults of a path on the page, by both judges.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LetterEnds {
     /// World at the beginning of the path.

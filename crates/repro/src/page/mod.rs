@@ -110,9 +110,9 @@ impl RecordedRows<'_> {
     fn notes(&self, study: &str) -> String {
         let rows = self.of(study);
         // Rows that were measured by hand come from other commands.
-        let fresh: Vec<&ResultRow> = rows.iter().filter(|row| !row.depends.is_empty()).collect();
+        let by_command = rows.iter().filter(|row| !row.depends.is_empty());
         let mut commands: Vec<(String, Vec<&ResultRow>)> = Vec::new();
-        for row in fresh {
+        for row in by_command {
             let command = format!("`repro {}`", without_world(&row.command));
             match commands.iter_mut().find(|(known, _)| *known == command) {
                 Some((_, rows)) => rows.push(row),
@@ -175,14 +175,21 @@ fn without_world(command: &str) -> String {
 fn filled(rows: &RecordedRows<'_>) -> Result<String, RecordError> {
     let mut text = TEXT.to_owned();
     for (name, table) in tables::all(rows)? {
-        // A head and a rule alone are no table.
-        let lines = table.lines().filter(|line| line.starts_with('|')).count();
-        let is_empty = (1..=2).contains(&lines);
-        let shown = if is_empty { NOTHING } else { table.trim_end() };
         // A test requires that the text has one place for each table.
-        text = text.replace(&format!("{{{{{name}}}}}"), shown);
+        text = text.replace(&format!("{{{{{name}}}}}"), shown(&table));
     }
     Ok(text)
+}
+
+/// Returns a table, or the text in place of one without rows.
+fn shown(table: &str) -> &str {
+    let lines = table.lines().filter(|line| line.starts_with('|')).count();
+    // A head and a rule alone are no table. Lists have no such line.
+    if (1..=2).contains(&lines) || table.trim().is_empty() {
+        NOTHING
+    } else {
+        table.trim_end()
+    }
 }
 
 /// Returns README with another table between its borders.

@@ -75,6 +75,15 @@ fn a_changed_digest_marks_its_rows() {
 }
 
 #[test]
+fn a_table_without_rows_is_named_as_such() {
+    for empty in ["", "\n\n", "|a|b|\n|---|---|\n\n† of an earlier version."] {
+        assert_eq!(shown(empty), NOTHING, "{empty:?}");
+    }
+    assert_eq!(shown("|a|\n|---|\n|1|\n"), "|a|\n|---|\n|1|");
+    assert_eq!(shown("- acc: version 0.2.0\n"), "- acc: version 0.2.0");
+}
+
+#[test]
 fn a_readme_without_a_border_of_its_table_is_refused() {
     let [begin, end] = BORDERS;
     let page = format!("a\n{begin}\nold\n{end}\nb\n");

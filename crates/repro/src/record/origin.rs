@@ -52,6 +52,9 @@ fn commit(root: &Path) -> Option<String> {
         "crates",
         "worlds",
         "assets",
+        // Versions and features of other libraries decide results, too.
+        "Cargo.toml",
+        "Cargo.lock",
     ];
     let is_clean = git(&program).is_some_and(|changed| changed.is_empty());
     Some(if is_clean {
@@ -102,7 +105,34 @@ fn machine() -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::date;
+    use std::process::Command;
+
+    use super::{commit, date};
+
+    #[test]
+    fn a_changed_library_marks_the_commit() {
+        let folder = tempfile::tempdir().expect("scratch");
+        let root = folder.path();
+        let write = |name: &str, text: &str| {
+            std::fs::write(root.join(name), text).expect("written");
+        };
+        let git = |args: &[&str]| {
+            let identity = ["-c", "user.name=a", "-c", "user.email=a@example.org"];
+            let mut git = Command::new("git");
+            let done = git.current_dir(root).args(identity).args(args).output();
+            assert!(done.expect("git").status.success(), "{args:?}");
+        };
+        write("Cargo.lock", "one");
+        git(&["init", "--quiet"]);
+        git(&["add", "."]);
+        git(&["commit", "--quiet", "--no-gpg-sign", "-m", "one"]);
+        // A page differs while it is made, which does not count.
+        write("page.md", "a page");
+        let clean = commit(root).expect("a commit");
+        write("Cargo.lock", "two");
+        assert_eq!(commit(root), Some(format!("{clean}+")));
+        assert!(!clean.ends_with('+'));
+    }
 
     #[test]
     fn days_have_their_dates() {

@@ -71,7 +71,7 @@ impl EgoOnStarts<'_> {
         for budget in HELD_BUDGETS {
             rows.push(called(
                 &held_word(budget),
-                held.row_within(&Hold.into(), budget),
+                held.row_within(&request, budget),
             ));
         }
         // Mutation gets as many runs per start as the ado with several tries.

@@ -120,7 +120,11 @@ impl ReuseReport {
             all.filter(move |sum| sum.relation == relation)
         };
         let blocks = [Relation::Inside, Relation::Outside];
-        let ados = block(Relation::Changed).map(|changed| {
+        // With a single relation, its block has all changed egos.
+        let [inside, outside] = blocks;
+        let mut relations = [Relation::Changed, inside, outside].into_iter();
+        let whole = relations.find(|relation| block(*relation).next().is_some());
+        let ados = block(whole.unwrap_or(Relation::Changed)).map(|changed| {
             let of = |relation: Relation| block(relation).find(|sum| sum.ado == changed.ado);
             ReusedAdo {
                 ado: changed.ado.to_string(),
@@ -263,7 +267,9 @@ impl<'a> ReuseStudy<'a> {
         )?);
         // The search is the last row, and all other rows are compared with it.
         Row::compare_with_last(&mut rows);
-        let reused = reused_on(tested, relation, &self.starts, rows.clone(), watch);
+        let mut reused = reused_on(tested, relation, &self.starts, rows, watch);
+        // Their starts on which the ego fails alone are known only now.
+        let rows = std::mem::take(&mut reused.rows);
         Ok((!watch.stopped()).then_some(EgoResult { reused, rows }))
     }
 

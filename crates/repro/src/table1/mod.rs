@@ -88,6 +88,9 @@ pub enum Table1Error {
     /// The optimum of a map cannot be computed.
     #[error("a map of Table I has no exact solution: {0}")]
     NotSolvable(#[from] NotSolvable),
+    /// A refined map has another size, horizon or moves than its coarse map.
+    #[error("a refined map of Table I has no relation to its coarse map")]
+    Unrelated,
     /// A training failed.
     #[error(transparent)]
     Train(#[from] TrainError),

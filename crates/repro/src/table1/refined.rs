@@ -95,9 +95,7 @@ pub(super) fn refined(
             ..GridChange::default()
         };
         let fine = large.map.with(&step.into())?;
-        let Some(reuse) = Reuse::of(coarse, fine.require_grid()?, &large.request)? else {
-            return Ok(None);
-        };
+        let reuse = Reuse::of(coarse, fine.require_grid()?, &large.request)?;
         all.push(reuse.map(refine, paper, learners.len(), &learned));
     }
     Ok(Some(all))
@@ -124,14 +122,11 @@ impl<'a> Reuse<'a> {
         coarse: GridScenario<'a>,
         fine: GridScenario<'a>,
         request: &Table1,
-    ) -> Result<Option<Reuse<'a>>, Table1Error> {
+    ) -> Result<Reuse<'a>, Table1Error> {
         // The last relation has the largest ε below τ.
         let relations = bisimulations(coarse, fine, TAU);
-        // Invariant: a refined map has the size, the horizon and the moves of the coarse
-        // one.
-        let Some(relation) = relations.and_then(|mut all| all.pop()) else {
-            return Ok(None);
-        };
+        let largest = relations.and_then(|mut all| all.pop());
+        let relation = largest.ok_or(Table1Error::Unrelated)?;
         let arena = fine.world().spec().arena;
         let seed = request.seeds.starts;
         let starts = starts_of(&fine, seed, request.scale.refined_starts).starts;
@@ -139,13 +134,13 @@ impl<'a> Reuse<'a> {
             .iter()
             .map(|(start, _)| position_of(start, &arena))
             .collect();
-        Ok(Some(Reuse {
+        Ok(Reuse {
             relation,
             references: References::of(fine, &positions, seed)?,
             coarse,
             fine,
             positions,
-        }))
+        })
     }
 
     fn is_related(&self, both: &Position) -> bool {
@@ -243,5 +238,39 @@ impl<'a> Reuse<'a> {
             related,
             unrelated,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PaperScale;
+    use brakecheck::seed::Seeds;
+    use brakecheck::world::Scenario;
+
+    #[test]
+    fn a_map_without_a_relation_is_an_error_and_no_interruption() {
+        let text = include_str!("../../../../worlds/grid_hard.ron");
+        let world = Scenario::parse("grid_hard.ron", text).expect("a sound world");
+        let larger = GridChange {
+            size: Some(5),
+            ..GridChange::default()
+        };
+        let larger = world.with(&larger.into()).expect("it fits");
+        let request = Table1 {
+            seeds: Seeds {
+                first: 1,
+                count: 1,
+                starts: 3,
+            },
+            scale: PaperScale {
+                large: 4,
+                refinements: &[],
+                refined_starts: 1,
+            },
+        };
+        let [coarse, fine] = [&world, &larger].map(|it| it.require_grid().expect("a grid"));
+        let related = Reuse::of(coarse, fine, &request);
+        assert!(matches!(related, Err(Table1Error::Unrelated)));
     }
 }

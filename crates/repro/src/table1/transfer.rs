@@ -19,7 +19,7 @@ pub struct OpenLoop {
     pub own_start: f64,
     /// Mean share of all other starts that a sequence captures.
     pub other_starts: f64,
-    /// Share of all starts that the policy captures.
+    /// Share of all starts that the policy captures. It has no start of its own.
     pub policy_other_starts: f64,
     /// Share of sequences that capture from their own start against k = 1.
     pub other_step: f64,

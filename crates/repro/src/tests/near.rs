@@ -1,10 +1,12 @@
 //! Starts near a failing start, and the search behind the figures.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::extreme::extreme;
 use crate::{FigureError, TrainedPolicy, near_starts, near_starts_markdown, start_with};
-use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::ego::{Command, Controller, Fault, Percept};
+use brakecheck::experiment::{TestStarts, Watch, test_starts};
 use brakecheck::rl::Policy;
 use brakecheck::testbench::{Aftermath, PolicyActor, Replay, play};
 use brakecheck::world::PlantKind;
@@ -79,6 +81,51 @@ fn near_starts_are_counted_as_they_play() {
     assert!(near_starts_markdown(&[near]).contains("ego.speed 12.00"));
     let outside = start_with(&world, &[("ego.speed", 99.0)]);
     assert!(matches!(outside, Err(FigureError::NoSuchStart { .. })));
+}
+
+/// Ego that does not answer behind a lead car that is far ahead.
+struct Lost;
+
+impl Controller for Lost {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        match percept.leader() {
+            Some(lead) if lead.headway_m > 25.0 => Err(Fault::error("no answer")),
+            _ => Ok(Command::accelerate(0.0)),
+        }
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(Lost))
+    }
+}
+
+#[test]
+fn a_fault_is_reported_on_its_start() {
+    let world = super::acc().on(PlantKind::Kinematic);
+    let world = world.with_ego("lost", Arc::new(|| Box::new(Lost)));
+    let around = start_with(&world, &CENTRE).expect("within the box");
+    let far = [
+        ("ego.speed", 12.0),
+        ("ado.speed", 12.0),
+        ("ado.headway", 40.0),
+    ];
+    let far = start_with(&world, &far).expect("within the box");
+    let starts = TestStarts {
+        seed: 0,
+        starts: vec![(around.clone(), 0), (far, 0)],
+        trivial: vec![true, false],
+    };
+    let trained = TrainedPolicy {
+        policy: &FullBrakes,
+        seed: 1,
+        episodes: 0,
+    };
+    let watch = watch();
+    near_starts(&world, trained, &around, &starts, &[9.0], &watch).expect("not stopped");
+    let complaint = watch.faults.complaint().expect("a fault");
+    assert_eq!(complaint.faults[0].first_start, 1);
 }
 
 #[test]

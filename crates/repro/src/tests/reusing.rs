@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::reuse_study::{EgoResult, WIDE, WIDE_TRIES};
+use crate::reuse_study::{EgoResult, ReuseReport, WIDE, WIDE_TRIES};
 use crate::{ReuseError, ReuseStudy, ReuseStudyConfig, reuse_markdown};
 use brakecheck::experiment::{EgoUnderTest, Watch};
 use brakecheck::seed::Seeds;
@@ -58,7 +58,16 @@ fn every_ado_and_baseline_plays_every_ego_on_the_same_starts() {
     let results = ["nominal", "softer brakes", "van"].map(evaluate).to_vec();
     // The study stores the results of every ego, so a stopped study can continue.
     let kept = serde_json::to_string(&results).expect("JSON");
+    let of_two = begun.conclude(results[..2].to_vec());
     let study = begun.conclude(results);
+    // The page lists the ados if all changed egos have one relation, too.
+    let ados = |report: &ReuseReport| -> Vec<String> {
+        let ados = report.blocks().ados.into_iter();
+        ados.map(|it| it.ado).collect()
+    };
+    assert_eq!(ados(&of_two), ados(&study));
+    assert!(!ados(&study).is_empty());
+    assert!(study.rows.iter().all(|row| row.fails_alone.is_some()));
     // The stored results of every ego give the same study.
     let read: Vec<EgoResult> = serde_json::from_str(&kept).expect("what was written");
     let again = begun.conclude(read);

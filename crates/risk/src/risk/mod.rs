@@ -3,9 +3,10 @@
 //! A [`RiskTraffic`] has a law of the starts and a law of the ados' actions. A
 //! [`RiskRequest`] estimates the probability that a run violates ψ_ego. Natural runs are
 //! counted if they hold enough failures. Otherwise a search finds kinds of failure, V, the
-//! probability of a failure, is learned from runs, and runs are drawn from a mixture of natural traffic and traffic
-//! tilted by V. Weights make the estimate unbiased whatever V is. Checks refuse estimates
-//! that rest on too little, and bounds hold whatever the proposals missed.
+//! probability of a failure, is learned from runs, and runs are drawn from a mixture of
+//! natural traffic and traffic tilted by V. Weights make the estimate unbiased whatever V
+//! is. Checks refuse estimates that rest on too little, and bounds hold whatever the
+//! proposals missed.
 //!
 //! Architecture Invariant: no result depends on V or on modes except by its variance.
 

@@ -118,7 +118,8 @@ impl<'a> RiskRequest<'a> {
     /// Returns what the stored runs depend on, as the SHA-256 of JSON.
     ///
     /// Budget and width only decide on the number of rounds. So a request with a greater
-    /// budget continues from the runs of a smaller one.
+    /// budget continues from the runs of a smaller one, if both have the same runs before
+    /// the rounds. A small budget has fewer of them.
     pub(super) fn fingerprint(&self) -> String {
         let settings = RiskSettings {
             budget: 0,

@@ -9,7 +9,7 @@ use crate::experiment::EgoUnderTest;
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
-/// Decisions of a run, and starts, of the enumeration.
+/// Decisions of a run in the enumeration, which has a single start.
 const DECISIONS: u32 = 8;
 /// Probabilities of turning from a phase to its opposite: modes of equal and unequal size.
 pub(super) const TURNS: [f64; 2] = [0.3, 0.1];

@@ -14,7 +14,7 @@ use crate::run_dir::{CellCount, FailureCell, Row, RunDir};
 use crate::search::{Adversary, ExperimentCell, Search};
 use crate::stats::{Incidence, KindsEstimate, NewKinds, Outcomes, StartOutcome};
 
-/// Runs for which the number of new cells is predicted.
+/// Least number of runs for which the number of new cells is predicted.
 const NEXT_RUNS: u64 = 1000;
 
 /// Request to evaluate the members of a population.
@@ -184,7 +184,7 @@ impl PopulationTest<'_> {
         let counts: Vec<u64> = incidence.values().map(|starts| *starts as u64).collect();
         let sample = Incidence::new(starts as u64, counts);
         // One further start costs a run of every member.
-        let further = NEXT_RUNS.div_ceil(members.max(1) as u64);
+        let (further, next_runs) = next_starts(members);
         PopulationResults {
             union: UnionResult {
                 starts,
@@ -200,13 +200,20 @@ impl PopulationTest<'_> {
             search: search.map(|row| search_cells(row, of_search, &incidence)),
             estimate: sample.kinds(),
             next: NextRuns {
-                runs: NEXT_RUNS,
+                runs: next_runs,
                 new_cells: sample.predict(further, self.starts.1),
             },
             cells: counted(incidence),
             members: member_results(self.members, rows, own),
         }
     }
+}
+
+/// Returns the further starts of the prediction, and the runs of all members on them.
+fn next_starts(members: usize) -> (u64, u64) {
+    let members = members.max(1) as u64;
+    let starts = NEXT_RUNS.div_ceil(members);
+    (starts, starts * members)
 }
 
 /// Returns the cells of the failures of each played adversary, with their starts.
@@ -348,6 +355,13 @@ mod tests {
             failure: CellFailure::contact(partner, CrashKind::HeadOn, 1.0),
             necessary: None,
         }
+    }
+
+    #[test]
+    fn a_prediction_is_for_whole_starts_of_all_members() {
+        assert_eq!(next_starts(2), (500, 1000));
+        assert_eq!(next_starts(3), (334, 1002));
+        assert_eq!(next_starts(0), (1000, 1000));
     }
 
     #[test]

@@ -29,7 +29,26 @@ pub enum PopulationOrigin {
     League {
         /// Rounds after the first ado.
         rounds: usize,
+        /// Starts of the payoffs.
+        #[serde(default = "payoff_starts")]
+        payoff_starts: usize,
+        /// Starts of the search for a response of the ego.
+        #[serde(default = "response_starts")]
+        response_starts: usize,
     },
+}
+
+/// Usual starts of the payoffs of a league, and of the search for a response of the ego.
+pub(super) const PAYOFF_STARTS: usize = 100;
+pub(super) const RESPONSE_STARTS: usize = 40;
+
+// Leagues that recorded neither number had the usual ones.
+fn payoff_starts() -> usize {
+    PAYOFF_STARTS
+}
+
+fn response_starts() -> usize {
+    RESPONSE_STARTS
 }
 
 impl PopulationOrigin {

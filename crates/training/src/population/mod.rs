@@ -30,6 +30,8 @@ pub use error::PopulationError;
 pub use evaluate::{
     MemberResult, NextRuns, PopulationResults, PopulationTest, SearchCells, UnionResult,
 };
-pub use league::{LeagueError, LeagueRequest, LeagueResponse, LeagueRound, train_league};
+pub use league::{
+    LeagueError, LeagueRequest, LeagueResponse, LeagueRound, LeagueSession, train_league,
+};
 pub use manifest::{ArchiveSummary, PopulationManifest, PopulationMember, PopulationOrigin};
-pub use train::{DistinctOutcome, DistinctRequest, archive_of, train_distinct};
+pub use train::{DistinctOutcome, DistinctRequest, DistinctSession, archive_of, train_distinct};

@@ -67,58 +67,90 @@ pub fn train_distinct(
     resume: bool,
     watch: &Watch<'_>,
 ) -> Result<DistinctOutcome, PopulationError> {
-    if world.drive().is_none() {
-        return Err(PopulationError::Grid {
-            world: world.name().to_owned(),
-        });
-    }
-    // An archive holds failures of one ego, so the ego must not vary.
-    if !request.training.against.is_nominal() {
-        return Err(PopulationError::Family);
-    }
-    // A law has no preference for cells that no other member has reached.
-    if request.training.traffic.is_some() {
-        return Err(SessionError::Options(OptionClash::TrafficAndMany).into());
-    }
-    let (dir, first) = if resume {
-        resumed(world, path, request)?
-    } else {
-        begun(world, path, request)?
-    };
-    let members = dir.manifest().requested;
-    let mut training = DistinctTraining {
-        archive: archive_of(&dir)?,
-        dir,
-        outcome: DistinctOutcome {
-            members: Vec::new(),
-            archive: None,
-            search_cpu_s: 0.0,
-            // Every early return is that of a stopped training.
-            interrupted: true,
-        },
-    };
-    let mut first = first;
-    for number in 0..members {
-        let done = if number == 0 {
-            training.member(0, &mut first, watch)?
-        } else {
-            let mut session = training.session(number, &first)?;
-            training.member(number, &mut session, watch)?
-        };
-        // After each member, so that an interruption reports the archive it has.
-        training
-            .outcome
-            .archive
-            .clone_from(&training.dir.manifest().archive);
-        if !done {
-            return Ok(training.outcome);
+    DistinctSession::begin(world, path, request, resume)?.train(watch)
+}
+
+/// Population that was begun or opened again, before its training.
+pub struct DistinctSession {
+    training: DistinctTraining,
+    first: TrainSession,
+}
+
+impl DistinctSession {
+    /// Begins a population in a new directory, or opens one with `resume`.
+    ///
+    /// # Errors
+    /// The world has no cells, the request does not fit it or the directory, or the disk
+    /// refuses.
+    pub fn begin(
+        world: &Scenario,
+        path: &Path,
+        request: &DistinctRequest<'_>,
+        resume: bool,
+    ) -> Result<DistinctSession, PopulationError> {
+        if world.drive().is_none() {
+            return Err(PopulationError::Grid {
+                world: world.name().to_owned(),
+            });
         }
+        // An archive holds failures of one ego, so the ego must not vary.
+        if !request.training.against.is_nominal() {
+            return Err(PopulationError::Family);
+        }
+        // A law has no preference for cells that no other member has reached.
+        if request.training.traffic.is_some() {
+            return Err(SessionError::Options(OptionClash::TrafficAndMany).into());
+        }
+        let (dir, first) = if resume {
+            resumed(world, path, request)?
+        } else {
+            begun(world, path, request)?
+        };
+        let training = DistinctTraining {
+            archive: archive_of(&dir)?,
+            dir,
+            outcome: DistinctOutcome {
+                members: Vec::new(),
+                archive: None,
+                search_cpu_s: 0.0,
+                // Every early return is that of a stopped training.
+                interrupted: true,
+            },
+        };
+        Ok(DistinctSession { training, first })
     }
-    if !training.dir.manifest().finished {
-        training.dir.finish()?;
+
+    /// Trains the members that are not finished yet.
+    ///
+    /// # Errors
+    /// A training fails, or the disk refuses.
+    pub fn train(self, watch: &Watch<'_>) -> Result<DistinctOutcome, PopulationError> {
+        let DistinctSession {
+            mut training,
+            mut first,
+        } = self;
+        for number in 0..training.dir.manifest().requested {
+            let done = if number == 0 {
+                training.member(0, &mut first, watch)?
+            } else {
+                let mut session = training.session(number, &first)?;
+                training.member(number, &mut session, watch)?
+            };
+            // After each member, so that an interruption reports the archive it has.
+            training
+                .outcome
+                .archive
+                .clone_from(&training.dir.manifest().archive);
+            if !done {
+                return Ok(training.outcome);
+            }
+        }
+        if !training.dir.manifest().finished {
+            training.dir.finish()?;
+        }
+        training.outcome.interrupted = false;
+        Ok(training.outcome)
     }
-    training.outcome.interrupted = false;
-    Ok(training.outcome)
 }
 
 /// Begins a population and its first member.

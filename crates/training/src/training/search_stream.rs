@@ -81,8 +81,50 @@ impl<'a> SearchStream<'a> {
         if let Some(target) = target {
             self.scenario.place_member(&family.variant(&member), target);
         }
-        member.plant = PlantKind::Kinematic;
+        // Without a pre-screening, the first bench is the one that counts.
+        if self.cheap.is_some() {
+            member.plant = PlantKind::Kinematic;
+        }
         let cheap = self.cheap.as_ref().unwrap_or(self.scenario);
         cheap.place_member(&family.variant(&member), first);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testbench::Aftermath;
+    use crate::world::TrainingEgos;
+
+    #[test]
+    fn a_member_is_searched_on_its_plant_without_a_pre_screening() {
+        let text = include_str!("../../../../worlds/acc.ron")
+            .replace("plants: { Kinematic: 9, Rigid: 1 }", "plants: { Rigid: 1 }");
+        let world = Scenario::parse("acc.ron", &text).expect("a world");
+        let family = world
+            .on(PlantKind::Kinematic)
+            .training_against(TrainingEgos::Randomized)
+            .expect("a family");
+        let stream = SearchStream::new(&family, Purpose::Train, 3);
+        assert!(stream.cheap.is_none());
+        let key = stream.key(0);
+        let mut first = family.bench();
+        stream.place_member(key, &mut first, None);
+        let egos = family.family().expect("a family");
+        let mut member = egos.draw(&family.name, key);
+        assert_eq!(member.plant, PlantKind::Rigid);
+        let mut own = family.bench();
+        family.place_member(&egos.variant(&member), &mut own);
+        let mut cheap = family.bench();
+        member.plant = PlantKind::Kinematic;
+        family.place_member(&egos.variant(&member), &mut cheap);
+        let [searched, own, cheap] = [first, own, cheap].map(|mut bench| {
+            let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            bench.begin(&start, noise, Aftermath::Skip);
+            bench.decide(0);
+            bench.trace().signal("ado.x").expect("published").to_vec()
+        });
+        assert_eq!(searched, own);
+        assert_ne!(searched, cheap);
     }
 }

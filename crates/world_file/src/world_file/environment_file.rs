@@ -230,7 +230,7 @@ impl RangePoint {
     fn of(self, NumberOrRange(Range { lo, hi }): NumberOrRange) -> f64 {
         match self {
             RangePoint::Least => lo,
-            // Exact for a fixed number.
+            // A huge number plus itself is infinite.
             RangePoint::Middle if lo == hi => lo,
             RangePoint::Middle => 0.5 * (lo + hi),
             RangePoint::Greatest => hi,

@@ -86,6 +86,28 @@ fn a_comment_of_a_field_that_is_left_out_is_refused() {
 }
 
 #[test]
+fn a_comment_finds_a_key_with_escapes() {
+    let (_, acc) = WORLDS
+        .iter()
+        .find(|(name, _)| *name == "acc")
+        .expect("shipped");
+    let key = "\"wet\" \\ road";
+    let acc = acc.replace("\"wet road\"", &format!("{key:?}"));
+    let world = parse_ron::<WorldFile>(&acc).expect("a world");
+    let at = ValuePath::top().to("reuse").to(key);
+    let comments = vec![TextComment::new(at, "explained")];
+    let commented = CommentedWorld { world, comments };
+    let written = commented.text().expect("a text");
+    assert!(
+        written.contains(&format!("// explained\n        {key:?}: ")),
+        "{written}"
+    );
+    let read: WorldFile =
+        parse_ron(&written).unwrap_or_else(|problem| panic!("{problem:?}\n{written}"));
+    assert_eq!(read, commented.world);
+}
+
+#[test]
 fn a_text_has_lines_that_fit_and_the_shortest_that_do() {
     for (name, world) in shipped() {
         let written = text(&world).expect("a text");

@@ -183,8 +183,13 @@ impl CompactText<'_> {
         let name = self.word();
         if let Some(rest) = self.rest.strip_prefix(':') {
             self.rest = rest;
-            // Keys of maps have quotes, and fields of structs have none.
-            let path = group.to(name.trim_matches('"'));
+            // Keys of maps are strings with quotes and escapes, unlike fields of structs.
+            let key: String = if name.starts_with('"') {
+                ron::from_str(&name).unwrap_or_else(|_| name.clone())
+            } else {
+                name.clone()
+            };
+            let path = group.to(&key);
             return TextItem {
                 comments: self.comments_at(&path),
                 value: self.node(&path),

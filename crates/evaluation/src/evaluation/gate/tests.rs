@@ -242,6 +242,22 @@ fn failures_without_an_adversary_close_it_too() {
     assert!(!compared.decided(&[GateOn::Never]).is_closed());
 }
 
+/// The baseline fails from every start by itself, so severity decides there.
+#[test]
+fn severity_without_an_adversary_closes_it_too() {
+    let mut compared = gate(&[HELD], &[HELD]);
+    compared.without_adversary = Some(Box::new(gate(&[hits(9.0)], &[hits(2.0)])));
+    let decided = compared.clone().decided(&[]);
+    assert_eq!(decided.closed_by, [GateOn::Severity]);
+    assert_eq!(decided.contradiction(), None);
+    let text = decided.to_string();
+    assert!(
+        text.starts_with("gate closed by 0, and without an adversary 1, starts that fail more"),
+        "{text}"
+    );
+    assert!(!compared.decided(&[GateOn::Any]).is_closed());
+}
+
 #[test]
 fn a_gate_without_any_answer_says_so_and_is_not_open() {
     let decided = gate(&[FOUL, FOUL], &[FAILS, HELD]).decided(&[]);

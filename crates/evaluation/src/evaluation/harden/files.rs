@@ -18,7 +18,9 @@ pub(super) fn write_change(path: &Path, about: &str, change: &Change) -> Result<
     Ok(write_file(path, text.as_bytes())?)
 }
 
-/// Returns a change as RON, without fields that change nothing.
+/// Returns a change of a driving world as RON, without fields that change nothing.
+///
+/// Grids have no ego to harden, so their fields are left out.
 pub(super) fn change_text(change: &Change) -> Result<String, HardenError> {
     let mut fields = Vec::new();
     if !change.ego.0.is_empty() {

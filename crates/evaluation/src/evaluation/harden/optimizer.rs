@@ -19,7 +19,8 @@ use crate::stats::CrossEntropySearch;
 const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 /// Share of the candidates that goes on to the next stage, as its reciprocal.
 const KEPT: usize = 2;
-/// Cost of a stage that was not played, above that of any candidate.
+/// Cost of a stage that was not played, above that of any candidate that fails at most
+/// eight times as often as the ego as it is.
 const UNPLAYED: f64 = 10.0;
 /// Halvings of a change towards the ego as it is, per parameter.
 const HALVINGS: usize = 5;
@@ -177,7 +178,8 @@ impl Optimizer<'_> {
         pairs.map(|(one, value)| one.x_of(*value)).collect()
     }
 
-    /// Returns the cost, in which every stage that was not played adds more than any excess.
+    /// Returns the cost, in which every stage that was not played adds more than a usual
+    /// excess.
     fn cost(&self, candidate: &EgoCandidate) -> f64 {
         let unplayed = (self.slices.len() - candidate.stages) as f64;
         self.conditions.cost(candidate) + UNPLAYED * unplayed

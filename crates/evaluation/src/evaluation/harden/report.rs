@@ -270,8 +270,10 @@ impl Confirmation {
         let mut refuted = Vec::new();
         let mut unknown = Vec::new();
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        if self.sealed.starts == 0 || own.failing == 0 {
+        if own.failing == 0 {
             unknown.push("the ego as it is fails from no sealed start".to_owned());
+        } else if self.sealed.starts == 0 {
+            unknown.push("the changed ego has a result from no sealed start".to_owned());
         } else if self.reduction < wanted - ROUNDING {
             refuted.push(format!(
                 "failures fall by {} only, on sealed starts",
@@ -424,6 +426,11 @@ mod tests {
         // An ego that never fails is not hardened by anything.
         let none = confirmation(0).verdict(count(0, 200), 0.9);
         assert_eq!(none.0, Unknown);
+        assert_eq!(none.1, ["the ego as it is fails from no sealed start"]);
+        let mut without = confirmation(0);
+        without.sealed = count(0, 0);
+        let (_, why) = without.verdict(count(100, 200), 0.9);
+        assert_eq!(why, ["the changed ego has a result from no sealed start"]);
     }
 
     #[test]

@@ -120,6 +120,11 @@ impl GridWorld {
         &self.0.schema
     }
 
+    /// Returns the expressions of the derived signals, bound to the rows of this world.
+    pub fn derived_exprs(&self) -> &[BoundExpr] {
+        &self.0.derived
+    }
+
     /// Returns the shapes of the ado's observation and action.
     pub fn spaces(&self) -> &Spaces {
         &self.0.spaces

@@ -27,6 +27,7 @@ mod round;
 
 use std::path::Path;
 
+use super::manifest::{PAYOFF_STARTS, RESPONSE_STARTS};
 use super::{PopulationDir, PopulationOrigin};
 use crate::experiment::{Watch, consent, consent_to_family};
 use crate::rl::Policy;
@@ -41,10 +42,6 @@ use ego_response::EgoResponse;
 pub use error::LeagueError;
 use payoff::{FreeDrive, LeagueEgo, PayoffStarts};
 pub use round::{LeagueResponse, LeagueRound};
-
-/// Usual starts of the payoffs, and of the search for a response of the ego.
-const PAYOFF_STARTS: usize = 100;
-const RESPONSE_STARTS: usize = 40;
 
 /// Request to train a league.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +67,14 @@ impl<'a> LeagueRequest<'a> {
             response_starts: RESPONSE_STARTS,
         }
     }
+
+    fn origin(&self) -> PopulationOrigin {
+        PopulationOrigin::League {
+            rounds: self.rounds,
+            payoff_starts: self.payoff_starts,
+            response_starts: self.response_starts,
+        }
+    }
 }
 
 /// Trains a league in a new directory, or continues one with `resume`.
@@ -86,44 +91,86 @@ pub fn train_league(
     resume: bool,
     watch: &Watch<'_>,
 ) -> Result<Vec<LeagueRound>, LeagueError> {
-    let scenario = scenario_of(world, request)?;
-    let dir = if resume {
-        resumed(path, &scenario, request)?
-    } else {
-        let seed = request.training.seed.unwrap_or(0);
-        let origin = PopulationOrigin::League {
-            rounds: request.rounds,
+    LeagueSession::begin(world, path, request, resume)?.train(watch)
+}
+
+/// League that was begun or opened again, before its training.
+pub struct LeagueSession {
+    scenario: Scenario,
+    dir: PopulationDir,
+    rounds: usize,
+    payoff_starts: usize,
+    response_starts: usize,
+}
+
+impl LeagueSession {
+    /// Begins a league in a new directory, or opens one with `resume`.
+    ///
+    /// # Errors
+    /// The request does not fit the world or the directory, or the disk refuses.
+    pub fn begin(
+        world: &Scenario,
+        path: &Path,
+        request: &LeagueRequest<'_>,
+        resume: bool,
+    ) -> Result<LeagueSession, LeagueError> {
+        let scenario = scenario_of(world, request)?;
+        let dir = if resume {
+            resumed(path, &scenario, request)?
+        } else {
+            let seed = request.training.seed.unwrap_or(0);
+            PopulationDir::create(path, &scenario, seed, request.origin(), request.rounds + 1)?
         };
-        PopulationDir::create(path, &scenario, seed, origin, request.rounds + 1)?
-    };
-    let family = scenario.family().ok_or_else(|| no_family(world))?;
-    let seed = dir.manifest().seed;
-    let stream = |number: u64| derived_seed(seed, number);
-    // Batches of payoffs are short, and a bar for each would only flicker.
-    let quiet = watch.quiet();
-    watch.phase("drawing the starts of the payoffs");
-    let starts =
-        |number, count| PayoffStarts::new(&scenario, family, stream(number), count, &quiet);
-    let payoff = starts(1, request.payoff_starts);
-    // A response is searched on starts of its own, so that payoffs do not flatter it.
-    let response = starts(2, request.response_starts);
-    let (Some(payoff), Some(response)) = (payoff, response) else {
-        return Ok(LeagueRound::all(&dir)?);
-    };
-    // Over no start at all, every recall would be perfect.
-    if payoff.len() == 0 || response.len() == 0 {
-        return Err(LeagueError::NoStarts);
+        Ok(LeagueSession {
+            scenario,
+            dir,
+            rounds: request.rounds,
+            payoff_starts: request.payoff_starts,
+            response_starts: request.response_starts,
+        })
     }
-    let mut league = League {
-        rounds: LeagueRound::all(&dir)?,
-        dir,
-        payoff: &payoff,
-        response: &response,
-        policies: Vec::new(),
-        egos: Vec::new(),
-    };
-    league.play(request.rounds, watch)?;
-    Ok(league.rounds)
+
+    /// Plays the rounds that are not recorded yet, and returns all recorded ones.
+    ///
+    /// # Errors
+    /// An ego does not run or does not fail from any start, or the disk refuses.
+    pub fn train(self, watch: &Watch<'_>) -> Result<Vec<LeagueRound>, LeagueError> {
+        let LeagueSession {
+            scenario,
+            dir,
+            rounds,
+            payoff_starts,
+            response_starts,
+        } = self;
+        let family = scenario.family().ok_or_else(|| no_family(&scenario))?;
+        let seed = dir.manifest().seed;
+        let stream = |number: u64| derived_seed(seed, number);
+        // Batches of payoffs are short, and a bar for each would only flicker.
+        let quiet = watch.quiet();
+        watch.phase("drawing the starts of the payoffs");
+        let starts =
+            |number, count| PayoffStarts::new(&scenario, family, stream(number), count, &quiet);
+        let payoff = starts(1, payoff_starts);
+        // A response is searched on starts of its own, so that payoffs do not flatter it.
+        let response = starts(2, response_starts);
+        let (Some(payoff), Some(response)) = (payoff, response) else {
+            return Ok(LeagueRound::all(&dir)?);
+        };
+        // Over no start at all, every recall would be perfect.
+        if payoff.len() == 0 || response.len() == 0 {
+            return Err(LeagueError::NoStarts);
+        }
+        let mut league = League {
+            rounds: LeagueRound::all(&dir)?,
+            dir,
+            payoff: &payoff,
+            response: &response,
+            policies: Vec::new(),
+            egos: Vec::new(),
+        };
+        league.play(rounds, watch)?;
+        Ok(league.rounds)
+    }
 }
 
 /// Returns the world with the options of the trainings, all against its own structure.
@@ -170,9 +217,7 @@ fn resumed(
 ) -> Result<PopulationDir, LeagueError> {
     let dir = PopulationDir::resume(path)?;
     let manifest = dir.manifest();
-    let origin = PopulationOrigin::League {
-        rounds: request.rounds,
-    };
+    let origin = request.origin();
     // Without a seed in the request, the league keeps its own.
     let seed = request.training.seed.unwrap_or(manifest.seed);
     let compared = [

@@ -130,6 +130,12 @@ fn an_interrupted_league_and_other_threads_end_in_the_same_bytes() {
     let watch = frequent(Watch::unwatched());
     let other = train_league(&world(), &parts, &request(3), true, &watch);
     assert!(other.is_err(), "another number of rounds");
+    let other = LeagueRequest {
+        payoff_starts: 21,
+        ..request(2)
+    };
+    let other = train_league(&world(), &parts, &other, true, &watch);
+    assert!(other.is_err(), "another number of starts");
     train_league(&world(), &parts, &request(2), true, &watch).expect("trained");
     assert_eq!(files(&whole), files(&parts));
 }
