@@ -107,8 +107,9 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<SearchResult> {
         }
     }
     let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
-    found.violations += tree.violations;
-    found.fault = tree.fault.or(confirmer.fault);
+    let (violations, fault) = (tree.violations, tree.fault);
+    found.violations += violations;
+    found.fault = fault.or(confirmer.fault);
     // A stopped search without a result says nothing about the start.
     if found.actions.is_none() && found.fault.is_none() && watch.stopped() {
         return None;
