@@ -4,7 +4,7 @@ use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use brakecheck::adversary::{Ado, AdoGroup};
+use brakecheck::adversary::{Ado, AdoWord};
 use brakecheck::crashes::{CrashSelection, Form, KeepSettings};
 use brakecheck::evaluation::{
     Evaluation, GivenRows, ReportRequest, Sampling, SearchCampaign, policy_for, untrained,
@@ -227,7 +227,7 @@ pub(crate) fn eval_run<'py>(
         .iter()
         .map(|word| {
             let known = || "known: trained, all, and those of `brakecheck eval --help`";
-            let group = AdoGroup::named(word);
+            let group = AdoWord::named(word);
             group.ok_or_else(|| wrong(format!("there is no ado `{word}`"), known()))
         })
         .collect::<PyResult<Vec<_>>>()?;

@@ -12,7 +12,7 @@ use super::keep::KeepStep;
 use super::live::{Live, Streamed};
 use super::test_args::{TestArgs, note_program_costs};
 use super::{egos_table, progress, table};
-use crate::adversary::{AdoGroup, GridPolicy};
+use crate::adversary::{AdoWord, GridPolicy};
 use crate::evaluation::{Evaluation, EvaluationTable, ado_effects, summarise};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{AdversaryId, Row, RunDir};
@@ -78,7 +78,7 @@ impl<'a> RunUnderTest<'a> {
     /// Adds the trained ado without each of its ados, unless ados are requested.
     pub(super) fn leaving_out_each(mut self) -> RunUnderTest<'a> {
         if self.test.ado.is_empty() {
-            let without = AdoGroup::named("without").into_iter();
+            let without = AdoWord::named("without").into_iter();
             self.ados
                 .extend(without.flat_map(|group| group.ids(&self.run, &self.nominal)));
         }
@@ -202,7 +202,7 @@ fn ados(test: &TestArgs, run: &RunDir, nominal: &Scenario) -> Vec<AdversaryId> {
             let mut beside = vec![Trained, Hold, BestConstant, BestSwitch];
             // Only a training against one ego stores counterexamples.
             if run.manifest().against.is_nominal() {
-                let replays = AdoGroup::named("replays").into_iter();
+                let replays = AdoWord::named("replays").into_iter();
                 beside.extend(replays.flat_map(|group| group.ids(run, nominal)));
             }
             beside

@@ -14,7 +14,7 @@ use super::live::RerunArgs;
 use super::number_args::{STARTS, count, start_count, switch_count};
 use super::terminal::{self, Common};
 use super::traffic_args::TrafficArgs;
-use crate::adversary::{ADO_GROUPS, AdoGroup};
+use crate::adversary::{ADO_WORDS, AdoWord};
 use crate::ego::Process;
 use crate::evaluation::{Evaluation, Sampling};
 use crate::experiment::{EgoError, EgoUnderTest, Watch};
@@ -100,8 +100,8 @@ pub(super) struct TestArgs {
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     pub(super) starts: usize,
     /// Ado to play (repeatable) [default: trained, more with `--runs`].
-    #[arg(long, value_parser = ado_group(), value_name = "ADO")]
-    pub(super) ado: Vec<AdoGroup>,
+    #[arg(long, value_parser = ado_word(), value_name = "ADO")]
+    pub(super) ado: Vec<AdoWord>,
     /// The physics to test in, instead of the run's.
     #[arg(long, value_parser = one_of::<PlantKind>(), env = PLANT, hide_env_values = true, help_heading = TEST)]
     pub(super) plant: Option<PlantKind>,
@@ -164,10 +164,10 @@ impl TestArgs {
 }
 
 /// Reads a word of `--ado`, explained as in the library's list.
-fn ado_group() -> impl TypedValueParser<Value = AdoGroup> {
-    let values = ADO_GROUPS.map(|group| PossibleValue::new(group.word).help(group.about));
+fn ado_word() -> impl TypedValueParser<Value = AdoWord> {
+    let values = ADO_WORDS.map(|group| PossibleValue::new(group.word).help(group.about));
     // Invariant: the words are those of the list.
-    PossibleValuesParser::new(values).try_map(|word| AdoGroup::named(&word).ok_or(word))
+    PossibleValuesParser::new(values).try_map(|word| AdoWord::named(&word).ok_or(word))
 }
 
 /// Reads a temperature, which divides values by neither zero nor infinity.

@@ -7,7 +7,9 @@
 
 use crate::program::{BooleanOp, Edge, MinMax, Op, Strength};
 use crate::settings::Until;
-use crate::window::{self, Extremum, Max, Min, SampleWindow, View, WindowTail, merge, opposite};
+use crate::trace_operators::{
+    self, Extremum, Max, Min, SampleWindow, View, WindowTail, merge, opposite,
+};
 
 /// End of the interval of possible values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -163,8 +165,12 @@ pub(crate) fn apply(
         Op::Ahead(MinMax::Max, window, _) => {
             ahead::<Max>(a_here, window, reading, bound, from, out)
         }
-        Op::Behind(MinMax::Min, window, _) => window::behind::<Min>(a_here, window, from, out),
-        Op::Behind(MinMax::Max, window, _) => window::behind::<Max>(a_here, window, from, out),
+        Op::Behind(MinMax::Min, window, _) => {
+            trace_operators::behind::<Min>(a_here, window, from, out)
+        }
+        Op::Behind(MinMax::Max, window, _) => {
+            trace_operators::behind::<Max>(a_here, window, from, out)
+        }
         Op::Until(side, strength, window, ..) => {
             let sides = UntilSides {
                 left: a_here,
@@ -186,7 +192,7 @@ pub(crate) fn apply(
         }
         Op::Since(window, ..) => {
             let goal = goal::<Max>(a_here, b_here, reading.until, &mut work.goal);
-            window::since(a_here, goal, window, from, out, &mut work.window);
+            trace_operators::since(a_here, goal, window, from, out, &mut work.window);
         }
         Op::Edge(edge, _) => {
             // At a rise the operand holds now and failed before. At a fall its opposite
@@ -243,7 +249,7 @@ fn ahead<E: Extremum>(
     from: usize,
     out: &mut [f64],
 ) {
-    window::ahead::<E>(operand, window, reading.tail, from, out);
+    trace_operators::ahead::<E>(operand, window, reading.tail, from, out);
     if is_moved::<E>(bound) {
         // Samples to come can move this bound as far as possible. They cannot move the
         // other bound outwards.
@@ -265,7 +271,7 @@ fn until<E: Extremum>(
 ) {
     let UntilSides { left, right } = sides;
     let goal = goal::<E>(left, right, reading.until, &mut work.goal);
-    window::until::<E>(
+    trace_operators::until::<E>(
         left,
         goal,
         window,
@@ -279,7 +285,7 @@ fn until<E: Extremum>(
         let (begin, open) = reading.open_part(window, from, out);
         if !open.is_empty() {
             work.weak.resize(open.len(), 0.0);
-            window::suffix::<E::Dual>(left.from(begin), &mut work.weak);
+            trace_operators::suffix::<E::Dual>(left.from(begin), &mut work.weak);
             merge::<E>(open, &work.weak);
         }
     }

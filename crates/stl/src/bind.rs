@@ -12,8 +12,8 @@ use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::{Constants, Names, Settings};
 use crate::syntax::{Binary, Comparison, Node, NodeKind, Term, Unary};
 use crate::trace::{Schema, SignalKind};
+use crate::trace_operators::SampleWindow;
 use crate::undefined;
-use crate::window::SampleWindow;
 
 mod names;
 mod times;

@@ -8,7 +8,7 @@ use crate::program::{BooleanOp, Id, MinMax, Op, Strength};
 use crate::settings::{TraceEnd, Until};
 use crate::syntax::{Arithmetic, NodeKind, Unary};
 use crate::trace::{RowError, Schema};
-use crate::window::{Max, Min, SampleWindow};
+use crate::trace_operators::{Max, Min, SampleWindow};
 
 mod piecewise;
 

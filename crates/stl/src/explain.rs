@@ -17,7 +17,7 @@ use crate::program::{BooleanOp, Edge, Id, MinMax, Op};
 use crate::samples::Samples;
 use crate::settings::Until;
 use crate::trace::Trace;
-use crate::window::{SampleWindow, WindowTail};
+use crate::trace_operators::{SampleWindow, WindowTail};
 
 /// Kind of the last step of an explanation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -1,6 +1,6 @@
 //! Intervals of robustness, with absolute values and negations of them.
 
-use crate::window::{Extremum, Max, Min, opposite};
+use crate::trace_operators::{Extremum, Max, Min, opposite};
 
 /// Values that a robustness can still take.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,7 +7,7 @@
 
 use crate::interval::Interval;
 use crate::syntax::{Arithmetic, Comparison, Function};
-use crate::window::opposite;
+use crate::trace_operators::opposite;
 
 /// Samples evaluated at a time. A few buffers of this size fit the L1 cache.
 pub(crate) const CHUNK: usize = 512;

@@ -55,8 +55,8 @@ pub mod table;
 mod time_name;
 mod token;
 pub mod trace;
+mod trace_operators;
 mod undefined;
-mod window;
 
 pub use bind::BoundExpr;
 pub use dense::{DenseError, DenseRowError, DenseTrace, Interpolation};

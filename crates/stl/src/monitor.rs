@@ -10,7 +10,7 @@ use crate::offline::{Scratch, TraceEvaluation};
 use crate::program::BoundProgram;
 use crate::settings::{Settings, TraceEnd};
 use crate::trace::{Schema, Trace};
-use crate::window::WindowTail;
+use crate::trace_operators::WindowTail;
 
 /// Formula bound to a schema, whose evaluation cannot fail.
 ///

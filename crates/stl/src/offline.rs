@@ -3,7 +3,7 @@
 use crate::apply::{Bound, EvalWindow, KernelBuffers, OperandBounds, Operands, apply, combine};
 use crate::leaf::{CHUNK, Columns, Semantics};
 use crate::program::{BoundProgram, Id, MinMax, Op};
-use crate::window::{Extremum, Max, Min, SampleWindow, View, WindowTail, fold, opposite};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow, View, WindowTail, fold, opposite};
 
 /// Reusable memory of evaluations.
 ///

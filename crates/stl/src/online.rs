@@ -21,7 +21,7 @@ use crate::monitor::Monitor;
 use crate::offline::Scratch;
 use crate::settings::TraceEnd;
 use crate::trace::RowError;
-use crate::window::WindowTail;
+use crate::trace_operators::WindowTail;
 
 mod nested;
 mod open;

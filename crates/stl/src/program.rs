@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::leaf::Leaf;
 use crate::syntax::Node;
 use crate::trace::Schema;
-use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow, opposite};
 
 /// Position of an operator in a [`BoundProgram`].
 pub(crate) type Id = usize;

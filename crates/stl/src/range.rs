@@ -7,7 +7,7 @@ use crate::monitor::Monitor;
 use crate::program::{MinMax, Op, Strength};
 use crate::settings::TraceEnd;
 use crate::syntax::{Arithmetic, Function};
-use crate::window::{Extremum, Max, Min};
+use crate::trace_operators::{Extremum, Max, Min};
 
 impl Monitor {
     /// Bounds ρ(φ, s, 0) over all traces whose signals stay within ranges.

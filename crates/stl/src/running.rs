@@ -15,7 +15,7 @@ use crate::monitor::Monitor;
 use crate::program::{BooleanOp, Edge, MinMax, Strength};
 use crate::settings::Until;
 use crate::sliding::UntilPart;
-use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow, opposite};
 
 mod block;
 mod compile;

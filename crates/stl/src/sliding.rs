@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::interval::Interval;
-use crate::window::{Extremum, Max, Min};
+use crate::trace_operators::{Extremum, Max, Min};
 
 /// Extremum of a window that only moves forwards.
 #[derive(Clone, Debug, Default)]

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use crate::leaf::Undefined;
 use crate::program::{BooleanOp, BoundProgram, Edge, Id, MinMax, Op};
 use crate::syntax::{Node, NodeKind, Unary};
-use crate::window::SampleWindow;
+use crate::trace_operators::SampleWindow;
 
 /// Gives every comparison that can be undefined its worst value.
 pub(crate) fn settle(program: BoundProgram) -> BoundProgram {

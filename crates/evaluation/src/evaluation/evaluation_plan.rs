@@ -20,7 +20,7 @@ pub struct Evaluation<'a> {
     pub nominal: &'a Scenario,
     /// Egos under test.
     pub egos: &'a [EgoUnderTest],
-    /// Adversaries to evaluate, such as those of an [`AdoGroup`](crate::adversary::AdoGroup).
+    /// Adversaries to evaluate, such as those of an [`AdoWord`](crate::adversary::AdoWord).
     pub ados: &'a [AdversaryId],
     /// Number of test starts and seed of their stream.
     pub starts: (usize, u64),

@@ -1,7 +1,7 @@
 //! Adversaries: ados of a row, and the rollout that makes the row.
 
 mod ado;
-mod ado_group;
+mod ado_words;
 mod baselines;
 mod error;
 mod grid_policies;
@@ -14,7 +14,7 @@ mod threshold_rule;
 pub use crate::grid_solver::game_graph::NotSolvable;
 pub use crate::grid_solver::position_policy::{Indistinct, NoOptimalPolicy};
 pub use ado::Ado;
-pub use ado_group::{ADO_GROUPS, AdoGroup};
+pub use ado_words::{ADO_WORDS, AdoWord};
 pub use baselines::Baselines;
 pub use error::AdversaryError;
 pub use grid_policies::GridPolicy;

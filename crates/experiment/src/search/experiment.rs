@@ -2,8 +2,8 @@
 //!
 //! Policies and searches are adversaries alike. Each gives a cell.
 
+use super::adversary_player::Adversary;
 use super::cell::ExperimentCell;
-use super::player::Adversary;
 use crate::experiment::{EgoUnderTest, TestStarts, Watch};
 use crate::run_dir::Row;
 
@@ -36,9 +36,9 @@ impl Experiment<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::adversary_player::{BASELINES, BestSwitch, Search};
     use super::super::cell::JUDGED;
     use super::super::list::Uniform;
-    use super::super::player::{BASELINES, BestSwitch, Search};
     use super::*;
     use crate::adversary::Ado;
     use crate::experiment::test_starts;

@@ -3,6 +3,7 @@
 //! A search shows which starts an adversary can solve at all, and provides the baselines
 //! that a reusable ado must beat.
 
+mod adversary_player;
 mod cell;
 mod cem;
 mod confirm;
@@ -16,7 +17,6 @@ mod joint_actions;
 mod list;
 mod method;
 mod mutate;
-mod player;
 mod random;
 mod request;
 mod run_tree;
@@ -25,6 +25,7 @@ mod tree;
 mod trials;
 mod uniform;
 
+pub use adversary_player::{Adversary, BASELINES, BestConstant, BestSwitch, PlayerParts, Search};
 pub use cell::{ExperimentCell, StartResult};
 pub use experiment::Experiment;
 pub use found::SearchResult;
@@ -35,7 +36,6 @@ pub use method::{
     SWITCHES, SWITCHES_OF_PROGRAMS, SearchError, usual_switches,
 };
 pub use mutate::mutate;
-pub use player::{Adversary, BASELINES, BestConstant, BestSwitch, PlayerParts, Search};
 pub use request::SearchRequest;
 
 use crate::adversary::{

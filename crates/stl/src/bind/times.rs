@@ -6,7 +6,7 @@ use super::{Binder, not_finite};
 use crate::error::{StlError, suggest};
 use crate::number::Ratio;
 use crate::syntax::{Arithmetic, Time, TimeBounds, TimeKind, TimeUnit};
-use crate::window::SampleWindow;
+use crate::trace_operators::SampleWindow;
 
 impl Binder<'_> {
     pub(super) fn window(&self, bounds: Option<&TimeBounds>) -> Result<SampleWindow, StlError> {

@@ -6,7 +6,7 @@
 use std::cmp::Ordering;
 
 use crate::sliding::SlidingExtremum;
-use crate::window::{Extremum, Max, Min, opposite};
+use crate::trace_operators::{Extremum, Max, Min, opposite};
 
 /// Linear function on an open interval, by its limits at both ends.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,7 +11,7 @@ use crate::interval::Interval;
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Op, Strength};
 use crate::settings::Until;
 use crate::sliding::{OpenPart, SlidingJoin, at};
-use crate::window::{Extremum, Max, Min, SampleWindow};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow};
 
 /// Window over an operand that contains a single future operator.
 #[derive(Clone, Debug)]

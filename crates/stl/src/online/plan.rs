@@ -13,7 +13,7 @@ use super::point::Point;
 use super::progress::WindowProgress;
 use crate::apply::Bound;
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Op};
-use crate::window::SampleWindow;
+use crate::trace_operators::SampleWindow;
 
 /// Requirements on an operator.
 #[derive(Clone, Copy, Debug)]

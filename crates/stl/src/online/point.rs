@@ -7,7 +7,7 @@ use crate::apply::EvalWindow;
 use crate::interval::Interval;
 use crate::program::{BooleanOp, BoundProgram, Id, MinMax, Strength};
 use crate::settings::Until;
-use crate::window::{Extremum, Max, Min, SampleWindow, fold};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow, fold};
 
 /// Sub-formula at sample 0.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use crate::apply::EvalWindow;
 use crate::interval::Interval;
-use crate::window::{Extremum, SampleWindow, View, fold};
+use crate::trace_operators::{Extremum, SampleWindow, View, fold};
 
 /// Part of a window that an operator has read so far.
 #[derive(Clone, Debug)]

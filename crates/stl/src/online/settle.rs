@@ -5,7 +5,7 @@ use super::step::{Decided, step_edge, step_since};
 use super::track::Track;
 use crate::apply::{Bound, EvalWindow, KernelBuffers, Operands, apply};
 use crate::program::{BoundProgram, Id, Op};
-use crate::window::{Max, opposite};
+use crate::trace_operators::{Max, opposite};
 
 /// Updates every operator in use.
 ///

@@ -8,7 +8,7 @@ use super::track::Track;
 use crate::program::{BoundProgram, Edge, Id, MinMax, Op, Strength};
 use crate::settings::Until;
 use crate::sliding::UntilPart;
-use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow, opposite};
 
 /// Decided values of the operands of an operator, when sample `now` is the latest.
 #[derive(Clone, Copy)]

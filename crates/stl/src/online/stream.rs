@@ -8,7 +8,7 @@ use crate::monitor::Monitor;
 use crate::offline::Scratch;
 use crate::settings::TraceEnd;
 use crate::trace::RowError;
-use crate::window::WindowTail;
+use crate::trace_operators::WindowTail;
 
 /// Exact robustness at every sample, as soon as the horizon of the formula is known.
 ///

@@ -2,7 +2,7 @@
 
 use crate::apply::OperandBounds;
 use crate::sliding::{SlidingExtremum, SlidingJoin, UntilPart};
-use crate::window::View;
+use crate::trace_operators::View;
 
 /// Bounds of an operator at the known samples `first ..`.
 ///

@@ -4,7 +4,7 @@ use super::{RunningInstant, RunningMonitor, pick};
 use crate::BoundExpr;
 use crate::leaf::{CHUNK, Columns, Semantics};
 use crate::program::MinMax;
-use crate::window::{Min, fold};
+use crate::trace_operators::{Min, fold};
 
 /// Consecutive samples of a run: a column per signal, an entry per sample.
 #[derive(Clone, Copy, Debug)]

@@ -4,7 +4,7 @@ use super::{RunningInstant, RunningMonitor, RunningPoint};
 use crate::monitor::Monitor;
 use crate::program::{BoundProgram, Id, MinMax, Op};
 use crate::settings::TraceEnd;
-use crate::window::{Extremum, Max, Min, SampleWindow, opposite};
+use crate::trace_operators::{Extremum, Max, Min, SampleWindow, opposite};
 
 impl Monitor {
     /// Compiles the formula for runs of `len` samples, if running numbers decide it.

@@ -9,7 +9,7 @@ const REPLAYS: [usize; 2] = [1, 10];
 
 /// Word of `--ado`, with the adversaries that it names.
 #[derive(Clone, Copy, Debug)]
-pub struct AdoGroup {
+pub struct AdoWord {
     /// The word.
     pub word: &'static str,
     /// Its meaning, for the help.
@@ -18,7 +18,7 @@ pub struct AdoGroup {
 }
 
 /// Words of `--ado`, in the order of the help.
-pub static ADO_GROUPS: [AdoGroup; 13] = [
+pub static ADO_WORDS: [AdoWord; 13] = [
     group("trained", "The trained policy", |_| {
         vec![AdversaryId::Trained]
     }),
@@ -84,14 +84,14 @@ const fn group(
     word: &'static str,
     about: &'static str,
     ids: fn(&Scenario) -> Vec<AdversaryId>,
-) -> AdoGroup {
-    AdoGroup { word, about, ids }
+) -> AdoWord {
+    AdoWord { word, about, ids }
 }
 
-impl AdoGroup {
+impl AdoWord {
     /// Returns the group of a word. `None`: there is no such word.
-    pub fn named(word: &str) -> Option<AdoGroup> {
-        ADO_GROUPS.iter().copied().find(|group| group.word == word)
+    pub fn named(word: &str) -> Option<AdoWord> {
+        ADO_WORDS.iter().copied().find(|group| group.word == word)
     }
 
     /// Returns the adversaries of the group, on a run and its world.
@@ -113,11 +113,7 @@ fn all(world: &Scenario) -> Vec<AdversaryId> {
         ScenarioKind::Drive(_) => &["switch", "heuristic", "replays", "retrained"],
     };
     let words = ["trained", "without", "alone", "hold", "random", "constant"];
-    let groups = words
-        .iter()
-        .chain(kind)
-        .copied()
-        .filter_map(AdoGroup::named);
+    let groups = words.iter().chain(kind).copied().filter_map(AdoWord::named);
     groups.flat_map(|group| (group.ids)(world)).collect()
 }
 
@@ -145,11 +141,11 @@ mod tests {
 
     #[test]
     fn every_word_is_found_and_all_has_what_applies_to_a_world() {
-        for group in ADO_GROUPS {
-            let found = AdoGroup::named(group.word).expect("a word of the list");
+        for group in ADO_WORDS {
+            let found = AdoWord::named(group.word).expect("a word of the list");
             assert_eq!(found.about, group.about);
         }
-        assert!(AdoGroup::named("held").is_none());
+        assert!(AdoWord::named("held").is_none());
         let captions = |world: &str| -> Vec<String> {
             let world = Scenario::shipped(world).expect("shipped").expect("sound");
             all(&world).iter().map(ToString::to_string).collect()
