@@ -10,7 +10,7 @@ use std::io::{BufRead, Chain, Cursor, Read};
 
 use csv::{ByteRecord, Terminator};
 
-pub use crate::instant::parse_iso;
+pub use crate::instant::{because_of_calendar, calendar_range, parse_iso};
 
 /// Error in the notation of a table.
 #[derive(Debug, thiserror::Error)]
