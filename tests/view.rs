@@ -188,6 +188,29 @@ fn an_unwritable_output_is_an_error_that_names_it() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_recording_goes_into_a_pipe_and_through_a_link_and_replaces_neither() {
+    let world = world();
+    let episode = crash(&world);
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("file.rrd"), "old").unwrap();
+    std::os::unix::fs::symlink(at("file.rrd"), at("link.rrd")).unwrap();
+    let recorded = record(&world, &episode, "", &at("link.rrd")).unwrap();
+    assert!(at("link.rrd").is_symlink());
+    let bytes = std::fs::read(at("file.rrd")).unwrap();
+    assert_eq!(bytes.len() as u64, recorded.bytes);
+    let pipe = at("pipe.rrd");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let from = pipe.clone();
+    let reader = std::thread::spawn(move || std::fs::read(from).unwrap());
+    let recorded = record(&world, &episode, "", &pipe).unwrap();
+    assert!(!pipe.is_file(), "the pipe is a pipe still");
+    assert_eq!(reader.join().unwrap().len() as u64, recorded.bytes);
+}
+
 #[test]
 fn every_kept_crash_of_every_world_can_be_watched() {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions");

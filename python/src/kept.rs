@@ -6,7 +6,7 @@ use std::sync::Arc;
 use brakecheck::cli::Failure;
 use brakecheck::crashes::{PictureFormat, Regressions, Replayed, ViewKind, export, picture_as};
 use brakecheck::ego::ReferenceDriver;
-use brakecheck::run_dir::write_file;
+use brakecheck::run_dir::write_output;
 use brakecheck::view;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyString};
@@ -142,7 +142,7 @@ impl RawReplayed {
         let write = move |_: &_| -> Result<(), Failure> {
             if let ViewKind::Picture(format) = kind {
                 let bytes = picture_as(format, &replayed, &ego, beside)?;
-                return Ok(write_file(&output, &bytes)?);
+                return Ok(write_output(&output, &bytes)?);
             }
             let caption = replayed.path.display().to_string();
             let (scenario, episode) = (&replayed.scenario, &replayed.episode);

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 
 use super::answer::{AnswerArgs, PrintedAnswer};
-use super::common::{finished, print_json, table_of};
+use super::common::{NO_START, are_left_out, finished, print_json, table_of};
 use super::failure::{Exit, Failure};
 use super::number_args::{count, positive};
 use super::terminal::{self, Common};
@@ -293,8 +293,7 @@ fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
 fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
     let invalid = merged.summary.invalid_share();
     // Pieces may have run in other processes, so the log of this process has no faults.
-    // A row without a valid start is no result, whatever share is allowed.
-    if args.common.allow_invalid < invalid || invalid >= 1.0 {
+    if args.common.refuses(invalid) {
         return Err(Failure::fault(
             format!(
                 "in a row {:.1} % of the starts are invalid: the ego or the physics failed to run",
@@ -303,10 +302,10 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
             Some("mend the ego, or allow a share with `--allow-invalid SHARE`".to_owned()),
         ));
     }
-    // As in other verbs, a result without an evaluated start must not look like a pass.
-    if merged.summary.rows.iter().all(|row| row.starts == 0) {
+    let rows = merged.summary.rows.iter();
+    if are_left_out(rows.map(|row| [row.starts, row.invalid])) {
         return Err(Failure::fault(
-            "no start was evaluated: from each, the ego fails without an adversary or did not run",
+            NO_START,
             Some("correct the starts of the campaign, or test another ego".to_owned()),
         ));
     }

@@ -136,6 +136,19 @@ pub(super) fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
     Ok(Exit::Fault)
 }
 
+/// Message about rows that are left out as a whole.
+pub(super) const NO_START: &str =
+    "no start was evaluated: the ego fails from all of them without an adversary";
+
+/// Returns whether no row has an evaluated or an invalid start, of which `rows` has the
+/// numbers.
+///
+/// A command without an evaluated start must not look like a pass. Invalid starts are
+/// reported as faults ([`Common::refuses`]).
+pub(super) fn are_left_out(mut rows: impl Iterator<Item = [usize; 2]>) -> bool {
+    rows.all(|[starts, invalid]| starts == 0 && invalid == 0)
+}
+
 /// Returns the exit code of a verb that printed rows.
 pub(super) fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
     // A point from which its own ego fails by itself is a failure, although it is left
@@ -153,15 +166,11 @@ pub(super) fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
     if found && fail_on_counterexample {
         return Exit::Counterexample;
     }
-    // A command without an evaluated start must not look like a pass. Invalid starts are
-    // reported as faults.
-    let is_left_out = |row: &Row| row.starts == 0 && row.invalid == 0;
-    if !found && rows.iter().all(is_left_out) {
-        terminal::complain(
-            "no start was evaluated: the ego fails from all of them without an adversary; \
-             correct the starts of the world (`brakecheck check` has warnings), or test \
-             another ego",
-        );
+    if !found && are_left_out(rows.iter().map(|row| [row.starts, row.invalid])) {
+        terminal::complain(&format!(
+            "{NO_START}; correct the starts of the world (`brakecheck check` has warnings), or \
+             test another ego"
+        ));
         return Exit::Fault;
     }
     Exit::Done
@@ -179,4 +188,34 @@ pub(super) fn finished(otherwise: Exit) -> Exit {
 /// Prints one JSON object on stdout.
 pub(super) fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
     terminal::json(&value.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_without_a_valid_start_is_no_result_whatever_is_allowed() {
+        for (allow_invalid, share, refused) in [
+            (0.0, 0.0, false),
+            (0.0, 0.01, true),
+            (0.2, 0.2, false),
+            (0.2, 0.21, true),
+            (1.0, 0.99, false),
+            (1.0, 1.0, true),
+        ] {
+            let common = Common {
+                allow_invalid,
+                ..Common::default()
+            };
+            assert_eq!(common.refuses(share), refused, "{share} of {allow_invalid}");
+        }
+        for (rows, expected) in [
+            (vec![[0, 0], [0, 0]], true),
+            (vec![[0, 0], [0, 3]], false),
+            (vec![[0, 0], [1, 0]], false),
+        ] {
+            assert_eq!(are_left_out(rows.iter().copied()), expected, "{rows:?}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use super::display::stdout_columns;
 use super::table::{contacts, found, interval, legend, remarks, rows, success, warnings};
 use super::verdict::{ego, percent, severity, strongest, verdict};
 use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
-use crate::report::TextTable;
+use crate::report::{TextTable, known_if};
 use crate::run_dir::{Row, counted};
 
 /// Egos in the table of many egos. The details have all of them.
@@ -154,10 +154,7 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
         [
             sum.ado.to_string(),
             sum.egos.to_string(),
-            match sum.egos {
-                0 => "–".to_owned(),
-                _ => percent(sum.success_rate),
-            },
+            known_if(sum.egos > 0, || percent(sum.success_rate)),
             sum.reference_minus
                 .map_or("–".to_owned(), |(mean, [lo, hi])| {
                     let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);

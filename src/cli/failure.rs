@@ -16,6 +16,8 @@ use crate::visible::{command_line, visible, visible_line};
 const MOST_NOTES: usize = 50;
 /// Characters of a line of a message that are printed.
 const MOST_CHARS: usize = 2000;
+/// Digits in a row that are printed.
+const MOST_DIGITS: usize = 40;
 
 /// The documented exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,11 +139,11 @@ impl Note {
 
 /// A text without control characters and without lines that fill a screen.
 fn printable(text: &str) -> String {
-    let text = visible(text);
+    let text = with_short_numbers(&visible(text));
     // A line of megabytes would hide the message in a terminal.
     // Bytes bound characters, so most texts need no count.
     if text.lines().all(|line| line.len() <= MOST_CHARS) {
-        return text.into_owned();
+        return text;
     }
     let lines = text
         .lines()
@@ -150,6 +152,23 @@ fn printable(text: &str) -> String {
             None => line.to_owned(),
         });
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A text in which the ends of very long numbers are left out.
+fn with_short_numbers(text: &str) -> String {
+    let mut digits = 0;
+    let is_shown = |(at, c): (usize, char)| {
+        digits = if c.is_ascii_digit() { digits + 1 } else { 0 };
+        let next = text[at..].chars().nth(1);
+        let is_last = !next.is_some_and(|it| it.is_ascii_digit());
+        match digits {
+            0..=MOST_DIGITS => Some(c),
+            // Of the digits that are left out, the last one is shown as their sign.
+            _ if is_last => Some('…'),
+            _ => None,
+        }
+    };
+    text.char_indices().filter_map(is_shown).collect()
 }
 
 impl fmt::Display for Note {

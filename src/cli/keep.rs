@@ -15,7 +15,7 @@ use super::progress;
 use super::terminal::{self, Common};
 use crate::crashes::{CrashSelection, Form, KEEP_RUNS, KeepSettings, KeptFiles, case_name};
 use crate::experiment::Watch;
-use crate::report::TextTable;
+use crate::report::{TextTable, known_if};
 use crate::run_dir::About;
 
 /// Default number of kept counterexamples per ego.
@@ -92,11 +92,7 @@ pub(super) fn note_kept(kept: &[KeptFiles], answer: AnswerArgs) {
 fn line(file: &Path, about: &About) -> [String; 6] {
     let severity = about.severity.as_ref();
     let dash = || "–".to_owned();
-    // A share of nothing is unknown and not 0.
-    let of = |part: usize, whole: usize| match whole {
-        0 => dash(),
-        _ => format!("{part} of {whole}"),
-    };
+    let of = |part: usize, whole: usize| known_if(whole > 0, || format!("{part} of {whole}"));
     let drivers = about
         .preventability
         .as_ref()

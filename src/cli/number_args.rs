@@ -30,13 +30,13 @@ pub(super) fn job_count() -> impl TypedValueParser<Value = u16> {
 pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value = u64> {
     move |text: &str| {
         let (least, most) = (range.start(), range.end());
-        let value = whole_number(text).ok_or_else(|| match *most {
-            u64::MAX => "a whole number, such as 300, 1_000, 300k or 1.5M".to_owned(),
-            // An example with `k` must itself be allowed.
-            most if most >= 300_000 => {
-                format!("a whole number from {least} to {most}, such as 300, 1_000 or 300k")
+        let value = whole_number(text).ok_or_else(|| {
+            let range = format!("a whole number from {least} to {most}");
+            match *most {
+                // An example with `k` must itself be allowed.
+                300_000.. => format!("{range}, such as 300, 1_000, 300k or 1.5M"),
+                _ => range,
             }
-            most => format!("a whole number from {least} to {most}"),
         })?;
         if range.contains(&value) {
             Ok(value)

@@ -29,6 +29,7 @@ passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
 no answer      points at which an ado breaks its rule first: neither passed nor failed
 did not run    points at which the ego or the physics failed: neither passed nor failed
+no result      every point of an ego that is not deterministic: `random`, `clock` or `kept_state`
 varied         passed points at which a lawful variation makes the ego fail: an `!` at the point
 preventable    of those, points at which a human model of UN R157 (CC_LATCHED or FSM) avoids it";
 
@@ -183,9 +184,9 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> String {
 /// The first points at which an ego fails, also under a variation, or did not run.
 fn failing(world: &Scenario, tables: &[PointsTable]) -> String {
     let is_shown = |nth: usize| {
-        let mut all = tables.iter().map(|table| &table.points[nth]);
+        let mut all = tables.iter();
         // The mark of a failing variation makes a point worth showing, too.
-        all.any(|point| outcome(point) != "passed")
+        all.any(|table| outcome(table, &table.points[nth]) != "passed")
     };
     points_table(world, tables, is_shown, SHOWN)
 }
@@ -217,7 +218,9 @@ fn points_table(
     let more = points.len().saturating_sub(most);
     let rows = points.into_iter().take(most).map(|(nth, point)| {
         let values = point.start.values().map(|value| format!("{:.3}", value));
-        let outcomes = tables.iter().map(move |table| outcome(&table.points[nth]));
+        let outcomes = tables
+            .iter()
+            .map(move |table| outcome(table, &table.points[nth]));
         let cells = std::iter::once(point.point.to_string());
         cells.chain(values).chain(outcomes)
     });
@@ -233,7 +236,7 @@ fn points_table(
 }
 
 /// Formats the outcome of a point in a few words.
-fn outcome(point: &PointResult) -> String {
+fn outcome(table: &PointsTable, point: &PointResult) -> String {
     let failure = point.failure.as_ref();
     match point.outcome {
         PointOutcome::Passed => {
@@ -249,6 +252,7 @@ fn outcome(point: &PointResult) -> String {
             None => "failed".to_owned(),
         },
         PointOutcome::NoAnswer => "no answer".to_owned(),
+        PointOutcome::Invalid if table.voided_by().is_some() => "no result".to_owned(),
         PointOutcome::Invalid => "did not run".to_owned(),
         PointOutcome::NotReached => "–".to_owned(),
     }
@@ -266,9 +270,12 @@ fn in_all(tables: &[PointsTable]) -> String {
             of(table.passed),
             of(table.failed),
             of(table.no_answer),
-            of(table.invalid),
+            match table.voided_by() {
+                Some(fault) => format!("no result: {}", fault.kind.word()),
+                None => of(table.invalid),
+            },
             table.strayed.map_or("–".to_owned(), |count| {
-                format!("{count} of {}", table.passed)
+                format!("{count} of {}", table.searched())
             }),
             table
                 .strayed

@@ -189,9 +189,7 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
         ));
     }
     let mut rows = report.tested.iter().map(|tested| &tested.row);
-    // A row without a valid start is no result, whatever share is allowed.
-    let is_unheeded = |share: f64| args.common.allow_invalid < share || share >= 1.0;
-    let row = rows.find(|row| is_unheeded(row.invalid_share()))?;
+    let row = rows.find(|row| args.common.refuses(row.invalid_share()))?;
     Some(Failure::fault(
         format!(
             "{} of {} of `{}`, {} are invalid: its ego failed to run",

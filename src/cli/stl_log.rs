@@ -13,7 +13,7 @@ use super::failure::{Exit, Failure};
 use super::stl::{StlArgs, constants, placed, refuse_unused};
 use super::terminal;
 use super::{log, log_reading};
-use crate::report::recorded_rules_junit;
+use crate::report::{known_if, recorded_rules_junit};
 use crate::run_dir::{make_dir, write_file, write_output};
 
 /// Recording with the results of the rules on it.
@@ -199,13 +199,7 @@ impl CheckedRecording {
         ))?;
         let rules = self.results.iter().map(|it| {
             // A rule that no row answers has no rate.
-            let known = |text: String| {
-                if it.is_evaluated() {
-                    text
-                } else {
-                    "–".to_owned()
-                }
-            };
+            let known = |text: String| known_if(it.is_evaluated(), || text);
             [
                 it.rule.clone(),
                 known(format!("{:.4}", 100.0 * it.share())),

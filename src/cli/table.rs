@@ -4,7 +4,7 @@ use super::answer::PrintedAnswer;
 use super::display::stdout_columns;
 use super::verdict::{bound_in_words, ego, percent, severity, verdict};
 use crate::evaluation::{AdoEffect, AdoFinding};
-use crate::report::TextTable;
+use crate::report::{TextTable, known_if};
 use crate::run_dir::{AdversaryId, Row, counted};
 
 /// Legend of the columns of rows, after the line on successes.
@@ -285,11 +285,7 @@ pub(super) fn contacts(rows: &[Row]) -> String {
 
 /// Formats the share of starts on which a rule was broken.
 fn fouls(row: &Row) -> String {
-    match row.starts {
-        // As for the successes, a share of no starts is unknown.
-        0 => "–".to_owned(),
-        _ => percent(row.foul_rate),
-    }
+    known_if(row.starts > 0, || percent(row.foul_rate))
 }
 
 /// Bounds of interrupted rows, a line for each.

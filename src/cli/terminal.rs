@@ -78,6 +78,12 @@ impl Common {
         let log = || FaultLog::allowing(self.allow_invalid);
         self.faults.get_or_init(log).clone()
     }
+
+    /// Returns whether a row with this share of invalid starts is no result.
+    pub(super) fn refuses(&self, invalid_share: f64) -> bool {
+        // A row without a valid start is none, whatever share is allowed.
+        invalid_share > self.allow_invalid || invalid_share >= 1.0
+    }
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -3,6 +3,7 @@
 use super::answer::PrintedAnswer;
 use super::common::table_of;
 use crate::evaluation::TheoremsChecked;
+use crate::report::known_if;
 use crate::theorems::{
     CarryOver, Forecast, GridTheorems, Nearby, ReplayedOnGrid, Theorem1, Theorem2, Theorem3,
     TheoremOutcome,
@@ -66,11 +67,9 @@ fn word(outcome: &TheoremOutcome) -> String {
 }
 
 fn of(part: u64, whole: u64) -> String {
-    match whole {
-        // A share of no pairs is not 0 %.
-        0 => "–".to_owned(),
-        _ => format!("{:.2} %", 100.0 * part as f64 / whole as f64),
-    }
+    known_if(whole > 0, || {
+        format!("{:.2} %", 100.0 * part as f64 / whole as f64)
+    })
 }
 
 fn nearby_starts(checked: &Theorem1) -> String {

@@ -1,5 +1,6 @@
 //! Rows in one to three sentences: the strongest adversary, and the starts.
 
+use crate::report::known_if;
 use crate::run_dir::{AdversaryId, Row, counted};
 
 /// Returns the verdict of rows on their egos, of which the strongest adversary decides.
@@ -135,10 +136,7 @@ pub(super) fn ego(row: &Row) -> String {
 
 /// Returns a share in percent.
 pub(super) fn percent(share: f64) -> String {
-    if share.is_nan() {
-        return "–".to_owned();
-    }
-    format!("{:.1} %", 100.0 * share)
+    known_if(!share.is_nan(), || format!("{:.1} %", 100.0 * share))
 }
 
 /// Returns the world, the starts, and those that are left out.

@@ -607,71 +607,96 @@ fn an_ego_that_alternates_gives_no_result_and_its_crash_is_kept_for_good() {
     }
 }
 
+/// A world with repeats, and a program as its ego.
+struct RepeatedWorld {
+    dir: tempfile::TempDir,
+    world: String,
+    ego: String,
+}
+
+impl RepeatedWorld {
+    fn new(program: &Fake<'_>, repeats: &str) -> RepeatedWorld {
+        let dir = scratch();
+        let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
+        let text = text.replacen("plant: Rigid,", &format!("plant: Kinematic, {repeats},"), 1);
+        let world = path(&dir, "repeated.ron");
+        std::fs::write(&world, text).expect("written");
+        let ego = change(&dir, 0, &program.script(), "moody");
+        RepeatedWorld { dir, world, ego }
+    }
+
+    fn with_ego<'a>(&'a self, words: &[&'a str]) -> std::process::Output {
+        let of_ego = [
+            "--ego",
+            &self.ego,
+            "--allow-programs",
+            "--jobs",
+            "1",
+            "--json",
+        ];
+        brakecheck(&[words, &of_ego].concat())
+    }
+
+    /// Returns the row of the constant ado, from an evaluation with this exit code.
+    fn row(&self, exit: i32) -> Value {
+        let run = path(&self.dir, "run");
+        let train = ["train", &self.world, "-o", &run, "--decisions", "2000"];
+        let trained = brakecheck(&[&train[..], &["--starts", "6", "--json"]].concat());
+        assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+        let eval = self.with_ego(&["eval", &run, "--starts", "12", "--ado", "constant"]);
+        assert_eq!(code(&eval), exit, "{}", stderr(&eval));
+        json(&eval)["rows"][0].clone()
+    }
+}
+
+#[test]
+fn repeats_play_a_random_ego_several_times_and_gate_on_some_of_its_runs() {
+    // It coasts or brakes by a draw at the start, and adds a draw of up to 4 m/s² at each
+    // step: without it, runs that differ by one draw alone could look like those of a clock.
+    let random = Fake {
+        reset: &format!("w=$(($(od -An -N2 -tu2 /dev/urandom)+0)); r=$((w%2)); {READY}"),
+        step: "w=$(((w*1103515245+12345)%2147483648)); echo \
+               \"{\\\"id\\\":$id,\\\"accel_mps2\\\":$((w/65536%801-400*(1+r)))e-2}\"",
+        ..SOUND
+    };
+    // It coasts into a braking leader in about every other run: a failure where one
+    // of four is enough, and more rarely where three are needed.
+    let [any, most] = ["repeats: 4", "repeats: (runs: 4, gate: 3)"]
+        .map(|repeats| RepeatedWorld::new(&random, repeats).row(0));
+    for row in [&any, &most] {
+        assert_eq!(row["repeats"]["runs"], 4, "{row}");
+        assert_eq!(row["sims_per_start"], 4.0, "{row}");
+        let differing = row["repeats"]["differing"].as_u64().expect("a number");
+        assert!(differing > 0, "{row}");
+        let share = row["repeats"]["failing_share"].as_f64().expect("a share");
+        assert!(share > 0.0 && share < 1.0, "{row}");
+    }
+    let (any, most) = (&any["successes"], &most["successes"]);
+    assert!(most.as_u64() < any.as_u64(), "{most} of {any}");
+}
+
 #[test]
 fn repeats_are_played_and_cure_no_state_over_resets() {
-    let dir = scratch();
-    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
     let moody = Fake {
         reset: &format!("r=$((1-${{r:-0}})); {READY}"),
         step: "echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":$((r*-6))}\"",
         ..SOUND
     };
-    let ego = change(&dir, 0, &moody.script(), "moody");
-    let repeated = |repeats: &str, name: &str| {
-        let world = path(&dir, &format!("{name}.ron"));
-        let text = text.replacen("plant: Rigid,", &format!("plant: Kinematic, {repeats},"), 1);
-        std::fs::write(&world, text).expect("written");
-        let search = brakecheck(&[
+    // It coasts into a braking leader in every other run, so a start has no answer.
+    for repeats in ["repeats: 4", "repeats: (runs: 4, gate: 3)"] {
+        let repeated = RepeatedWorld::new(&moody, repeats);
+        let search = [
             "search",
-            &world,
+            &repeated.world,
             "--method",
             "hold",
             "--budget",
             "2",
-            "--starts",
-            "6",
-            "--ego",
-            &ego,
-            "--allow-programs",
-            "--jobs",
-            "1",
-            "--json",
-        ]);
+        ];
+        let search = repeated.with_ego(&[&search[..], &["--starts", "6"]].concat());
         // Repeats do not cure state over resets.
         assert_eq!(code(&search), 3, "{}", stderr(&search));
-        let run = path(&dir, name);
-        let trained = brakecheck(&[
-            "train",
-            &world,
-            "-o",
-            &run,
-            "--decisions",
-            "2000",
-            "--starts",
-            "6",
-            "--json",
-        ]);
-        assert_eq!(code(&trained), 0, "{}", stderr(&trained));
-        let eval = brakecheck(&[
-            "eval",
-            &run,
-            "--starts",
-            "12",
-            "--ado",
-            "constant",
-            "--ego",
-            &ego,
-            "--allow-programs",
-            "--jobs",
-            "1",
-            "--json",
-        ]);
-        assert_eq!(code(&eval), 3, "{}", stderr(&eval));
-        json(&eval)["rows"][0].clone()
-    };
-    // It coasts into a braking leader in every other run, so a start has no answer.
-    for repeats in ["repeats: 4", "repeats: (runs: 4, gate: 3)"] {
-        let row = repeated(repeats, &format!("moody{}", repeats.len()));
+        let row = repeated.row(3);
         assert_eq!(row["sims_per_start"], 4.0, "{row}");
         assert_eq!(
             (&row["starts"], &row["successes"]),

@@ -6,7 +6,7 @@ use super::root;
 /// Words of a command line, and parts of the message.
 type Mistake = (&'static str, &'static [&'static str]);
 
-const MISTAKES: [Mistake; 34] = [
+const MISTAKES: [Mistake; 35] = [
     ("campaign run plan --piece -1", &["a whole number from 0"]),
     ("sarch acc", &["'sarch'", "'search'", "`brakecheck --help`"]),
     (
@@ -32,6 +32,14 @@ const MISTAKES: [Mistake; 34] = [
     ("search acc --plant ridgid", &["'ridgid'", "'rigid'"]),
     ("search acc --starts 0", &["'0'", "--starts"]),
     ("search acc --starts many", &["'many'", "300k"]),
+    (
+        "search acc --seed 18446744073709551616",
+        &[
+            "'18446744073709551616'",
+            "--seed",
+            "from 0 to 18446744073709551615",
+        ],
+    ),
     ("search acc --jobs 0", &["'0'", "--jobs", "1..=1024"]),
     ("search acc --ego", &["--ego", "a value is required"]),
     (
@@ -176,4 +184,23 @@ fn a_kept_file_that_is_cut_off_is_damaged() {
     std::fs::write(dir.path().join("cut.ron"), "(name: 3)").expect("written");
     let output = run_with(dir.path(), &[], &["replay", "cut.ron"]);
     assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
+#[test]
+fn a_number_of_many_digits_is_shortened_beside_its_range() {
+    let digits = "9".repeat(300);
+    let shown = format!("'{}…'", "9".repeat(40));
+    for (option, range) in [
+        ("--seed", "from 0 to 18446744073709551615"),
+        ("--starts", "from 1 to 10000000"),
+        ("--jobs", "from 1 to 1024"),
+    ] {
+        let words = ["search", "acc", option, &digits];
+        let output = run_with(root(), &[("COLUMNS", "200")], &words);
+        let said = stderr(&output);
+        assert_eq!(code(&output), 2, "{option}: {said}");
+        for part in [&*shown, option, range] {
+            assert!(said.contains(part), "{option}, `{part}`: {said}");
+        }
+    }
 }

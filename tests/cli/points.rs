@@ -75,6 +75,14 @@ fn an_imported_scene_tests_the_program_at_every_point() {
     let table = &json(&eval)["points"][0];
     let [passed, failed, invalid] = ["passed", "failed", "invalid"].map(|it| number(&table[it]));
     assert_eq!((passed + failed, invalid), (0, 25), "{table}");
+    let eval = brakecheck(&with_program(&["eval", &world], &random));
+    let said = String::from_utf8_lossy(&eval.stdout).into_owned();
+    let why = "no result at any of 25 points: the ego depends on more than the episode (random)";
+    assert!(
+        said.contains(why) && said.contains("no result: random"),
+        "{said}"
+    );
+    assert!(!said.contains("25 did not run"), "{said}");
 }
 
 #[test]

@@ -217,3 +217,23 @@ fn an_episode_that_is_decided_at_its_start_is_counted() {
     );
     assert!(said.contains("0 decisions, 0 messages"), "{said}");
 }
+
+#[test]
+fn a_simulator_that_reads_no_answers_ends_it_with_3() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_brakecheck"))
+        .args(["serve", "acc"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    drop(child.stdout.take());
+    let mut stdin = child.stdin.take().expect("a pipe");
+    // The answer to the message has no reader.
+    let _ = stdin.write_all(&lines(&[json!({ "hello": { "protocol": 1 } })]));
+    drop(stdin);
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    let said = stderr(&output);
+    assert!(said.contains("the other side is gone"), "{said}");
+}

@@ -192,6 +192,17 @@ fn a_replay_ends_two_seconds_after_the_contact() {
             let last_s = way.last().unwrap()[0];
             assert!((last_s - end_s).abs() < 1e-9, "{}", exported.name());
             assert!(way.windows(2).all(|pair| pair[0][0] < pair[1][0]));
+            // A player with steps of 0.01 s has one in which the bodies touch.
+            if let Some(contact_s) = contact_s {
+                let at = way.iter().position(|it| (it[0] - contact_s).abs() < 1e-9);
+                let [touch, held] = [0, 1].map(|next| way[at.unwrap() + next]);
+                assert!(
+                    (held[0] - touch[0] - 0.01).abs() < 1e-8,
+                    "{}",
+                    exported.name()
+                );
+                assert_eq!(touch[1..], held[1..], "{}", exported.name());
+            }
         }
         let stop = exported
             .replay

@@ -1,5 +1,7 @@
 //! Bicyclists: speeds, brakes, lean, balance and contacts, on both plants.
 
+use brakecheck_sim::sim::Push;
+
 use super::*;
 
 /// From the rear axle, which follows the path, to the front.
@@ -59,6 +61,27 @@ fn on_ice_neither_brakes_nor_lean_exceed_the_grip() {
         let mut cyclist = Alone::new(kind, ice, "bicyclist", 6.0);
         let leaning = cyclist.run(drive(0.0, 1.0), 2.0);
         close(lateral_mps2(&leaning[30]), grip_mps2, 1e-6, "lean");
+    }
+}
+
+#[test]
+fn a_changed_ground_changes_the_grip_of_a_bicyclist() {
+    for kind in KINDS {
+        for (first, second) in [(1.0, 0.1), (0.1, 0.2), (0.2, 0.05)] {
+            let mut cyclist = Alone::new(kind, Ground { friction: first }, "bicyclist", 8.0);
+            // On a slope, on which the load share of the push remains.
+            let load_share = 0.9;
+            let push = Push {
+                load_share,
+                ..Push::NONE
+            };
+            cyclist.plant.push(BodyId(0), push);
+            cyclist.run(drive(0.0, 0.0), 0.5);
+            cyclist.plant.set_ground(Ground { friction: second });
+            let braking = cyclist.run(drive(-4.0, 0.0), 1.0);
+            let grip_mps2 = second * load_share * GRAVITY_MPS2;
+            close(braking[9].accel_mps2, -grip_mps2, 1e-6, "deceleration");
+        }
     }
 }
 

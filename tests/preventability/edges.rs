@@ -95,6 +95,29 @@ fn a_third_car_that_comes_towards_the_ego_is_no_reason_to_react() {
     assert_eq!(known(-0.4).handover_s, Some(0.0));
 }
 
+/// A driver takes over when it sees the other, as the ego does in the replay.
+#[test]
+fn the_handover_waits_for_the_range_of_the_sensors() {
+    // A gap of 50 m that closes at 10 m/s.
+    let ahead = Car {
+        x_m: 54.54,
+        speed_mps: 10.0,
+        ..CAR
+    };
+    let handover_s = |world: &Scenario| {
+        let mut replayer = world.replayer().expect("driven");
+        let known = replayer.assess(&motion([CAR, ahead, FAR], 4.9, ["ego", "ado"]), None);
+        known.handover_s.expect("a handover")
+    };
+    let far = lanes(0.9);
+    assert_eq!(handover_s(&far), 0.0);
+    let near = "sensors: (range_m: 30.2), plant: Kinematic";
+    let near = far.text().replacen("plant: Kinematic", near, 1);
+    let near = Scenario::parse("near.ron", &near).expect("sound");
+    // At 2.0 s the gap is 30 m.
+    assert!((handover_s(&near) - 2.0).abs() < 1e-9);
+}
+
 /// The cut-in is that of the agent that the ego touches, whichever it is.
 #[test]
 fn a_cut_in_is_that_of_the_car_that_was_hit() {

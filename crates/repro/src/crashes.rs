@@ -22,6 +22,7 @@ use brakecheck::training::TrainError;
 use brakecheck::world::{Change, ChangeError, Scenario};
 use brakecheck_crashes::crashes::perturbation_robustness::persistence;
 use brakecheck_ego::ego::reference::CcLatchedDriver;
+use brakecheck_report::report::table::known_if;
 
 /// Competent driver of UN R157 that observes the next lane and keeps braking.
 const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
@@ -312,10 +313,10 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
 }
 
 fn line(world: &str, row: &CrashRow) -> [String; 9] {
-    // A share of no crashes is undefined.
-    let percent = |part: usize, whole: usize| match whole {
-        0 => "–".to_owned(),
-        _ => format!("{:.1} %", 100.0 * part as f64 / whole as f64),
+    let percent = |part: usize, whole: usize| {
+        known_if(whole > 0, || {
+            format!("{:.1} %", 100.0 * part as f64 / whole as f64)
+        })
     };
     let of = |part: Option<usize>, whole: usize| {
         part.map_or("–".to_owned(), |part| percent(part, whole))

@@ -1,7 +1,7 @@
 //! ISO 8601 instants.
 
 use jiff::Timestamp;
-use jiff::civil::DateTime;
+use jiff::civil::{Date, DateTime};
 use jiff::tz::TimeZone;
 
 /// Returns the seconds from 1970 to an ISO 8601 instant, as whole seconds and a rest.
@@ -23,9 +23,46 @@ pub fn parse_iso(text: &str) -> Option<(i64, f64)> {
     Some((instant.as_second(), rest))
 }
 
+/// Returns the range of the month or the day of a date that does not exist.
+///
+/// `None`: the date exists, or the text does not begin with one.
+pub fn calendar_range(text: &str) -> Option<String> {
+    let mut parts = text.trim().get(..10)?.splitn(3, '-');
+    let mut number = || parts.next()?.parse::<i16>().ok();
+    let (year, month, day) = (number()?, number()?, number()?);
+    if !(1..=12).contains(&month) {
+        return Some("a year has the months 1 to 12".to_owned());
+    }
+    let first = Date::new(year, i8::try_from(month).ok()?, 1).ok()?;
+    let days = first.days_in_month();
+    let exists = (1..=i16::from(days)).contains(&day);
+    (!exists).then(|| format!("{year}-{month:02} has the days 1 to {days}"))
+}
+
+/// Returns [`calendar_range`] as the end of a message, empty if the date exists.
+pub fn because_of_calendar(text: &str) -> String {
+    calendar_range(text).map_or(String::new(), |range| format!(": {range}"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_date_that_does_not_exist_names_the_days_of_its_month() {
+        for (text, range) in [
+            ("2024-02-30T00:00:00", Some("2024-02 has the days 1 to 29")),
+            ("2023-02-29 00:00:00Z", Some("2023-02 has the days 1 to 28")),
+            ("2024-04-00T00:00:00", Some("2024-04 has the days 1 to 30")),
+            ("2024-13-01T00:00:00", Some("a year has the months 1 to 12")),
+            ("2024-02-29T00:00:00", None),
+            ("12345678901234567890", None),
+            ("0.1", None),
+            ("äöüäöüäöüäöü", None),
+        ] {
+            assert_eq!(calendar_range(text).as_deref(), range, "{text}");
+        }
+    }
 
     #[test]
     fn instants_count_from_1970_in_utc() {

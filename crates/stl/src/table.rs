@@ -10,7 +10,7 @@ use std::io::{BufRead, Chain, Cursor, Read};
 
 use csv::{ByteRecord, Terminator};
 
-pub use crate::instant::parse_iso;
+pub use crate::instant::{because_of_calendar, calendar_range, parse_iso};
 
 /// Error in the notation of a table.
 #[derive(Debug, thiserror::Error)]
@@ -177,7 +177,8 @@ const MARK: &[u8] = b"\xef\xbb\xbf";
 /// names.
 fn read_head(text: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
-    while head.len() < MOST_HEAD && !shows_notation(&head) {
+    let mut scan = HeadScan::default();
+    while head.len() < MOST_HEAD && !scan.shows_notation(&head) {
         let read = text.fill_buf()?;
         if read.is_empty() {
             break;
@@ -189,20 +190,47 @@ fn read_head(text: &mut impl BufRead) -> std::io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// Returns true if the names are there as a whole, and enough of the line after them.
-fn shows_notation(head: &[u8]) -> bool {
-    let text = String::from_utf8_lossy(head.strip_prefix(MARK).unwrap_or(head));
-    let is_before_names = |line: &&str| {
-        let line = line.trim_start();
-        line.starts_with('#') || line.starts_with("sep=")
-    };
-    let mut lines = lines_of(&text).skip_while(is_before_names);
-    // The names are complete where another line begins.
-    lines.nth(1).is_some_and(|row| {
-        // Only its values distinguish a row that begins with `#` from a comment.
-        let is_complete = lines.next().is_some() || text.ends_with(['\n', '\r']);
-        is_complete || !row.starts_with('#')
-    })
+/// Search for the names in a growing text, which goes on where it ended.
+///
+/// A new search for each of many short reads would take time with the square of the header.
+#[derive(Default)]
+struct HeadScan {
+    /// Number of bytes that were looked at.
+    scanned: usize,
+    /// First byte of the line that is not complete.
+    line: usize,
+    /// True if the names are complete.
+    has_names: bool,
+}
+
+impl HeadScan {
+    /// Returns true if the names are there as a whole, and enough of the line after them.
+    fn shows_notation(&mut self, head: &[u8]) -> bool {
+        while let Some(&byte) = head.get(self.scanned) {
+            let at = self.scanned;
+            self.scanned += 1;
+            if matches!(byte, b'\n' | b'\r') {
+                let line = &head[self.line..at];
+                let is_first = std::mem::replace(&mut self.line, at + 1) == 0;
+                let mark = if is_first { MARK } else { b"" };
+                let text = String::from_utf8_lossy(line.strip_prefix(mark).unwrap_or(line));
+                let line = text.trim_start();
+                if line.is_empty() {
+                    continue;
+                }
+                // Only its values distinguish a row that begins with `#` from a comment,
+                // so it has to be complete.
+                if self.has_names {
+                    return true;
+                }
+                self.has_names = !line.starts_with('#') && !line.starts_with("sep=");
+            } else if self.has_names && byte.is_ascii_graphic() && head[self.line] != b'#' {
+                // The names are complete where another line begins.
+                return true;
+            }
+        }
+        false
+    }
 }
 
 /// Returns the lines that are not blank.
@@ -401,6 +429,22 @@ mod tests {
         }
         let pipe = BufReader::with_capacity(1, &b"id,x\n#1,2\n#2,3\n"[..]);
         assert_eq!(read(pipe).expect("rows").1.len(), 2);
+    }
+
+    #[test]
+    fn a_long_header_is_searched_once_however_short_the_reads_are() {
+        let names = (0..140_000).map(|i| format!("c{i}"));
+        let names = names.collect::<Vec<String>>().join(",");
+        // With a search per read this would take minutes.
+        let text = format!("{names}\n1{}\n", ",1".repeat(139_999));
+        let pipe = BufReader::with_capacity(1, text.as_bytes());
+        let (read_names, rows) = read(pipe).expect("a table");
+        assert_eq!((read_names.len(), rows.len()), (140_000, 1));
+        let mut scan = HeadScan::default();
+        assert!(!scan.shows_notation(b"t,x\n"));
+        // The names are known, so what is written in their place matters no more.
+        assert!(scan.shows_notation(b"#,#\n0"));
+        assert_eq!(scan.scanned, 5);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Errors in a file of recorded traffic.
 
+use brakecheck_stl::table::because_of_calendar;
+
 use crate::problem::{FilePlace, FileProblem};
 
 /// Error while reading a recording.
@@ -77,7 +79,10 @@ pub enum ReadError {
         text: String,
     },
     /// A field is not an ISO 8601 instant.
-    #[error("`{file}`, line {line}, column `{column}`: `{text}` is not an ISO 8601 instant")]
+    #[error(
+        "`{file}`, line {line}, column `{column}`: `{text}` is not an ISO 8601 instant{}",
+        because_of_calendar(text)
+    )]
     Instant {
         /// Name of the file.
         file: String,
@@ -88,8 +93,20 @@ pub enum ReadError {
         /// Text of the field.
         text: String,
     },
+    /// A number is no time of any recording.
+    #[error("`{file}`, line {line}, column `{column}`: {value:e} is no time from -1e21 to 1e21")]
+    Time {
+        /// Name of the file.
+        file: String,
+        /// Line of the row, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// Time in the unit of the file.
+        value: f64,
+    },
     /// A position is nowhere on Earth.
-    #[error("`{file}`, line {line}, column `{column}`: {value} is farther than 100,000 km")]
+    #[error("`{file}`, line {line}, column `{column}`: {value:e} is farther than 100,000 km")]
     Far {
         /// Name of the file.
         file: String,
@@ -196,6 +213,7 @@ impl ReadError {
                 "write 2024-10-07T06:00:00.05Z, or map the time as Seconds, Milliseconds or Frames"
                     .to_owned()
             }
+            ReadError::Time { .. } => "remove the row, or map another column".to_owned(),
             ReadError::Far { .. } => "remove the row, or map the position in its unit".to_owned(),
             ReadError::Size { .. } => {
                 "remove the rows, or map the size as Fixed(length_m: 4.5, width_m: 1.8)".to_owned()

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::{BufRead, Read};
 
-use brakecheck_stl::table::{Decimals, DelimitedTable, parse_iso};
+use brakecheck_stl::table::{Decimals, DelimitedTable, calendar_range, parse_iso};
 use csv::ByteRecord;
 
 use crate::column_map::{ClassColumns, ColumnMap, Reference, SizeColumns, TimeColumn, YAxis};
@@ -19,6 +19,9 @@ use crate::xosc_entity::class_of_words;
 
 /// Length of the longest road user, beyond that of any train, and width of the widest.
 const MOST_SIZE_M: [f64; 2] = [1000.0, 20.0];
+
+/// Largest number of a time in any unit. Nanoseconds since 1970 stay far below it.
+const MOST_TIME: f64 = 1e21;
 
 /// Name of maps of usual names.
 const BY_NAME: &str = "by name";
@@ -450,7 +453,8 @@ impl<'a> RowParser<'a> {
         // Only the first row decides, so that a file does not mix dates and
         // numbers.
         if self.origin.is_none() && matches!(self.map.time, TimeColumn::Seconds(_)) {
-            self.is_iso = iso_of(field).is_some();
+            // A date that does not exist is a wrong instant and not a wrong number.
+            self.is_iso = iso_of(field).is_some() || is_no_date(field);
         }
         let (whole_s, rest) = if self.is_iso {
             iso_of(field).ok_or_else(|| ReadError::Instant {
@@ -460,7 +464,16 @@ impl<'a> RowParser<'a> {
                 text: shown(field),
             })?
         } else {
-            (0, self.number(record, self.at.time)?)
+            let value = self.number(record, self.at.time)?;
+            if value.abs() > MOST_TIME {
+                return Err(ReadError::Time {
+                    file: self.file.to_owned(),
+                    line: line_of(record),
+                    column: self.map.time.column().to_owned(),
+                    value,
+                });
+            }
+            (0, value)
         };
         let origin = self.origin.get_or_insert(Origin {
             whole_s,
@@ -492,6 +505,11 @@ impl<'a> RowParser<'a> {
                 text: shown(field),
             })
     }
+}
+
+/// Returns whether a field is a date with a month or a day that does not exist.
+fn is_no_date(field: &[u8]) -> bool {
+    std::str::from_utf8(field).is_ok_and(|text| calendar_range(text).is_some())
 }
 
 fn iso_of(field: &[u8]) -> Option<(i64, f64)> {

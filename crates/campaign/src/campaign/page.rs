@@ -9,7 +9,7 @@ use super::merge::{Merged, page_of};
 use super::plan::Unit;
 use super::regulation_boundary;
 use super::summary::SummaryRow;
-use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable};
+use crate::report::{CampaignPage, CellState, MapCell, StartMap, TextTable, known_if};
 use crate::run_dir::{counted, write_file};
 use crate::stats::StartOutcome;
 
@@ -177,8 +177,7 @@ impl SummaryRow {
         };
         let [lo, hi] = self.ci95.map(|share| 100.0 * share);
         let dash = || "–".to_owned();
-        // A rate over no start is unknown, and its 0 would look safe.
-        let known = |text: String| if self.starts > 0 { text } else { dash() };
+        let known = |text: String| known_if(self.starts > 0, || text);
         // The row keeps rates, and readers of a table compare whole starts.
         let count = |rate: f64| known(format!("{:.0}", rate * self.starts as f64));
         [

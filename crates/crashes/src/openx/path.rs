@@ -9,6 +9,8 @@ use crate::xml::XmlElement;
 
 /// Smallest distance of two instants in seconds, below the step of every player.
 const ONE_INSTANT_S: f64 = 1e-6;
+/// Time in seconds for which the pose of the contact is held, a usual step of players.
+const HELD_S: f64 = 0.01;
 
 /// Pose of the reference point of a body at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +67,9 @@ pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64
 }
 
 /// Appends the vertices of one agent after the contact, one per frame.
+///
+/// The pose of the contact is held first. Bodies part again within a step, so a player
+/// that compares them at its own steps would miss the contact.
 pub(super) fn go_on(
     vertices: &mut Vec<Vertex>,
     after: &FilmAfterContact,
@@ -73,9 +78,18 @@ pub(super) fn go_on(
 ) {
     // A frame has the middle of the body, and a vertex its reference point.
     let ahead_m = body.half_length_m() - reference_behind_front_m(body);
+    let held_until_s = nanoseconds(after.contact_s + HELD_S);
+    vertices.extend(vertices.last().copied().map(|contact| Vertex {
+        time_s: held_until_s,
+        ..contact
+    }));
     for (number, frame) in after.frames.iter().enumerate() {
+        let time_s = after.time_s(number);
+        if time_s < held_until_s + ONE_INSTANT_S {
+            continue;
+        }
         let vertex = Vertex {
-            time_s: after.time_s(number),
+            time_s,
             ..placed(&frame.placements[agent], ahead_m)
         };
         push_unwrapped(vertices, vertex);
@@ -130,7 +144,12 @@ fn vertex(state: &BodyState, time_s: f64, behind_m: f64) -> Vertex {
 /// Rounding removes the digits that binary fractions add, such as
 /// 0.15000000000000002.
 pub(super) fn sample_time_s(sample: usize, sample_s: f64) -> f64 {
-    (sample as f64 * sample_s * 1e9).round() / 1e9
+    nanoseconds(sample as f64 * sample_s)
+}
+
+/// Rounds a time in seconds to 1 ns.
+fn nanoseconds(time_s: f64) -> f64 {
+    (time_s * 1e9).round() / 1e9
 }
 
 impl Vertex {
@@ -156,7 +175,7 @@ impl Vertex {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{BodySample, ContactEvent, Start};
+    use crate::scene::{AfterContact, BodySample, ContactEvent, Frame, Start};
 
     fn sample(heading_rad: f64) -> BodySample {
         let pose = Pose {
@@ -227,5 +246,41 @@ mod tests {
         assert_eq!(times(None), [0.0, 0.05, 0.1]);
         // At the sample itself, the contact gives no second vertex.
         assert_eq!(times(Some(0.05)), [0.0, 0.05]);
+    }
+
+    #[test]
+    fn the_pose_of_the_contact_is_held_for_a_step_of_players() {
+        let body = Body::shipped("sedan").expect("shipped").expect("a body");
+        let moved = |x_m: f64| Placement::upright([x_m, 0.0, 0.7], 0.0);
+        // Samples longer and shorter than the step.
+        for (sample_s, times_s) in [
+            (0.05, vec![0.0625, 0.0725, 0.1125]),
+            (0.005, vec![0.0625, 0.0725]),
+        ] {
+            let mut way = turning(&[0.0; 3], Some(0.0625));
+            let before = way.clone();
+            let after = FilmAfterContact {
+                contact_s: 0.0625,
+                sample_s,
+                motion: AfterContact {
+                    duration_s: sample_s,
+                    collisions: Vec::new(),
+                    pushed: Vec::new(),
+                },
+                frames: vec![Frame {
+                    placements: vec![moved(5.0)],
+                    phases: Vec::new(),
+                    seen: None,
+                }],
+            };
+            go_on(&mut way, &after, 0, &body);
+            assert_eq!(way[..before.len()], before);
+            let contact = before[before.len() - 1];
+            let time_s = contact.time_s;
+            let held = way[before.len()];
+            assert_eq!(Vertex { time_s, ..held }, contact);
+            let ends = way[before.len() - 1..].iter().map(|it| it.time_s);
+            assert_eq!(ends.collect::<Vec<f64>>(), times_s);
+        }
     }
 }

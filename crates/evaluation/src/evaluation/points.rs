@@ -23,7 +23,7 @@ use crate::rulebook::Verdict;
 use crate::run_dir::{KeptError, Row, counted};
 use crate::search::{Adversary, ExperimentCell, SWITCHES, SWITCHES_OF_PROGRAMS, Search};
 use crate::stats::StartOutcome;
-use crate::testbench::{Episode, Film, Testbench, film_beyond};
+use crate::testbench::{Episode, FaultCount, Film, Testbench, film_beyond};
 use crate::world::Scenario;
 
 /// Request to play an ego at the points of its world.
@@ -137,6 +137,8 @@ pub struct PointsTable {
     ///
     /// `None` without a search.
     pub strayed: Option<usize>,
+    /// Passed points whose variations were not searched, because of an interruption.
+    pub unsearched: usize,
     /// Most changes of the deviation in that search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub switches: Option<usize>,
@@ -181,7 +183,8 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
         varied: None,
     };
     // With a single action there is nothing to vary.
-    let switches = (scenario.world().spaces().actions > 1 && !watch.stopped()).then(|| {
+    let varies = scenario.world().spaces().actions > 1;
+    let switches = (varies && !watch.stopped()).then(|| {
         let default = || default_switches(scenario, &starts);
         request.switches.unwrap_or_else(default)
     });
@@ -202,20 +205,29 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
     let mut results: Vec<PointResult> = reached
         .map(|(index, result)| result.unwrap_or_else(|| evaluated.blank(*index)))
         .collect();
-    if rows.iter().any(Row::is_unrepeatable) {
+    let is_void = rows.iter().any(Row::is_unrepeatable);
+    if is_void {
         results.iter_mut().for_each(PointResult::void);
     }
     let count = |outcome| results.iter().filter(|it| it.outcome == outcome).count();
+    let passed = count(PointOutcome::Passed);
     let varied = results.iter().filter_map(|it| it.varied.as_ref());
     let failing = varied.filter(|varied| varied.fails).count();
+    // Only passed points are searched, and in a world with one action none is.
+    let is_left = |it: &&PointResult| it.outcome == PointOutcome::Passed && it.varied.is_none();
+    let left = results.iter().filter(is_left).count();
+    let unsearched = if varies { left } else { 0 };
+    // A search that was interrupted before its first point has found nothing out.
+    let has_searched = !is_void && (unsearched < passed || unsearched == 0);
     Some(PointsTable {
         world: scenario.name().to_owned(),
         ego: request.ego.name().to_owned(),
-        passed: count(PointOutcome::Passed),
+        passed,
         failed: count(PointOutcome::Failed),
         no_answer: count(PointOutcome::NoAnswer),
         invalid: count(PointOutcome::Invalid),
-        strayed: switches.map(|_| failing),
+        strayed: switches.filter(|_| has_searched).map(|_| failing),
+        unsearched,
         switches,
         points: results,
         rows,
@@ -272,8 +284,14 @@ impl EvaluatedEgo {
             outcome: self.outcome(index),
             robustness: self.verdict(index).and_then(robustness),
             failure: None,
-            varied: None,
+            varied: self.varied_outcome(index).map(VariedPoint::of),
         }
+    }
+
+    /// Returns the outcome of the search of variations of a point, if it was searched.
+    fn varied_outcome(&self, index: usize) -> Option<StartOutcome> {
+        let result = self.varied.as_ref()?.results[index].as_ref()?;
+        Some(result.outcome)
     }
 
     fn result(&self, bench: &mut Testbench, index: usize) -> PointResult {
@@ -293,8 +311,7 @@ impl EvaluatedEgo {
         bench: &mut Testbench,
         index: usize,
     ) -> Option<VariedPoint> {
-        let outcome = cell.results[index].as_ref()?.outcome;
-        let mut varied = VariedPoint::of(outcome);
+        let mut varied = VariedPoint::of(self.varied_outcome(index)?);
         if varied.fails {
             let episode = cell.replay(bench, index);
             // A variation may also violate a specification that needs no contact.
@@ -363,6 +380,17 @@ impl PointsTable {
         self.no_answer > 0 && self.passed + self.failed == 0
     }
 
+    /// Returns the number of passed points whose variations were searched.
+    pub fn searched(&self) -> usize {
+        self.passed - self.unsearched
+    }
+
+    /// Returns the reason why no point is a result, if the ego is not deterministic.
+    pub fn voided_by(&self) -> Option<&FaultCount> {
+        let row = self.rows.iter().find(|row| row.is_unrepeatable())?;
+        row.faults.first()
+    }
+
     /// The world with the ego.
     pub fn scenario(&self) -> &Scenario {
         self.evaluated.scenario()
@@ -395,6 +423,7 @@ impl PointsTable {
 
     /// The page of these points and its JUnit file, without examples yet.
     pub fn page(&self, commands: Vec<String>) -> PointsPage<'_> {
+        let voided_by = self.voided_by();
         PointsPage {
             scenario: self.scenario(),
             ego: self.ego.clone(),
@@ -405,7 +434,7 @@ impl PointsTable {
                 .into_iter()
                 .map(|it| it.name)
                 .collect(),
-            points: self.points.iter().map(PointResult::case).collect(),
+            points: self.points.iter().map(|it| it.case(voided_by)).collect(),
             examples: Vec::new(),
             commands,
         }
@@ -413,6 +442,14 @@ impl PointsTable {
 
     /// Returns the numbers of passed points and variations, in a sentence.
     pub fn summary(&self) -> String {
+        if let Some(fault) = self.voided_by() {
+            return format!(
+                "no result at any of {}: the ego {} ({})",
+                counted(self.points.len(), "point"),
+                case::VOIDED,
+                fault.kind.word()
+            );
+        }
         let mut text = format!(
             "{} of {} passed, {} failed, {} did not run",
             self.passed,
@@ -424,8 +461,19 @@ impl PointsTable {
             text.push_str(&format!(", {} without an answer", self.no_answer));
         }
         if let Some(strayed) = self.strayed {
+            let of = if self.unsearched == 0 {
+                "passed"
+            } else {
+                "searched"
+            };
             text.push_str(&format!(
-                "; a lawful variation makes the ego fail at {strayed} of those passed"
+                "; a lawful variation makes the ego fail at {strayed} of those {of}"
+            ));
+        }
+        if self.unsearched > 0 {
+            text.push_str(&format!(
+                "; interrupted before the variations of {} were searched",
+                counted(self.unsearched, "passed point")
             ));
         }
         text
@@ -482,5 +530,73 @@ impl PointsTable {
             },
         );
         examples.into_iter().flatten().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+    use crate::experiment::Remark;
+
+    /// Plays eight points, and stops after so many variations on one thread, if any.
+    fn stopped_after(variations: Option<u64>) -> PointsTable {
+        let text = include_str!("../../../../worlds/acc.ron");
+        let text = text.replacen("plant: Rigid", "plant: Kinematic", 1);
+        let ego = EgoUnderTest::nominal(&Scenario::parse("acc.ron", &text).expect("sound"));
+        let (stop, varies) = (AtomicBool::new(false), AtomicBool::new(false));
+        let stop_after = |done: u64| {
+            if varies.load(Ordering::Relaxed) && variations.is_some_and(|it| it <= done) {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let remarks = |remark: Remark<'_>| {
+            if matches!(remark, Remark::Phase { what, .. } if what.starts_with("variations")) {
+                varies.store(true, Ordering::Relaxed);
+                stop_after(0);
+            }
+        };
+        let progress = |done: u64, _: u64| stop_after(done);
+        let watch = Watch {
+            remarks: &remarks,
+            ..Watch::new(&progress, &stop)
+        };
+        let request = PointsRequest {
+            ego: &ego,
+            starts: (8, 0),
+            switches: Some(0),
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.expect("a thread");
+        pool.install(|| points(&request, &watch)).expect("points")
+    }
+
+    #[test]
+    fn an_interrupted_search_of_variations_counts_the_points_that_it_leaves_out() {
+        let whole = stopped_after(None);
+        let passed = whole.passed;
+        assert!(passed > 3, "{}", whole.summary());
+        assert_eq!((whole.unsearched, whole.searched()), (0, passed));
+        for variations in [0, 2] {
+            let cut = stopped_after(Some(variations));
+            assert_eq!(cut.passed, passed);
+            assert!(cut.unsearched > 0, "{}", cut.summary());
+            assert_eq!(cut.searched() > 0, variations > 0);
+            // What was found before the interruption counts.
+            let fails = |it: &PointResult| it.varied.as_ref().map(|varied| varied.fails);
+            let pairs = cut.points.iter().zip(&whole.points);
+            let searched = pairs.filter(|(cut, _)| cut.varied.is_some());
+            let same = searched
+                .clone()
+                .all(|(cut, whole)| fails(cut) == fails(whole));
+            assert!(same, "{}", cut.summary());
+            let failing = searched.filter(|(cut, _)| fails(cut) == Some(true)).count();
+            let strayed = (variations > 0).then_some(failing);
+            assert_eq!(cut.strayed, strayed, "{}", cut.summary());
+            let left_out = counted(cut.unsearched, "passed point");
+            let words = format!("interrupted before the variations of {left_out} were searched");
+            assert!(cut.summary().ends_with(&words), "{}", cut.summary());
+        }
     }
 }

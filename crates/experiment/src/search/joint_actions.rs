@@ -133,7 +133,7 @@ impl JointActions {
             (JointActions::Constant(action), _) => *action,
             (JointActions::Policy(policy), Some(allowed)) => policy.act_among(obs, allowed),
             (JointActions::Policy(policy), None) => policy.act(obs),
-            (JointActions::Drawn(drawn), _) => drawn.act(obs),
+            (JointActions::Drawn(drawn), allowed) => drawn.act(obs, allowed),
             (JointActions::Random(random), _) => random.act(obs),
             // As kept sequences: the last action is held.
             (JointActions::Sequence(actions), _) => {
@@ -172,9 +172,52 @@ impl JointActions {
 }
 
 impl DrawnPolicy {
-    fn act(&mut self, obs: &[f32]) -> usize {
+    fn act(&mut self, obs: &[f32], allowed: Option<&[bool]>) -> usize {
         let rng = &mut self.rng;
         let mut units = || rng.random::<f64>();
-        self.policy.sample(obs, self.temperature, &mut units)
+        match allowed {
+            Some(allowed) => self
+                .policy
+                .sample_among(obs, allowed, self.temperature, &mut units),
+            None => self.policy.sample(obs, self.temperature, &mut units),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Policy that draws its first action three times of four.
+    struct Biased;
+
+    impl Policy for Biased {
+        fn act(&self, _obs: &[f32]) -> usize {
+            0
+        }
+
+        fn sample(&self, _obs: &[f32], _: f64, units: &mut dyn FnMut() -> f64) -> usize {
+            usize::from(units() >= 0.75)
+        }
+
+        fn drawn_at(&self) -> Option<f64> {
+            Some(1.0)
+        }
+
+        fn value(&self, _obs: &[f32]) -> f32 {
+            0.0
+        }
+    }
+
+    #[test]
+    fn drawn_actions_are_among_those_allowed() {
+        let policy: Arc<dyn Policy> = Arc::new(Biased);
+        let mut actions = JointActions::trained(&policy);
+        actions.begin(7, &Start(Vec::new()));
+        let mut drawn = |allowed: Option<&[bool]>| -> Vec<usize> {
+            (0..40).map(|at| actions.act(&[], allowed, at)).collect()
+        };
+        assert!(drawn(None).contains(&0));
+        assert!(!drawn(Some(&[false, true])).contains(&0));
     }
 }

@@ -45,7 +45,7 @@ pub use points::{PointCase, PointsPage, VariedCase};
 pub use recorded_rules::recorded_rules_junit;
 pub use result_page::{PageEpisode, ResultPage, ResultTable};
 pub use start_map::{CellState, MapCell, StartMap};
-pub use table::TextTable;
+pub use table::{TextTable, known_if};
 pub use verdict::outcome_in_words;
 
 /// Content of a report.

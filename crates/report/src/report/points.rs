@@ -38,8 +38,9 @@ pub struct PointCase {
     pub outcome: String,
     /// Failure of the ego, if any.
     pub failure: Option<String>,
-    /// True if the ego or the physics failed to run.
-    pub invalid: bool,
+    /// Reason why the point is no result: the ego or the physics failed to run, or the
+    /// ego is not deterministic.
+    pub invalid: Option<String>,
     /// Reason why the point has no answer, if any.
     pub skipped: Option<String>,
     /// Result of the search of lawful variations. `None` without a search.
@@ -143,10 +144,10 @@ impl PointsPage<'_> {
                 words: words.to_owned(),
             })
         };
-        let did_not_run = || {
+        let did_not_run = |why: &str| {
             TestOutcome::Error(TestMessage {
                 kind: "fault",
-                message: "the ego or the physics failed to run".to_owned(),
+                message: why.to_owned(),
                 words: String::new(),
             })
         };
@@ -156,19 +157,17 @@ impl PointsPage<'_> {
             let outcome = match varied {
                 VariedCase::Passed => TestOutcome::Passed,
                 VariedCase::Failed(words) => failed("a lawful variation makes the ego fail", words),
-                VariedCase::Invalid => did_not_run(),
+                VariedCase::Invalid => did_not_run("the ego or the physics failed to run"),
             };
             case(format!("{name}, varied"), outcome)
         });
-        let outcome = match &point.failure {
-            Some(failure) => failed("the ego fails at this point", failure),
+        let outcome = match (&point.failure, &point.invalid, &point.skipped) {
+            (Some(failure), _, _) => failed("the ego fails at this point", failure),
             // Before the skipped ones: a fault is an error, whatever else is
             // known.
-            None if point.invalid => did_not_run(),
-            None => match &point.skipped {
-                Some(why) => TestOutcome::Skipped(why.clone()),
-                None => TestOutcome::Passed,
-            },
+            (None, Some(why), _) => did_not_run(why),
+            (None, None, Some(why)) => TestOutcome::Skipped(why.clone()),
+            (None, None, None) => TestOutcome::Passed,
         };
         [case(name.clone(), outcome)]
             .into_iter()

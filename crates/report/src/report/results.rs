@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::lookup::{map_card, share_in_words, sweep_card};
 use super::plot::{Chart, Curve, HeatMap, HeatMapCell, Histogram, Mark, chart, histogram};
+use super::table::known_if;
 use super::{Nominal, TestingCost, Training};
 use crate::rulebook::Verdict;
 use crate::run_dir::{Row, Swept};
@@ -23,19 +24,12 @@ const BEYOND: f64 = 2.0;
 
 pub(super) fn percent(share: f64) -> String {
     // A rate is NaN if it is unknown.
-    if share.is_nan() {
-        return "–".to_owned();
-    }
-    format!("{:.1} %", 100.0 * share)
+    known_if(!share.is_nan(), || format!("{:.1} %", 100.0 * share))
 }
 
 /// Returns a share of some starts in percent, which is unknown without any.
 pub(super) fn share_of(starts: usize, share: f64) -> String {
-    match starts {
-        // 0 % over no starts would look safe.
-        0 => "–".to_owned(),
-        _ => percent(share),
-    }
+    known_if(starts > 0, || percent(share))
 }
 
 /// Share of training episodes that were solved, and the mean return.

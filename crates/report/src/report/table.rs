@@ -90,6 +90,13 @@ impl TextTable {
     }
 }
 
+/// Returns a cell, or a dash if it is not known, such as a share of no starts.
+///
+/// 0 % of nothing would look safe.
+pub fn known_if(is_known: bool, cell: impl FnOnce() -> String) -> String {
+    if is_known { cell() } else { "–".to_owned() }
+}
+
 /// Returns a table with headings, to be drawn on a terminal of so many columns.
 fn terminal_table(headings: &[impl AsRef<str>], columns: usize) -> comfy_table::Table {
     let mut table = comfy_table::Table::new();

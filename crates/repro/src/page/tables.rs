@@ -10,7 +10,7 @@ use crate::record::{RecordError, ResultRow};
 use crate::reuse_study::ReuseBlocks;
 use crate::structures::StructureMeans;
 use crate::table1::GridCaptures;
-use brakecheck_report::report::table::TextTable;
+use brakecheck_report::report::table::{TextTable, known_if};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
@@ -175,11 +175,9 @@ fn percent(share: f64) -> String {
 }
 
 fn share(part: usize, whole: usize) -> String {
-    match whole {
-        // A share of nothing is undefined.
-        0 => "–".to_owned(),
-        _ => format!("{:.0} %", 100.0 * part as f64 / whole as f64),
-    }
+    known_if(whole > 0, || {
+        format!("{:.0} %", 100.0 * part as f64 / whole as f64)
+    })
 }
 
 fn with_interval(rate: f64, [lo, hi]: [f64; 2]) -> String {
@@ -200,10 +198,9 @@ fn contact(result: &WorldResult) -> [String; 3] {
         .closing_mps
         .map(|closing| format!("{:.1}", closing.median));
     // No driver applies to any contact, which is not the same as none avoided.
-    let avoided = match contacts.judged {
-        0 => "–".to_owned(),
-        _ => share(contacts.avoided, contacts.successes),
-    };
+    let avoided = known_if(contacts.judged > 0, || {
+        share(contacts.avoided, contacts.successes)
+    });
     [
         share(contacts.contacts, contacts.successes),
         or_dash(closing),

@@ -145,6 +145,9 @@ pub trait Env {
     }
 }
 
+/// Most draws of an action until one is allowed.
+const MOST_DRAWS: usize = 100;
+
 /// Trained decision rule, a pure function of the observation.
 pub trait Policy: Send + Sync {
     /// Returns the greedy action. Ties go to the lowest index.
@@ -162,6 +165,23 @@ pub trait Policy: Send + Sync {
     /// draws from [0, 1). By default the greedy action is returned.
     fn sample(&self, obs: &[f32], _temperature: f64, _units: &mut dyn FnMut() -> f64) -> usize {
         self.act(obs)
+    }
+
+    /// Draws an action of those allowed: draws again while a draw is not allowed.
+    ///
+    /// Each allowed action keeps its likelihood relative to the others. If none of 100
+    /// draws is allowed, the best allowed action is returned.
+    fn sample_among(
+        &self,
+        obs: &[f32],
+        allowed: &[bool],
+        temperature: f64,
+        units: &mut dyn FnMut() -> f64,
+    ) -> usize {
+        let mut draws = (0..MOST_DRAWS).map(|_| self.sample(obs, temperature, units));
+        let is_allowed = |action: &usize| allowed.get(*action) == Some(&true);
+        let drawn = draws.find(is_allowed);
+        drawn.unwrap_or_else(|| self.act_among(obs, allowed))
     }
 
     /// Returns the temperature at which its actions are drawn. `None`: it plays the best one.

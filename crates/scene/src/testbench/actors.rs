@@ -79,6 +79,12 @@ impl Actor for SampledPolicy<'_> {
         let mut units = || self.rng.random::<f64>();
         self.policy.sample(obs, self.temperature, &mut units)
     }
+
+    fn act_among(&mut self, obs: &[f32], allowed: &[bool]) -> usize {
+        let mut units = || self.rng.random::<f64>();
+        self.policy
+            .sample_among(obs, allowed, self.temperature, &mut units)
+    }
 }
 
 /// Returns the random numbers of a draw of a policy's actions in an episode.
@@ -215,5 +221,52 @@ impl Actor for Replay<'_> {
         // Without any recorded action, action 0 exists in every world.
         let last = self.after.or(self.actions.last().copied());
         action.or(last).unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Policy that draws its four actions alike, and prefers the first.
+    struct Uniform;
+
+    impl Policy for Uniform {
+        fn act(&self, _obs: &[f32]) -> usize {
+            0
+        }
+
+        fn act_among(&self, _obs: &[f32], allowed: &[bool]) -> usize {
+            allowed.iter().position(|it| *it).unwrap_or(0)
+        }
+
+        fn sample(&self, _obs: &[f32], _: f64, units: &mut dyn FnMut() -> f64) -> usize {
+            (4.0 * units()) as usize
+        }
+
+        fn value(&self, _obs: &[f32]) -> f32 {
+            0.0
+        }
+    }
+
+    #[test]
+    fn a_drawn_action_is_one_of_those_allowed() {
+        let mut actor = SampledPolicy::new(&Uniform, 1.0, 0);
+        actor.begin(7, &Start(Vec::new()));
+        let mut counts = [0; 4];
+        for _ in 0..600 {
+            counts[actor.act_among(&[], &[false, true, false, true])] += 1;
+        }
+        // Both allowed actions are as likely as they are beside each other.
+        let [never, one, nor, other] = counts;
+        assert_eq!([never, nor], [0, 0]);
+        assert!(one > 240 && other > 240, "{counts:?}");
+        // If all are allowed, the draws are those without a limit.
+        let mut free = SampledPolicy::new(&Uniform, 1.0, 0);
+        for actor in [&mut actor, &mut free] {
+            actor.begin(8, &Start(Vec::new()));
+        }
+        let pairs = (0..50).map(|_| (actor.act_among(&[], &[true; 4]), free.act(&[])));
+        assert!(pairs.collect::<Vec<_>>().iter().all(|(a, b)| a == b));
     }
 }

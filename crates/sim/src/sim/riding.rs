@@ -33,6 +33,8 @@ pub(super) struct CyclistLimits {
     /// Greatest acceleration that the tyres transmit: μ·g.
     grip_mps2: f64,
     friction: f64,
+    /// Share of the weight that the wheels carry.
+    load_share: f64,
     /// External acceleration along the heading.
     push_mps2: f64,
 }
@@ -63,16 +65,24 @@ impl CyclistLimits {
             power_w_per_kg: cyclist.power_w / body.mass_kg,
             grip_mps2: ground.friction * GRAVITY_MPS2,
             friction: ground.friction,
+            load_share: Push::NONE.load_share,
             push_mps2: 0.0,
         }
     }
 
+    /// Changes the ground under the wheels.
+    pub(super) fn set_ground(&mut self, ground: Ground) {
+        self.friction = ground.friction;
+        self.grip_mps2 = self.friction * GRAVITY_MPS2 * self.load_share;
+    }
+
     /// Changes the external acceleration. Wind from the side is balanced by the lean.
     pub(super) fn set_push(&mut self, push: Push) {
+        self.push_mps2 = push.along_mps2;
         // Wheels lose load on a slope, so the grip is recomputed from the
         // friction.
-        self.push_mps2 = push.along_mps2;
-        self.grip_mps2 = self.friction * GRAVITY_MPS2 * push.load_share;
+        self.load_share = push.load_share;
+        self.grip_mps2 = self.friction * GRAVITY_MPS2 * self.load_share;
     }
 
     /// Returns the speed at which a cyclist can start.

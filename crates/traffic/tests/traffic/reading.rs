@@ -237,6 +237,22 @@ fn every_mistake_has_file_line_column_and_fix() {
             "remove the row",
         ),
         (
+            generic(&format!("2024-02-30T00:00:00,a,0,0,0,10,4.5,1.8\n{good}")),
+            "`log.csv`, line 2, column `time`: `2024-02-30T00:00:00` is not an ISO 8601 instant: \
+             2024-02 has the days 1 to 29",
+            "write 2024-10-07T06:00:00.05Z",
+        ),
+        (
+            generic(&format!("{good}{},a,0,0,0,10,4.5,1.8\n", "9".repeat(300))),
+            "`log.csv`, line 3, column `time`: 1e300 is no time from -1e21 to 1e21",
+            "remove the row",
+        ),
+        (
+            generic(&format!("{good}0.1,a,{},0,0,10,4.5,1.8\n", "9".repeat(300))),
+            "`log.csv`, line 3, column `x`: 1e300 is farther than 100,000 km",
+            "remove the row",
+        ),
+        (
             generic(&format!("{good}0.1,a,0,0,0\n")),
             "`log.csv`, line 3: 5 fields, the header has 8",
             "quote fields",

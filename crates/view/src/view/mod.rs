@@ -99,6 +99,7 @@ use re_log_encoding::{EncodeError, Encoder};
 use re_log_types::{BlueprintActivationCommand, EntityPath, LogMsg, StoreKind};
 use re_sdk_types::archetypes::RecordingInfo;
 
+use crate::run_dir::{RunError, write_output};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 pub use error::ViewError;
@@ -120,8 +121,10 @@ pub struct RecordingFile {
 
 /// Writes `episode` as a recording to `out`, and replaces an existing file.
 ///
+/// A link stays, and a pipe or a device is written to.
+///
 /// `caption` is a sentence below the verdict: the ado, and the reason to keep
-/// this episode. The file appears completely or not at all.
+/// this episode. A file appears completely or not at all.
 ///
 /// # Errors
 ///
@@ -132,51 +135,21 @@ pub fn record(
     caption: &str,
     out: &Path,
 ) -> Result<RecordingFile, ViewError> {
-    let refused = |source| ViewError::Write {
+    let refused = |error| ViewError::Write {
         path: out.into(),
-        source,
+        source: match error {
+            RunError::Io { source, .. } => source,
+            other => std::io::Error::other(other),
+        },
     };
     // Encoded before any file is made, so that an error leaves none.
     let bytes = Recording::new(scenario, episode, caption).encode()?;
-    write_whole(out, &bytes).map_err(refused)?;
+    write_output(out, &bytes).map_err(refused)?;
     Ok(RecordingFile {
         path: out.into(),
         bytes: bytes.len() as u64,
         samples: episode.trace.len(),
     })
-}
-
-fn write_whole(out: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let directory = match out.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    // A rename over a directory would give a less clear error.
-    if out.is_dir() {
-        return Err(std::io::ErrorKind::IsADirectory.into());
-    }
-    // Written beside the target, since a rename does not cross file systems.
-    let mut file = tempfile::Builder::new().tempfile_in(directory)?;
-    std::io::Write::write_all(&mut file, bytes)?;
-    // Before the file gets its name, since it is visible from then on.
-    readable(file.as_file())?;
-    file.persist(out).map_err(|error| error.error)?;
-    Ok(())
-}
-
-/// Makes a file readable for all users.
-///
-/// Temporary files are private to their owner, and recordings are ordinary
-/// files.
-#[cfg(unix)]
-fn readable(file: &std::fs::File) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt as _;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable(_file: &std::fs::File) -> std::io::Result<()> {
-    Ok(())
 }
 
 /// Episode prepared for viewing: replayed, with its formulas evaluated.

@@ -2,10 +2,16 @@
 
 use super::{PointFailure, PointOutcome, PointResult, VariedPoint};
 use crate::report::{PointCase, VariedCase};
+use crate::testbench::FaultCount;
+
+/// What an ego does that is no result at any point.
+pub(super) const VOIDED: &str = "depends on more than the episode";
 
 impl PointResult {
     /// Returns the point as pages and JUnit files have it.
-    pub(super) fn case(&self) -> PointCase {
+    ///
+    /// `voided_by` is the reason why no point of the ego is a result.
+    pub(super) fn case(&self, voided_by: Option<&FaultCount>) -> PointCase {
         // JUnit viewers show the first line only, so it has leaf, time and contact.
         let words = |failure: &PointFailure| {
             let contact = failure.contact.as_ref().zip(failure.closing_mps).map_or(
@@ -30,12 +36,16 @@ impl PointResult {
                 PointOutcome::Passed => "passed",
                 PointOutcome::Failed => "failed",
                 PointOutcome::NoAnswer => "no answer",
+                PointOutcome::Invalid if voided_by.is_some() => "no result",
                 PointOutcome::Invalid => "did not run",
                 PointOutcome::NotReached => "not reached",
             }
             .to_owned(),
             failure: self.failure.as_ref().map(words),
-            invalid: self.outcome == PointOutcome::Invalid,
+            invalid: (self.outcome == PointOutcome::Invalid).then(|| match voided_by {
+                Some(fault) => format!("the ego {VOIDED} ({})", fault.kind.word()),
+                None => "the ego or the physics failed to run".to_owned(),
+            }),
             skipped: match self.outcome {
                 PointOutcome::NoAnswer => Some("no answer: an ado broke its rule first".to_owned()),
                 PointOutcome::NotReached => Some("not reached".to_owned()),
@@ -67,6 +77,7 @@ mod tests {
 
     use super::super::outcome_of;
     use super::*;
+    use crate::ego::FaultKind;
     use crate::report::PointsPage;
     use crate::rulebook::Verdict;
     use crate::stats::StartOutcome;
@@ -85,18 +96,39 @@ mod tests {
 
     /// Returns the numbers of test cases, failures, errors and skipped cases.
     fn counts(points: &[PointResult]) -> [usize; 4] {
+        let junit = junit(points, None);
+        ["<testcase", "<failure", "<error", "<skipped"].map(|tag| junit.matches(tag).count())
+    }
+
+    fn junit(points: &[PointResult], voided_by: Option<&FaultCount>) -> String {
         let text = include_str!("../../../../../worlds/acc.ron");
         let page = PointsPage {
             scenario: &Scenario::parse("acc.ron", text).expect("sound"),
             ego: "nominal".to_owned(),
             summary: String::new(),
             axes: Vec::new(),
-            points: points.iter().map(PointResult::case).collect(),
+            points: points.iter().map(|it| it.case(voided_by)).collect(),
             examples: Vec::new(),
             commands: Vec::new(),
         };
-        let junit = page.junit();
-        ["<testcase", "<failure", "<error", "<skipped"].map(|tag| junit.matches(tag).count())
+        page.junit()
+    }
+
+    #[test]
+    fn a_point_of_an_ego_that_is_not_deterministic_says_so() {
+        let mut voided = point(Verdict::Held { margin: 1.0 }, None);
+        voided.void();
+        let fault = FaultCount {
+            kind: FaultKind::Random,
+            message: String::new(),
+            stderr: String::new(),
+            first_start: 0,
+            count: 1,
+        };
+        let shown = voided.case(Some(&fault));
+        assert_eq!(shown.outcome, "no result");
+        let why = "the ego depends on more than the episode (random)";
+        assert!(junit(&[voided], Some(&fault)).contains(why));
     }
 
     #[test]

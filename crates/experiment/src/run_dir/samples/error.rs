@@ -1,5 +1,7 @@
 //! Mistakes of a CSV text that is to be a trace, each with a fix.
 
+use brakecheck_stl::table::because_of_calendar;
+
 use crate::trace::SchemaError;
 
 /// CSV text that is not a trace.
@@ -25,7 +27,10 @@ pub enum SamplesError {
     #[error("line 1: the columns are separated by blanks, and `,`, `;` or tabs are expected")]
     Blanks,
     /// A time is no number and no date, or no date like the first one.
-    #[error("line {line}, column `{column}`: `{value}` is no time")]
+    #[error(
+        "line {line}, column `{column}`: `{value}` is no time{}",
+        because_of_calendar(value)
+    )]
     NotATime {
         /// Number of the line, from 1.
         line: usize,

@@ -80,6 +80,10 @@ fn bad_files_name_the_line() {
             "line 3, column `time`: `2026-11-29T10:00:00Z` is no time",
         ),
         (
+            "time,x\n2024-02-30T10:00:00,1\n2024-03-01T10:00:00,2\n",
+            "line 2, column `time`: `2024-02-30T10:00:00` is no time: 2024-02 has the days 1 to 29",
+        ),
+        (
             "time,x\n10:00:00,1\n10:00:01,2\n",
             "line 2, column `time`: `10:00:00` is no time",
         ),

@@ -112,15 +112,41 @@ pub(super) fn perceived(scene: &SceneState, ego: usize) -> Option<Vec<bool>> {
         .flatten()
         .fold(f64::INFINITY, f64::min);
     if reach_m < f64::INFINITY {
-        let eye = states[ego].pose.point_m();
         let seen = seen.get_or_insert_with(|| vec![true; states.len()]);
-        for (i, (sees, state)) in seen.iter_mut().zip(states).enumerate() {
-            let footprint = Footprint::of(&spec.agents[i].body, &state.pose);
-            // The ego always perceives itself, also without any visibility.
-            *sees &= i == ego || footprint.distance_m(eye) <= reach_m;
-        }
+        hide_beyond(reach_m, spec, states, ego, seen);
     }
     seen
+}
+
+/// Returns whether the ego sees each agent in recorded states.
+///
+/// A record holds neither weather nor places along roads, so only sensors hide here.
+pub(super) fn recorded(spec: &DriveSpec, states: &[BodyState], ego: usize) -> Vec<bool> {
+    let mut seen = if spec.sensors.line_of_sight {
+        visible(spec, states, ego)
+    } else {
+        vec![true; states.len()]
+    };
+    if let Some(range_m) = spec.sensors.range_m {
+        hide_beyond(range_m, spec, states, ego, &mut seen);
+    }
+    seen
+}
+
+/// Hides agents whose boxes are farther from the ego's eyes than its reach.
+fn hide_beyond(
+    reach_m: f64,
+    spec: &DriveSpec,
+    states: &[BodyState],
+    ego: usize,
+    seen: &mut [bool],
+) {
+    let eye = states[ego].pose.point_m();
+    for (i, (sees, state)) in seen.iter_mut().zip(states).enumerate() {
+        let footprint = Footprint::of(&spec.agents[i].body, &state.pose);
+        // The ego always perceives itself, also without any visibility.
+        *sees &= i == ego || footprint.distance_m(eye) <= reach_m;
+    }
 }
 
 /// Hides agents on the ego's road whose roofs are behind a crest.
@@ -141,11 +167,7 @@ fn hide_behind_crests(scene: &SceneState, ego: usize, seen: &mut [bool]) {
 }
 
 /// Returns whether the ego has a line of sight to each agent in the given states.
-pub(super) fn visible<'a>(
-    spec: &DriveSpec,
-    states: impl IntoIterator<Item = &'a BodyState>,
-    ego: usize,
-) -> Vec<bool> {
+fn visible(spec: &DriveSpec, states: &[BodyState], ego: usize) -> Vec<bool> {
     let bodies = spec.agents.iter().map(|agent| &agent.body);
     let boxes = bodies.zip(states);
     let (boxes, fronts): (Vec<Footprint>, Vec<Pose>) = boxes

@@ -42,15 +42,11 @@ impl DriveWorld {
 
     /// Returns which agents the ego sees at a sample of a motion.
     ///
-    /// Ignores delay and noise of the sensors. Agents are hidden only if the
-    /// world has a line of sight.
+    /// Agents are hidden by the range of the sensors, and in a world with a line of
+    /// sight by vehicles. Ignores delay and noise of the sensors, crests and weather.
     pub fn seen(&self, sample: &[BodySample]) -> Vec<bool> {
-        let spec = &self.0.spec;
-        if spec.sensors.line_of_sight {
-            line_of_sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego)
-        } else {
-            vec![true; sample.len()]
-        }
+        let states: Vec<BodyState> = sample.iter().map(|body| body.state).collect();
+        line_of_sight::recorded(&self.0.spec, &states, self.0.ego)
     }
 
     /// Returns whether a replay has all of some signals, by their positions in a row.

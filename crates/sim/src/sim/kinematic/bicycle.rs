@@ -37,6 +37,10 @@ impl Bicycle {
         command.drive().map(|drive| self.command = drive).is_some()
     }
 
+    pub(super) fn set_ground(&mut self, ground: Ground) {
+        self.limits.set_ground(ground);
+    }
+
     pub(super) fn set_push(&mut self, push: Push) {
         self.limits.set_push(push);
     }

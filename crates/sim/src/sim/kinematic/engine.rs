@@ -63,8 +63,11 @@ impl Engine {
 
     /// Changes the ground under the body.
     pub(super) fn set_ground(&mut self, ground: Ground) {
-        if let Engine::Wheels(wheels) = self {
-            wheels.set_ground(ground);
+        match self {
+            Engine::Wheels(wheels) => wheels.set_ground(ground),
+            Engine::Bicycle(bicycle) => bicycle.set_ground(ground),
+            // Feet and carried bodies have the same limits on any ground.
+            Engine::Legs(_) | Engine::Rails(_) => {}
         }
     }
 

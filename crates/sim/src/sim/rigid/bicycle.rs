@@ -72,6 +72,10 @@ impl Motor for Bicycle {
         command.drive().map(|drive| self.command = drive).is_some()
     }
 
+    fn set_ground(&mut self, ground: Ground) {
+        self.limits.set_ground(ground);
+    }
+
     fn set_push(&mut self, push: Push) {
         self.limits.set_push(push);
     }
