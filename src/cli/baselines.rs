@@ -5,9 +5,9 @@ use serde_json::json;
 use super::common::{exit_of, interrupted_early, load_world, placed, print_json};
 use super::eval_args::EvalArgs;
 use super::failure::{Exit, Failure};
-use super::test_args::note_program_costs;
+use super::test_args::{TestArgs, note_program_costs};
 use super::{points, progress, table};
-use crate::evaluation::{ado_effects, untrained};
+use crate::evaluation::{BaselineTable, ado_effects, untrained};
 use crate::search::usual_switches;
 
 /// Refuses options that require a trained ado.
@@ -70,21 +70,24 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     // The note passes through the watch, so the bar is still needed here.
     note_program_costs(&egos, &watch);
     drop(bar);
+    print(&baselines, test)?;
+    Ok(exit_of(&baselines.rows, args.fail_on_counterexample))
+}
+
+fn print(baselines: &BaselineTable, test: &TestArgs) -> Result<(), Failure> {
     let effects = ado_effects(&baselines.rows);
     if test.common.json {
         let mut object = json!({ "rows": baselines.rows, "in_the_way": baselines.in_the_way });
         if !effects.is_empty() {
             object["ado_effects"] = json!(effects);
         }
-        print_json(&object)?
-    } else {
-        let mut answer = table::rows(&baselines.rows);
-        table::add_effects(&mut answer, &effects);
-        // A rule that blocks the adversaries explains low rates, so it is no detail.
-        for why in &baselines.in_the_way {
-            answer.table.push_str(&format!("\n{why}"));
-        }
-        test.live.data(&answer.text(test.answer))?;
+        return print_json(&object);
     }
-    Ok(exit_of(&baselines.rows, args.fail_on_counterexample))
+    let mut answer = table::rows(&baselines.rows);
+    table::add_effects(&mut answer, &effects);
+    // A rule that blocks the adversaries explains low rates, so it is no detail.
+    for why in &baselines.in_the_way {
+        answer.table.push_str(&format!("\n{why}"));
+    }
+    test.live.data(&answer.text(test.answer))
 }

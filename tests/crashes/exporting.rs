@@ -133,13 +133,18 @@ fn a_replay_goes_on_after_the_contact_for_the_time_of_its_world() {
     for (number, agent) in ["ego", "ado"].into_iter().enumerate() {
         let (recorded, whole) = (way(&short, agent), way(&replay, agent));
         assert_eq!(whole[..recorded.len()], recorded[..], "{agent}");
-        assert_eq!(whole.len(), recorded.len() + 30, "{agent}");
+        assert_eq!(whole.len(), recorded.len() + 31, "{agent}");
+        // The pose of the contact is held for a step of players.
+        let (contact, held) = (recorded[recorded.len() - 1], whole[recorded.len()]);
+        assert_eq!(held[1..], contact[1..], "{agent}");
+        assert!((held[0] - contact[0] - 0.01).abs() < 1e-6, "{agent}");
         assert!((whole.last().unwrap()[0] - contact_s - 1.5).abs() < 1e-6);
         let ahead_m = replay
             .named("ScenarioObject", "name", agent)
             .one("Center")
             .number("x");
-        for ([_, x_m, y_m, heading_rad], frame) in whole[recorded.len()..].iter().zip(&after.frames)
+        for ([_, x_m, y_m, heading_rad], frame) in
+            whole[recorded.len() + 1..].iter().zip(&after.frames)
         {
             // The middle of the box is the middle of the body.
             let [middle_x_m, middle_y_m, _] = frame.placements[number].centre_m;
@@ -151,8 +156,8 @@ fn a_replay_goes_on_after_the_contact_for_the_time_of_its_world() {
         let [.., [_, end_m, ..]] = whole[..] else {
             panic!("no vertices");
         };
-        let contact_m = recorded.last().unwrap()[1];
-        assert!((whole[recorded.len()][1] - contact_m).abs() < 2.0);
+        let contact_m = contact[1];
+        assert!((whole[recorded.len() + 1][1] - contact_m).abs() < 2.0);
         assert!((end_m - contact_m).abs() > 1.0, "{agent}");
     }
     let stop = replay.one("StopTrigger").one("SimulationTimeCondition");

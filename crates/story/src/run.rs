@@ -5,6 +5,7 @@
 //! that are due at the same instant change together, until none is due.
 
 mod actors;
+mod agent_conditions;
 mod instants;
 
 use crate::check::CheckedStoryboard;
@@ -108,7 +109,7 @@ impl StoryRun {
         StoryRun {
             elements: vec![idle; board.elements.len()],
             conditions: vec![ConditionRun::default(); board.conditions.len()],
-            of_agents: actors::conditions_of_agents(board),
+            of_agents: agent_conditions::conditions_of_agents(board),
             variables: board.variables.clone(),
             owners: vec![[None; 2]; board.limits.len()],
             // Lists that nothing asks for stay empty, because each copy of

@@ -26,6 +26,9 @@ use crate::stats::StartOutcome;
 use crate::testbench::{Episode, FaultCount, Film, Testbench, film_beyond};
 use crate::world::Scenario;
 
+/// What an ego does that is no result at any point.
+const VOIDED: &str = "depends on more than the episode";
+
 /// Request to play an ego at the points of its world.
 #[derive(Clone, Copy)]
 pub struct PointsRequest<'a> {
@@ -446,7 +449,7 @@ impl PointsTable {
             return format!(
                 "no result at any of {}: the ego {} ({})",
                 counted(self.points.len(), "point"),
-                case::VOIDED,
+                VOIDED,
                 fault.kind.word()
             );
         }

@@ -260,7 +260,8 @@ mod tests {
         };
         let plain = GridChange::default;
         // A distance of τ itself promises nothing.
-        assert_eq!(epsilons(2, plain()), Some(vec![0.0]));
+        // Centres of halves of a cell are a quarter of it from its middle.
+        assert_eq!(epsilons(2, plain()), Some(vec![0.0, 0.25]));
         assert_eq!(epsilons(3, plain()), Some(vec![0.0, 1.0 / 3.0]));
         let larger = GridChange {
             size: Some(5),

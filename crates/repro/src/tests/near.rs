@@ -103,15 +103,15 @@ impl Controller for Lost {
 
 #[test]
 fn a_fault_is_reported_on_its_start() {
-    let world = super::acc().on(PlantKind::Kinematic);
-    let world = world.with_ego("lost", Arc::new(|| Box::new(Lost)));
+    let acc = super::acc().on(PlantKind::Kinematic);
+    let world = acc.with_ego("lost", Arc::new(|| Box::new(Lost)));
     let around = start_with(&world, &CENTRE).expect("within the box");
-    let far = [
+    let values = [
         ("ego.speed", 12.0),
         ("ado.speed", 12.0),
         ("ado.headway", 40.0),
     ];
-    let far = start_with(&world, &far).expect("within the box");
+    let far = start_with(&world, &values).expect("within the box");
     let starts = TestStarts {
         seed: 0,
         starts: vec![(around.clone(), 0), (far, 0)],

@@ -70,7 +70,7 @@ pub struct TrafficCrash {
 }
 
 /// Laws of the next action of a run.
-struct Laws<'a> {
+struct ActionLaws<'a> {
     odds: &'a ActionOdds,
     wide: &'a [f64],
 }
@@ -422,7 +422,7 @@ impl TrafficPlayer<'_> {
         start: Start,
         noise: u64,
         is_wide: bool,
-        mut choose: impl FnMut(usize, Laws<'_>) -> usize,
+        mut choose: impl FnMut(usize, ActionLaws<'_>) -> usize,
     ) -> Option<TrafficRun> {
         bench.begin(&start, noise, Aftermath::Play);
         let mut obs = vec![0.0; bench.spaces().observation];
@@ -440,7 +440,7 @@ impl TrafficPlayer<'_> {
             bench.observe(&mut obs);
             let odds = self.policy.odds(&obs)?;
             let wide = wider(&odds);
-            let laws = Laws {
+            let laws = ActionLaws {
                 odds: &odds,
                 wide: &wide,
             };

@@ -1,10 +1,8 @@
 //! Agents of actions: those of the file, and those that caused a trigger.
 
 use super::{SAME_S, StoryStep};
-use crate::check::CheckedStoryboard;
 use crate::condition::Instant;
-use crate::tree::{Actors, CheckedEffect, CheckedExpression, ElementKind};
-use crate::trigger::ConditionRun;
+use crate::tree::{Actors, CheckedEffect, CheckedExpression};
 use crate::values::ConditionEdge;
 use crate::view::{ActorAction, MotionDomain, StoryStage};
 
@@ -12,22 +10,6 @@ use crate::view::{ActorAction, MotionDomain, StoryStage};
 struct Controlled {
     agent: usize,
     domain: MotionDomain,
-}
-
-/// Returns the conditions of acts for each of their agents, if triggers choose actors.
-pub(super) fn conditions_of_agents(board: &CheckedStoryboard) -> Vec<Vec<ConditionRun>> {
-    let mut all = vec![Vec::new(); board.conditions.len()];
-    if !board.asks_triggering() {
-        return all;
-    }
-    let elements = board.elements.iter();
-    let acts = elements.filter(|it| it.kind == ElementKind::Act);
-    for number in acts.flat_map(|act| act.start.iter().flatten()) {
-        if let CheckedExpression::Agents { agents, .. } = &board.conditions[*number].is {
-            all[*number] = vec![ConditionRun::default(); agents.len()];
-        }
-    }
-    all
 }
 
 impl<S: StoryStage + ?Sized> StoryStep<'_, S> {

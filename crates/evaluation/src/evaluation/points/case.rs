@@ -1,11 +1,8 @@
 //! A point as pages and JUnit files have it.
 
-use super::{PointFailure, PointOutcome, PointResult, VariedPoint};
+use super::{PointFailure, PointOutcome, PointResult, VOIDED, VariedPoint};
 use crate::report::{PointCase, VariedCase};
 use crate::testbench::FaultCount;
-
-/// What an ego does that is no result at any point.
-pub(super) const VOIDED: &str = "depends on more than the episode";
 
 impl PointResult {
     /// Returns the point as pages and JUnit files have it.
