@@ -66,6 +66,11 @@ impl StoryWriter<'_> {
             "ByEntityCondition" => self.by_entity(at.at(kind))?,
             _ => return Err(unread(kind)),
         };
+        let is = if edge == ConditionEdge::None {
+            from_the_start(is)
+        } else {
+            is
+        };
         Ok(Condition {
             edge,
             delay_s: self.numbers.or(at, "delay", 0.0)?,
@@ -225,6 +230,19 @@ impl StoryWriter<'_> {
             rule,
             condition,
         })
+    }
+}
+
+/// Returns a wait for a time after 0 as one that holds at 0 itself.
+///
+/// No time lies in between, and what begins at the start is seen in the first sample.
+fn from_the_start(is: Expression) -> Expression {
+    match is {
+        Expression::SimulationTime {
+            rule: ComparisonRule::GreaterThan,
+            value_s: StoryNumber::Number(0.0),
+        } => constant(true),
+        other => other,
     }
 }
 
