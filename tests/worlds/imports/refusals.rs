@@ -90,18 +90,10 @@ fn what_another_player_reads_otherwise_is_refused() {
         let with = format!(r#"{kind} coordinateSystem="{system}""#);
         first(nearer(20.0, "none").replace(kind, &with))
     };
-    let twice = || {
-        let Edit { from, to } = second(&after("event", "first", 0.0), FASTER);
-        edit(
-            from,
-            to.replace(r#"Event name="second""#, r#"Event name="first""#),
-        )
-    };
     table! {
         "a distance in the world": [system("world")] => says("the coordinate system `world`");
         "a distance along a trajectory":
             [system("trajectory")] => says("the coordinate system `trajectory`");
-        "two events of one name": [twice()] => says("several elements are called `first`");
         // These are read without the causes above.
         "a gap before the ego": [gap(leading)] => lead([]);
         "a distance along the lane": [system("lane")] => lead([]);

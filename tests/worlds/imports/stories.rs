@@ -25,6 +25,13 @@ fn events_come_in_the_order_of_the_run() {
             format!("<StopTrigger><ConditionGroup>{condition}</ConditionGroup></StopTrigger>");
         edit("<!--act-->", trigger)
     };
+    let twice = || {
+        let Edit { from, to } = second(&after("event", "first", 0.0), FASTER);
+        edit(
+            from,
+            to.replace(r#"Event name="second""#, r#"Event name="first""#),
+        )
+    };
     let near_ego = r#"<ReachPositionCondition tolerance="20"><Position><RelativeObjectPosition entityRef="Ego" dx="5" dy="0"/></Position></ReachPositionCondition>"#;
     let triggering = edit(
         r#"selectTriggeringEntities="false""#,
@@ -57,6 +64,9 @@ fn events_come_in_the_order_of_the_run() {
         // esmini adds to such a target at every step.
         "a difference from its own speed": [own("1", "delta")] => lead([(12.0, 279.5, 0.0)]);
         "a share of its own speed": [own("0.5", "factor")] => lead([(12.0, 232.5, 0.0)]);
+        // Players take the first.
+        "an end of the first of two events of one name":
+            [twice()] => lead([(8.0, 212.0, 0.0), (12.0, 243.0, 0.0)]);
         "which is listed": [own("1", "delta")]
             => drops(["the growth of speeds that are relative to themselves"]);
     }

@@ -128,7 +128,7 @@ impl StoryWriter<'_> {
             .zip(condition.raw("storyboardElementRef"))
             .map(|(kind, name)| self.parts.named(kind, name));
         let state = condition.raw("state").unwrap_or_default();
-        let Some([of]) = named.as_deref() else {
+        let Some([of, ..]) = named.as_deref() else {
             return;
         };
         let is_end = matches!(state, "endTransition" | "stopTransition");

@@ -13,6 +13,9 @@ use crate::story::values::{
     Trigger, TriggeringRule,
 };
 
+/// Kind of a reference to the first of several elements.
+const NAMESAKES: &str = "other elements of a name that several have";
+
 impl StoryWriter<'_> {
     /// Returns the trigger of an element, which is empty without conditions.
     ///
@@ -170,10 +173,10 @@ impl StoryWriter<'_> {
         let found = kind.map(|kind| self.parts.named(kind, &name));
         let element = match found.as_deref() {
             Some([one]) => *one,
-            Some([_, ..]) => {
-                // Players take the first of several elements of a name, or none.
-                let what = format!("several elements are called `{name}`");
-                return Err(it.refused(what, "give each of them a name of its own"));
+            Some([first, ..]) => {
+                // esmini takes the first, and so does the world.
+                self.ground.catalogs.note(NAMESAKES, it);
+                *first
             }
             _ => {
                 let what = format!("there is no `{word}` called `{name}`");
