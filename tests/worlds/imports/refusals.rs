@@ -36,8 +36,6 @@ fn roads_that_no_world_has_are_refused_by_line_and_fix() {
         edit(PLAN, format!("{first}\n{second}"))
     };
     let axle = "<FrontAxle maxSteering=\"0.5\" wheelDiameter=\"0.6\" trackWidth=\"1.6\" positionX=\"2.8\" positionZ=\"0.3\"/>";
-    let materials =
-        r#"<material sOffset="0" friction="0.8"/><material sOffset="100" friction="0.4"/>"#;
     let steep =
         r#"<elevationProfile><elevation s="0" a="0" b="-0.4" c="0" d="0"/></elevationProfile>"#;
     let along_lane = r#"<RelativeLanePosition entityRef="Ego" dLane="0" dsLane="100"/>"#;
@@ -62,8 +60,6 @@ fn roads_that_no_world_has_are_refused_by_line_and_fix() {
         "a lane that slants":
             [edit("<!--offsets-->", r#"<laneOffset s="0" a="0" b="0.02"/>"#)]
             => on("Private", "its lane slants");
-        "friction that changes along a lane":
-            [edit("<!--lane-->", materials)] => on("material", "friction that changes");
         "a body that is too long":
             [edit(r#"length="4.4""#, r#"length="44""#)] => on("<BoundingBox", "a body of 44 m");
         "a body with one axle": [edit(axle, "")] => on("<Axles", "a trailer is not read");

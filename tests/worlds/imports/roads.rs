@@ -14,6 +14,8 @@ fn friction_and_speed_limits_are_carried_over() {
         edit("<!--types-->", text)
     };
     let lanes = |text: &str| edit(WIDTH, format!("{WIDTH}{text}"));
+    let materials =
+        r#"<material sOffset="0" friction="0.8"/><material sOffset="100" friction="0.4"/>"#;
     let changing = r#"<type s="0" type="town"><speed max="50" unit="km/h"/></type><type s="200" type="town"><speed max="30" unit="km/h"/></type>"#;
     table! {
         "a dry road": [] => road(1.0, None);
@@ -23,6 +25,7 @@ fn friction_and_speed_limits_are_carried_over() {
         "rain without an effect": [rain("1.0")] => road(1.0, None);
         "a wet road of a material":
             [wet(0.5), lanes(r#"<material sOffset="0" friction="0.8"/>"#)] => road(0.4, None);
+        "a material that changes along the road": [lanes(materials)] => road(0.4, None);
         "a limit in km/h": [limit("50", "km/h")] => road(1.0, Some(50.0 / 3.6));
         "no limit": [limit("no limit", "km/h")] => road(1.0, None);
         "a limit in mph": [limit("30", "mph")] => road(1.0, Some(13.4112));
