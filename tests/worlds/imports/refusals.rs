@@ -54,9 +54,9 @@ fn roads_that_no_world_has_are_refused_by_line_and_fix() {
         "pieces shorter than their road":
             [two(r#"<geometry s="400" x="400" y="0" hdg="0" length="500"><line/></geometry>"#)]
             => on("<road", "that of its geometry 900.000 m");
-        "a lane that jumps":
-            [edit("<!--offsets-->", "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"300\" a=\"3.5\"/>")]
-            => on("Private", "lane -1 of road `0` jumps");
+        "a lane that jumps soon":
+            [edit("<!--offsets-->", "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"160\" a=\"3.5\"/>")]
+            => on("Private", "lane -2 of road `0` jumps");
         "a lane that slants":
             [edit("<!--offsets-->", r#"<laneOffset s="0" a="0" b="0.02"/>"#)]
             => on("Private", "its lane slants");

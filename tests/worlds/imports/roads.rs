@@ -40,10 +40,15 @@ fn friction_and_speed_limits_are_carried_over() {
 
 #[test]
 fn a_run_ends_before_an_entity_leaves_its_road() {
+    let jump = edit(
+        "<!--offsets-->",
+        "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"200\" a=\"3.5\"/>",
+    );
     table! {
         "as it is": [] => ends(12.0, 12.0, []);
         // 10 m/s from 950 m of 1000 m on, slower from 2 s on: 30 m at 10 - t m/s more.
         "a lead near the end": [lead_at(950.0)] => ends(5.0, 5.7, [END]);
+        "a lead before a jump of its lane": [jump] => ends(4.5, 5.2, [END]);
         "an ego near the end, which coasts": [ego_at(900.0)] => ends(5.0, 5.0, [END]);
     }
 }
