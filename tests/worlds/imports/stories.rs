@@ -160,6 +160,13 @@ fn differences_from_esmini_are_listed() {
         };
         edit(count(1), count(2))
     };
+    let slower = r#"<RelativeTargetSpeed entityRef="Ego" value="-4" speedTargetValueType="delta" continuous="false"/>"#;
+    let crossing = trajectory(
+        r#"<Timing domainAbsoluteRelative="relative" scale="1" offset="0"/>"#,
+        "",
+        &[(0.0, 150.0, -5.25), (4.0, 150.0, -1.25)],
+    );
+    let walks = [lead_on_foot(), edit(LEAD_SPEED, STANDING), does(crossing)];
     let headway = r#"<TimeHeadwayCondition entityRef="Ego" value="1" freespace="false" alongRoute="true" rule="lessThan"/>"#;
     let late_stop = format!(
         "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
@@ -168,7 +175,7 @@ fn differences_from_esmini_are_listed() {
     let skips = |Edit { from, to }: Edit| edit(from, to.replace("override", "skip"));
     let timed = SLOWER.replace(r#""rate""#, r#""time""#);
     let third_event = beside(&time(8.0, "none", 0.0), FASTER).to;
-    let cases: [(&str, Vec<Edit>); 7] = [
+    let cases: [(&str, Vec<Edit>); 9] = [
         (
             "executions left of an event that another overrides",
             vec![often("first"), second(&time(3.0, "none", 0.0), FASTER)],
@@ -197,6 +204,11 @@ fn differences_from_esmini_are_listed() {
             "distances along the route",
             vec![first(watch("Lead", headway))],
         ),
+        (
+            "relative speeds that change until they are reached",
+            vec![aims_at(slower)],
+        ),
+        ("walks behind the end of a trajectory", walks.to_vec()),
     ];
     let plain = dropped(&imported(&[]));
     for (kind, edits) in &cases {

@@ -16,6 +16,8 @@ const STOPPED: &str = "stops by other actions or events, which are no ends";
 const PAST: &str = "transitions before their condition was asked";
 const WAITING: &str = "stop triggers of acts that have not begun";
 const REACHED: &str = "changes of speed that may begin at their target";
+/// A choice of brakecheck, for which no sentence of the standard is quoted.
+const FOLLOWED: &str = "relative speeds that change until they are reached";
 const ALONG: &str = "distances along the route";
 const STANDING: &str = "lateral motion of agents that may stand";
 
@@ -94,6 +96,10 @@ impl StoryWriter<'_> {
                 if takes_time && (event.is_some_and(repeats) || self.is_target_twice(node)) {
                     self.note(REACHED, node);
                 }
+                let is_step = dynamics.and_then(|it| it.raw("dynamicsShape")) == Some("step");
+                if !is_step && is_read_once(node, part) {
+                    self.note(FOLLOWED, node);
+                }
             }
             _ => {}
         }
@@ -163,6 +169,16 @@ impl StoryWriter<'_> {
 fn repeats(part: &StoryPart<'_>) -> bool {
     let often = part.scope.number(part.node, "maximumExecutionCount");
     often.is_ok_and(|it| it > 1.0)
+}
+
+/// Returns whether the target of a speed is relative to another entity, and does not last.
+fn is_read_once(node: &XmlNode, part: &StoryPart<'_>) -> bool {
+    let target = node.child("SpeedActionTarget");
+    let relative = target.and_then(|it| it.child("RelativeTargetSpeed"));
+    relative.is_some_and(|it| {
+        let of = part.scope.text(it, "entityRef").unwrap_or_default();
+        it.raw("continuous") != Some("true") && !part.actors.contains(&of)
+    })
 }
 
 /// Returns the elements inside a node that a test finds.

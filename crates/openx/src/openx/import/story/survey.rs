@@ -56,6 +56,9 @@ pub(in super::super) struct StorySurvey {
     pub names: BTreeSet<String>,
 }
 
+/// Kind of a trajectory of a pedestrian who then stands still.
+const STAYS: &str = "walks behind the end of a trajectory";
+
 /// Action of a storyboard that moves somebody.
 struct MovingAction<'a> {
     number: usize,
@@ -447,6 +450,9 @@ impl<'a> EntitySurvey<'a, '_> {
             .collect();
         let lasts_s: f64 = legs.iter().map(|(lasts_s, _)| lasts_s).sum();
         let stops = on_foot && is_straight;
+        if stops {
+            self.ground.catalogs.note(STAYS, action.node);
+        }
         let begin = action.begin;
         // The order of the legs does not matter for the greatest speed.
         for (_, speed_mps) in &legs {
