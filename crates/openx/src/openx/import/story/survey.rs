@@ -13,7 +13,7 @@ use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::OnWay;
 use crate::openx::import::entity::ImportedEntity;
 use crate::openx::import::later::{SpeedBound, TimedPath};
-use crate::openx::import::laws::{approached, gap_of};
+use crate::openx::import::laws::{OWN_APPROACH, approached, gap_of};
 use crate::openx::import::places::PositionContext;
 use crate::openx::import::still::is_still;
 
@@ -289,6 +289,7 @@ impl<'a> EntitySurvey<'a, '_> {
                     is_approach.then(|| approached(node, scope, self.ground, self.ego_mps).ok());
                 match read.flatten() {
                     Some(approach) => {
+                        self.ground.catalogs.note(OWN_APPROACH, node);
                         self.entity.approach = Some(approach);
                         self.taken.insert(action.number, TakenAction::Approach);
                     }
