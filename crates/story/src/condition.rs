@@ -149,6 +149,22 @@ impl<V: StoryView + ?Sized> Instant<'_, V> {
                 let closing_mps = seen.own_mps - seen.other_mps;
                 (closing_mps > LEAST_SPEED_MPS).then(|| seen.ahead_m / closing_mps)
             }
+            AgentQuantity::TimeToPlace {
+                place,
+                measured,
+                freespace,
+            } => {
+                let system = measured.system;
+                let along = DistanceType::Longitudinal;
+                let axis = self.axis(agent, MeasuredAxis { along, system });
+                let at_m = axis(&self.view.pose_of(agent, &place, self.at_s));
+                let is_further = at_m > self.span(agent, freespace, &axis).middle_m();
+                let along_mps = self.speed_along_mps(agent, agent, system);
+                // An agent that moves away has no time to the place.
+                let closing_mps = if is_further { along_mps } else { -along_mps };
+                let away_m = self.place_m(agent, &place, measured, freespace);
+                (closing_mps > LEAST_SPEED_MPS).then(|| away_m / closing_mps)
+            }
         }
     }
 

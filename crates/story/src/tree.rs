@@ -118,6 +118,11 @@ pub(crate) enum AgentQuantity {
         measured: MeasuredAxis,
         freespace: bool,
     },
+    TimeToPlace {
+        place: StoryPlace,
+        measured: MeasuredAxis,
+        freespace: bool,
+    },
 }
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -298,6 +298,12 @@ pub fn lead_object(to: &str) -> String {
     format!("{from}{text}")
 }
 
+/// The lead as a pedestrian.
+pub fn lead_on_foot() -> Edit {
+    let walker = r#"<ScenarioObject name="Lead"><Pedestrian name="walker" mass="80" pedestrianCategory="pedestrian"><BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.6" length="0.6" height="1.8"/></BoundingBox><Properties/></Pedestrian>"#;
+    edit(lead_object("</Vehicle>") + "</Vehicle>", walker)
+}
+
 /// The road of the straight file, without its end.
 pub fn straight_road() -> &'static str {
     let (_, road) = STRAIGHT.split_once("<road ").expect("a road");

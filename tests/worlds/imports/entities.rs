@@ -86,16 +86,39 @@ fn an_ego_on_a_trajectory_with_times_begins_with_its_speed() {
 }
 
 #[test]
+fn an_ego_without_roads_faces_along_the_trajectory_that_is_left_to_it() {
+    // No road has such a corner.
+    let corner = way([[50.0, 0.0], [40.0, 0.0], [40.0, -10.0]]);
+    let files = files(&[
+        edit(r#"<LogicFile filepath="straight.xodr"/>"#, ""),
+        edit(EGO, r#"<WorldPosition x="50" y="0"/>"#),
+        edit(LEAD, r#"<WorldPosition x="150" y="0" h="0"/>"#),
+        edit(
+            "<!--ego init-->",
+            format!("<PrivateAction>{corner}</PrivateAction>"),
+        ),
+    ]);
+    let import = Import {
+        leaves_ego: true,
+        ..plain()
+    };
+    let imported = import_as(&import, &files).expect("a world");
+    let episode = run(&world(&imported));
+    let [ego, lead] = ["ego", "lead"].map(|name| at(&episode, name, 1.0));
+    // The ego drives 20 m away, and the lead 10 m.
+    let apart_m = (lead.0 - ego.0).hypot(lead.1 - ego.1);
+    assert!((apart_m - 130.0).abs() < 0.1, "{apart_m}");
+}
+
+#[test]
 fn somebody_on_foot_waits_and_walks_around_a_corner() {
-    let walker = r#"<ScenarioObject name="Lead"><Pedestrian name="walker" mass="80" pedestrianCategory="pedestrian"><BoundingBox><Center x="0" y="0" z="0.9"/><Dimensions width="0.6" length="0.6" height="1.8"/></BoundingBox><Properties/></Pedestrian>"#;
-    let car = lead_object("</Vehicle>") + "</Vehicle>";
     let around = way([[150.0, -5.25], [150.0, -1.25], [154.0, -1.25]]);
     let speed = SLOWER.replace(r#"value="4""#, r#"value="1.5""#);
     let both =
         format!(r#"{speed}</PrivateAction></Action><Action name="way"><PrivateAction>{around}"#);
     // A slow ego comes there only later.
     let edits = [
-        edit(car, walker),
+        lead_on_foot(),
         edit(LEAD_SPEED, STANDING),
         slow_ego(),
         does(both),

@@ -22,6 +22,11 @@ fn small_scenarios_move_as_their_files_say() {
     let owner = r#"<Story name="story"><ParameterDeclarations><ParameterDeclaration name="$owner" parameterType="string" value="Lead"/></ParameterDeclarations>"#;
     let reached = r#"<ReachPositionCondition tolerance="0.5"><Position><LanePosition roadId="0" laneId="-2" s="170"/></Position></ReachPositionCondition>"#;
     let collision = r#"<TimeToCollisionCondition freespace="true" relativeDistanceType="longitudinal" value="5" rule="lessThan"><TimeToCollisionConditionTarget><EntityRef entityRef="Lead"/></TimeToCollisionConditionTarget></TimeToCollisionCondition>"#;
+    let arrival = r#"<TimeToCollisionCondition freespace="false" relativeDistanceType="longitudinal" value="3" rule="lessThan"><TimeToCollisionConditionTarget><Position><LanePosition roadId="0" laneId="-2" s="200"/></Position></TimeToCollisionConditionTarget></TimeToCollisionCondition>"#;
+    let step = SLOWER.replace(
+        r#"dynamicsShape="linear" dynamicsDimension="rate" value="1""#,
+        r#"dynamicsShape="step" dynamicsDimension="time" value="0""#,
+    );
     let worded = r#"<ParameterDeclarations><ParameterDeclaration name="shape" parameterType="string" value="linear"/></ParameterDeclarations><CatalogLocations><RouteCatalog/></CatalogLocations>"#;
     let assigned = r#"<PrivateAction><ControllerAction><AssignControllerAction><Controller name="c"><Properties/></Controller></AssignControllerAction></ControllerAction></PrivateAction>"#;
     let own_lane = lane_change("linear", "time", 4.0).replace(r#"value="-1""#, r#"value="-2""#);
@@ -35,6 +40,9 @@ fn small_scenarios_move_as_their_files_say() {
         "as it is": [] => lead([(2.0, 170.0, 0.0), (12.0, 228.0, 0.0)]);
         "an act within the first second begins when it says":
             [act(time(0.6, "none", 0.0)), first(time(0.0, "none", 0.0))] => lead([(12.0, 219.6, 0.0)]);
+        "a time just after the start is seen in the first sample":
+            [from_start(step)] => lead([(0.05, 150.2, 0.0), (12.0, 198.0, 0.0)]);
+        "a time to a place": [first(watch("Lead", arrival))] => lead([(12.0, 228.0, 0.0)]);
         "an event does not begin before its act":
             [act(time(5.0, "none", 0.0))] => lead([(12.0, 246.0, 0.0)]);
         "a rising edge of a time":

@@ -22,6 +22,44 @@ fn near_ego(dx_m: &str) -> String {
 }
 
 #[test]
+fn a_place_on_a_route_along_a_bend_is_one_on_its_lane() {
+    let stop = |s_m: f64| {
+        let place = lane(-2, s_m, "");
+        format!(r#"<Waypoint routeStrategy="shortest"><Position>{place}</Position></Waypoint>"#)
+    };
+    let (from, to) = (stop(150.0), stop(250.0));
+    let route = format!(
+        r#"<RoutePosition><RouteRef><Route name="r" closed="false">{from}{to}</Route></RouteRef><InRoutePosition><FromLaneCoordinates pathS="50" laneId="-2"/></InRoutePosition></RoutePosition>"#
+    );
+    let text = |position: String| {
+        let imported = imported(&[on_bend(), edit(LEAD, position)]);
+        imported.worlds[0].text.clone()
+    };
+    assert_eq!(text(route), text(lane(-2, 200.0, "")));
+}
+
+#[test]
+fn an_offset_on_a_route_is_one_of_its_lane() {
+    let stop = |s_m: f64| {
+        let place = lane(1, s_m, "");
+        format!(r#"<Waypoint routeStrategy="shortest"><Position>{place}</Position></Waypoint>"#)
+    };
+    // Lane 1 leads back.
+    let (from, to) = (stop(300.0), stop(200.0));
+    let route = format!(
+        r#"<RoutePosition><RouteRef><Route name="r" closed="false">{from}{to}</Route></RouteRef><InRoutePosition><FromLaneCoordinates pathS="50" laneId="1" laneOffset="0.5"/></InRoutePosition></RoutePosition>"#
+    );
+    let on_lane = r#"<LanePosition roadId="0" laneId="1" s="250" offset="0.5"/>"#;
+    let begins = |position: &str| {
+        let imported = imported(&[edit(LEAD, position)]);
+        at(&run(&world(&imported)), "lead", 0.0)
+    };
+    let (x_m, y_m) = begins(&route);
+    let expected = begins(on_lane);
+    assert!((x_m - expected.0).hypot(y_m - expected.1) < 1e-6);
+}
+
+#[test]
 fn entities_go_where_they_face_from_wherever_they_are_placed() {
     let route = r#"<RoutePosition><RouteRef><Route name="r" closed="false">
         <Waypoint routeStrategy="shortest"><Position><LanePosition roadId="1" laneId="-1" s="10"/></Position></Waypoint>

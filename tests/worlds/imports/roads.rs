@@ -14,6 +14,8 @@ fn friction_and_speed_limits_are_carried_over() {
         edit("<!--types-->", text)
     };
     let lanes = |text: &str| edit(WIDTH, format!("{WIDTH}{text}"));
+    let materials =
+        r#"<material sOffset="0" friction="0.8"/><material sOffset="100" friction="0.4"/>"#;
     let changing = r#"<type s="0" type="town"><speed max="50" unit="km/h"/></type><type s="200" type="town"><speed max="30" unit="km/h"/></type>"#;
     table! {
         "a dry road": [] => road(1.0, None);
@@ -23,6 +25,7 @@ fn friction_and_speed_limits_are_carried_over() {
         "rain without an effect": [rain("1.0")] => road(1.0, None);
         "a wet road of a material":
             [wet(0.5), lanes(r#"<material sOffset="0" friction="0.8"/>"#)] => road(0.4, None);
+        "a material that changes along the road": [lanes(materials)] => road(0.4, None);
         "a limit in km/h": [limit("50", "km/h")] => road(1.0, Some(50.0 / 3.6));
         "no limit": [limit("no limit", "km/h")] => road(1.0, None);
         "a limit in mph": [limit("30", "mph")] => road(1.0, Some(13.4112));
@@ -37,10 +40,15 @@ fn friction_and_speed_limits_are_carried_over() {
 
 #[test]
 fn a_run_ends_before_an_entity_leaves_its_road() {
+    let jump = edit(
+        "<!--offsets-->",
+        "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"200\" a=\"3.5\"/>",
+    );
     table! {
         "as it is": [] => ends(12.0, 12.0, []);
         // 10 m/s from 950 m of 1000 m on, slower from 2 s on: 30 m at 10 - t m/s more.
         "a lead near the end": [lead_at(950.0)] => ends(5.0, 5.7, [END]);
+        "a lead before a jump of its lane": [jump] => ends(4.5, 5.2, [END]);
         "an ego near the end, which coasts": [ego_at(900.0)] => ends(5.0, 5.0, [END]);
     }
 }

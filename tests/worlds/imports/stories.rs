@@ -29,6 +29,13 @@ fn events_come_in_the_order_of_the_run() {
             format!("<StopTrigger><ConditionGroup>{condition}</ConditionGroup></StopTrigger>");
         edit("<!--act-->", trigger)
     };
+    let twice = || {
+        let Edit { from, to } = second(&after("event", "first", 0.0), FASTER);
+        edit(
+            from,
+            to.replace(r#"Event name="second""#, r#"Event name="first""#),
+        )
+    };
     let near_ego = r#"<ReachPositionCondition tolerance="20"><Position><RelativeObjectPosition entityRef="Ego" dx="5" dy="0"/></Position></ReachPositionCondition>"#;
     let triggering = |word: &str| {
         edit(
@@ -75,6 +82,9 @@ fn events_come_in_the_order_of_the_run() {
         "actors that neither trigger nor do not":
             [triggering("yes"), act(travelled("Lead", 5.0))]
             => on("<Actors", "neither true nor false");
+        // Players take the first.
+        "an end of the first of two events of one name":
+            [twice()] => lead([(8.0, 212.0, 0.0), (12.0, 243.0, 0.0)]);
         "which is listed": [own("1", "delta")]
             => drops(["the growth of speeds that are relative to themselves"]);
     }
@@ -208,6 +218,13 @@ fn differences_from_esmini_are_listed() {
         };
         edit(count(1), count(2))
     };
+    let slower = r#"<RelativeTargetSpeed entityRef="Ego" value="-4" speedTargetValueType="delta" continuous="false"/>"#;
+    let crossing = trajectory(
+        r#"<Timing domainAbsoluteRelative="relative" scale="1" offset="0"/>"#,
+        "",
+        &[(0.0, 150.0, -5.25), (4.0, 150.0, -1.25)],
+    );
+    let walks = [lead_on_foot(), edit(LEAD_SPEED, STANDING), does(crossing)];
     let headway = r#"<TimeHeadwayCondition entityRef="Ego" value="1" freespace="false" alongRoute="true" rule="lessThan"/>"#;
     let late_stop = format!(
         "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
@@ -216,7 +233,7 @@ fn differences_from_esmini_are_listed() {
     let skips = |Edit { from, to }: Edit| edit(from, to.replace("override", "skip"));
     let in_time = SLOWER.replace(r#""rate""#, r#""time""#);
     let third_event = beside(&time(8.0, "none", 0.0), FASTER).to;
-    let cases: [(&str, Vec<Edit>); 8] = [
+    let cases: [(&str, Vec<Edit>); 10] = [
         (
             "executions left of an event that another overrides",
             vec![often("first"), second(&time(3.0, "none", 0.0), FASTER)],
@@ -249,6 +266,11 @@ fn differences_from_esmini_are_listed() {
             "scaled or shifted times of trajectories",
             vec![does(timed("relative", 2.0, 0.0, ""))],
         ),
+        (
+            "relative speeds that change until they are reached",
+            vec![aims_at(slower)],
+        ),
+        ("walks behind the end of a trajectory", walks.to_vec()),
     ];
     let plain = dropped(&imported(&[]));
     for (kind, edits) in &cases {

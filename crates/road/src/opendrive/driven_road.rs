@@ -110,6 +110,7 @@ pub fn lane_road(path: &Path, text: &str, from: &LaneStart) -> Result<LaneRoad, 
         LaneFollower {
             left_m: beside_m,
             slowest_mps: 0.0,
+            may_end: false,
         },
     )?;
     Ok(LaneRoad {

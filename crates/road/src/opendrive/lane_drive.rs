@@ -28,6 +28,8 @@ const MOST_PER_M: f64 = 0.5;
 /// that it ends.
 const ROUND_M: f64 = 8.0;
 const BEFORE_M: f64 = 60.0;
+/// Least length in metres of a way that ends where its lanes jump or slant.
+const LEAST_M: f64 = 20.0;
 /// Greatest number of roads and sections of a way.
 const MOST_PARTS: usize = 10_000;
 /// Curvature in 1/m below which a piece is a line.
@@ -61,6 +63,8 @@ pub struct LaneFollower {
     pub left_m: f64,
     /// Its least speed.
     pub slowest_mps: f64,
+    /// True if its way may end where the lanes jump or slant.
+    pub may_end: bool,
 }
 
 impl RoadMap {
@@ -202,7 +206,8 @@ impl RoadMap {
     ///
     /// # Errors
     ///
-    /// Returns an error for lanes that slant more than an entity can follow.
+    /// Returns an error for lanes that jump, or slant more than an entity can follow,
+    /// unless its way may end there.
     pub fn lane_way(
         &self,
         asks: &XmlNode,
@@ -213,11 +218,23 @@ impl RoadMap {
         let mut pieces: Vec<Bend> = Vec::new();
         let mut spot = Pose::default();
         let mut lost_m = 0.0;
-        for stretch in stretches {
+        let may_end = |pieces: &[Bend]| {
+            let length_m: f64 = pieces.iter().map(|it| it.length_m).sum();
+            follower.may_end && length_m >= LEAST_M
+        };
+        'way: for stretch in stretches {
             let road = self.road(asks, &stretch.road)?;
             let length_m = stretch.length_m();
             let at = |along_m: f64| stretch.pose(road, along_m, follower.left_m);
             lost_m += stretch.slant_m(road);
+            if SLANT_M.max(SLANT_S * follower.slowest_mps) < lost_m {
+                if may_end(&pieces) {
+                    break;
+                }
+                let what = format!("its lane slants, by {lost_m:.2} m of its way");
+                let help = "a way along lanes of nearly constant width and offset is read";
+                return Err(asks.refused(what, help));
+            }
             let curve = PlaneCurve { at: &at, length_m };
             let arcs = arcs_of(curve, 0.0).map_err(|what| road.node.refused(what, WINDS))?;
             for arc in arcs {
@@ -227,6 +244,9 @@ impl RoadMap {
                 }
                 let off = spot.sees(&arc.start);
                 if libm::hypot(off.x_m, off.y_m) > GAP_M || arc.bend.per_m.abs() > MOST_PER_M {
+                    if may_end(&pieces) {
+                        break 'way;
+                    }
                     let what = format!("lane {} of road `{}` jumps", stretch.lane, stretch.road);
                     let help = "let widths, offsets and linked roads go on where they end";
                     return Err(asks.refused(what, help));
@@ -240,11 +260,6 @@ impl RoadMap {
                 }
                 spot = end;
             }
-        }
-        if SLANT_M.max(SLANT_S * follower.slowest_mps) < lost_m {
-            let what = format!("its lane slants, by {lost_m:.2} m of its way");
-            let help = "a way along lanes of nearly constant width and offset is read";
-            return Err(asks.refused(what, help));
         }
         let begins = begins.ok_or_else(|| {
             let help = "place it before the end of its lane, in the direction of the traffic";

@@ -191,6 +191,14 @@ impl RoadMap {
         self.one_of(road, |surface| surface.limit_mps.clone())
     }
 
+    /// Returns the least friction of a road, or of all roads.
+    pub fn least_friction(&self, road: Option<&str>) -> f64 {
+        let roads = self.roads.iter();
+        let wanted = roads.filter(|(id, _)| road.is_none_or(|road| road == *id));
+        let least = wanted.map(|(_, line)| line.surface.least_friction);
+        least.reduce(f64::min).unwrap_or(1.0)
+    }
+
     fn one_of<T: PartialEq>(
         &self,
         road: Option<&str>,

@@ -15,6 +15,8 @@ const MPH_MPS: f64 = 0.44704;
 pub(crate) struct Surface {
     /// Friction coefficient μ before the scenario scales it.
     pub friction: Result<f64, ImportError>,
+    /// Least coefficient of the driving lanes.
+    pub least_friction: f64,
     pub limit_mps: Result<Option<f64>, ImportError>,
 }
 
@@ -24,6 +26,7 @@ impl Default for Surface {
             // Without a material, the scenario's scale is the coefficient
             // itself.
             friction: Ok(1.0),
+            least_friction: 1.0,
             limit_mps: Ok(None),
         }
     }
@@ -41,6 +44,7 @@ impl Surface {
             .collect();
         Ok(Surface {
             friction: friction(&driven)?,
+            least_friction: least_friction(&driven)?,
             limit_mps: limit_mps(road, &driven)?,
         })
     }
@@ -59,6 +63,16 @@ fn friction(driven: &[&XmlNode]) -> Result<Result<f64, ImportError>, ImportError
         known = Some(value);
     }
     Ok(Ok(known.unwrap_or(1.0)))
+}
+
+fn least_friction(driven: &[&XmlNode]) -> Result<f64, ImportError> {
+    let plain = ParameterScope::default();
+    let materials = driven.iter().flat_map(|lane| lane.all("material"));
+    let mut least = f64::INFINITY;
+    for material in materials {
+        least = least.min(plain.number_or_zero(material, "friction")?);
+    }
+    Ok(if least.is_finite() { least } else { 1.0 })
 }
 
 /// Speed limit of the lanes. Without a limit, that of the road.

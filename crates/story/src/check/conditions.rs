@@ -213,6 +213,24 @@ impl Check<'_, '_> {
                 };
                 self.number_of(path, quantity, *rule, ("value_s", value_s))
             }
+            Is::TimeToPlace {
+                position,
+                distance_type,
+                coordinate_system,
+                freespace,
+                rule,
+                value_s,
+            } => {
+                let quantity = AgentQuantity::TimeToPlace {
+                    place: self.place(&path.to("position"), position),
+                    measured: MeasuredAxis {
+                        along: *distance_type,
+                        system: *coordinate_system,
+                    },
+                    freespace: *freespace,
+                };
+                self.number_of(path, quantity, *rule, ("value_s", value_s))
+            }
             Is::Collision { entity } => AgentExpression::Touches(self.entity(path, entity)),
             Is::StandStill { .. } => {
                 /// Speed below which a body rests.

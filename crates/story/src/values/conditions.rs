@@ -286,6 +286,23 @@ pub enum EntityCondition {
         /// Compared value.
         value_s: StoryNumber,
     },
+    /// Time until the distance to a place is used up at the present speed.
+    TimeToPlace {
+        /// TargetPlace.
+        position: StoryPosition,
+        /// Direction of the distance. Default: `Longitudinal`.
+        #[serde(default = "longitudinal", skip_serializing_if = "is_longitudinal")]
+        distance_type: DistanceType,
+        /// System of the distance.
+        #[serde(default, skip_serializing_if = "is_default")]
+        coordinate_system: CoordinateSystem,
+        /// From the box of the body, not from its reference point.
+        freespace: bool,
+        /// ValueComparison.
+        rule: ComparisonRule,
+        /// Compared value.
+        value_s: StoryNumber,
+    },
     /// Contact with another agent.
     Collision {
         /// Other agent.

@@ -239,6 +239,17 @@ fn times_are_defined_while_they_have_a_meaning() {
     starts(&beside("TimeHeadway", "Longitudinal", 2.0), 1.0);
     starts(&beside("TimeHeadway", "Euclidean", 2.5), 2.0);
     starts(&beside("TimeToCollision", "Euclidean", 5.0), 2.0);
+    let to_place = |x_m: f64, freespace: bool| {
+        let place = format!("position: World(x_m: {x_m:?}, y_m: 0.0), freespace: {freespace}");
+        of(
+            "a",
+            &format!("TimeToPlace({place}, rule: LessThan, value_s: 3.0)"),
+        )
+    };
+    // The reference point of `a` has 100 m to the place, and its front 97 m.
+    starts(&to_place(97.0, false), 2.0);
+    starts(&to_place(97.0, true), 1.85);
+    never(&to_place(-50.0, false));
     // Behind, at rest or moving away: unknown fulfils neither comparison.
     for rule in ["LessThan", "GreaterThan", "NotEqualTo"] {
         never(&time("TimeHeadway", "c", "b", false, rule, 1.0));

@@ -218,6 +218,7 @@ impl FrameOfEgo {
             left_m: 0.0,
             // The user drives the ego, so no slant of its lane delays it.
             slowest_mps: f64::INFINITY,
+            may_end: true,
         };
         let on = roads.lane_way(asks, &drive, in_middle)?;
         let width_m = line.lanes.width_m(at.s_m, at.lane).unwrap_or(USUAL_WIDTH_M);
@@ -480,6 +481,7 @@ fn own_way(
     let follower = LaneFollower {
         left_m,
         slowest_mps: entity.slowest_mps(),
+        may_end: true,
     };
     let on = roads.lane_way(asks, &drive, follower)?;
     if on.way.start().sees(&entity.placed.spot).heading_rad.abs() > SAME_WAY_RAD {

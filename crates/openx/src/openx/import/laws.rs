@@ -58,14 +58,13 @@ pub(super) fn unknown_target(target: &XmlNode) -> ImportError {
 
 /// Reads a meeting with the ego.
 ///
-/// The way in which it reaches the final speed is that of brakecheck, which is noted.
+/// The way in which it reaches the final speed is that of brakecheck.
 pub(super) fn approached(
     it: &XmlNode,
     scope: &ParameterScope,
     ground: PositionContext<'_>,
     ego_mps: Option<f64>,
 ) -> Result<Approached, ImportError> {
-    ground.catalogs.note(OWN_APPROACH, it);
     if scope.text(it, "masterEntityRef")? != ground.ego.name {
         return Err(it.refused(
             "only meetings with the ego are read",

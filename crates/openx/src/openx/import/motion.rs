@@ -192,10 +192,14 @@ impl<'a> FirstPlace<'a> {
                             let first = on_first(it, scope, ground).ok();
                             self.at = first.or(self.at.take());
                             // On no lane it faces along the trajectory.
-                            if let (Some(at), Ok(on)) = (&mut self.at, read)
-                                && at.lane.is_none()
-                            {
-                                at.spot = on.spot;
+                            let at = self.at.as_mut().filter(|at| at.lane.is_none());
+                            match (at, read) {
+                                (Some(at), Ok(on)) => at.spot = on.spot,
+                                (Some(at), Err(_)) => {
+                                    let faces = first_heading_rad(it, scope, ground);
+                                    at.spot.heading_rad = faces.unwrap_or(at.spot.heading_rad);
+                                }
+                                (None, _) => {}
                             }
                         }
                     },
@@ -227,6 +231,37 @@ pub(super) fn timed_mps(
         [(from_s, from_m), (to_s, to_m), ..] => Some((to_m - from_m) / (to_s - from_s)),
         _ => None,
     }
+}
+
+/// Heading in radians from the first place of a trajectory to its second.
+///
+/// `None` for a first place that states a heading.
+fn first_heading_rad(
+    it: &XmlNode,
+    scope: &ParameterScope,
+    ground: PositionContext<'_>,
+) -> Option<f64> {
+    fn places<'a>(node: &'a XmlNode, all: &mut Vec<&'a XmlNode>) {
+        match node.name.as_str() {
+            "Position" => all.push(node),
+            _ => node.children.iter().for_each(|it| places(it, all)),
+        }
+    }
+    let reference = it.child("TrajectoryRef").unwrap_or(it);
+    let (trajectory, own) = ground.trajectory(reference, scope).ok()?;
+    let mut all = Vec::new();
+    places(&trajectory, &mut all);
+    let [first, second, ..] = all[..] else {
+        return None;
+    };
+    let place = first.children.first()?;
+    if place.raw("h").is_some() || place.child("Orientation").is_some() {
+        return None;
+    }
+    let from = ground.place(first, &own).ok()?.spot;
+    let to = ground.place(second, &own).ok()?.spot;
+    let (x_m, y_m) = (to.x_m - from.x_m, to.y_m - from.y_m);
+    (libm::hypot(x_m, y_m) > 0.0).then(|| libm::atan2(y_m, x_m))
 }
 
 /// Place at which a trajectory begins, whatever its shape.

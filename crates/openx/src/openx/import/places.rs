@@ -405,14 +405,15 @@ impl PositionContext<'_> {
         let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Pose> = stops.iter().map(|stop| stop.spot).collect();
         let lanes: Option<Vec<&OnLane>> = stops.iter().map(|stop| stop.lane.as_ref()).collect();
-        let lanes = lanes.filter(|lanes| lanes.iter().any(|at| at.road != lanes[0].road));
+        let is_over_roads = |lanes: &&Vec<&OnLane>| lanes.iter().any(|at| at.road != lanes[0].road);
         // Two places are always on one line, but a route that turns faces elsewhere.
         let turns = |spot: &Pose| {
             let sine = libm::sin(spot.heading_rad - spots[0].heading_rad);
             sine.abs() > TURNED_SINE
         };
-        if let Some(lanes) = lanes.filter(|_| spots.iter().any(turns)) {
-            return self.on_roads(it, scope, &lanes);
+        let over_roads = lanes.as_ref().filter(is_over_roads);
+        if let Some(lanes) = over_roads.filter(|_| spots.iter().any(turns)) {
+            return self.on_roads(it, scope, lanes);
         }
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
@@ -424,13 +425,34 @@ impl PositionContext<'_> {
             .filter(|stop| stop.lane.is_some())
             .map(|stop| begins.sees(&stop.spot).heading_rad.abs());
         if bends.any(|off_rad| off_rad > BENDS_RAD) {
-            return self.on_lane_of(on, scope, &stops[0], along_m);
+            let is_later = along_m > 0.0 && on.name == "FromLaneCoordinates";
+            let placed = lanes
+                .filter(|_| is_later)
+                .map(|lanes| self.on_roads(it, scope, &lanes))
+                .transpose()?;
+            let stated = on.raw("laneId").map(|_| scope.lane(on, "laneId"));
+            let stated = stated.transpose()?;
+            // Players have their own way to a lane that the route does not drive.
+            let is_driven = |placed: &Placed| {
+                let lane = placed.lane.as_ref().map(|at| at.lane);
+                stated.is_none() || stated == lane
+            };
+            return match placed.filter(is_driven) {
+                Some(placed) => Ok(placed),
+                None => self.on_lane_of(on, scope, &stops[0], along_m),
+            };
         }
         let last = spots.last().unwrap_or(&begins);
         let ends_m = begins.sees(last).x_m;
         within(on, along_m, ends_m, "the route")?;
         let aside_m = match on.name.as_str() {
-            "FromLaneCoordinates" => scope.number_or_zero(on, "laneOffset")?,
+            // It is one of the lane, whose left side is that of the road.
+            "FromLaneCoordinates" => {
+                let faces = |at: &OnLane| if at.forward { 1.0 } else { -1.0 };
+                let turned_rad = begins.heading_rad - spots[0].heading_rad;
+                let along = libm::cos(turned_rad) * stops[0].lane.as_ref().map_or(1.0, faces);
+                scope.number_or_zero(on, "laneOffset")? * 1f64.copysign(along)
+            }
             // The offset is relative to the reference line of the road, not to
             // the lane.
             "FromRoadCoordinates" => {

@@ -355,7 +355,12 @@ impl Protocol {
             .ok_or_else(|| asks.refused("the ego is deleted", DELETED))?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
         let mut blockers = Blockers::default();
-        let friction = blockers.keep(roads.friction(road)).unwrap_or(1.0) * scale;
+        // A world has one friction. The least is the hardest for its ego.
+        let of_road = roads.friction(road).unwrap_or_else(|_| {
+            self.dropped.note("friction that changes", asks);
+            roads.least_friction(road)
+        });
+        let friction = of_road * scale;
         if !FRICTIONS.contains(&friction) {
             let what = format!("a friction of {friction} is outside of 0.01 ..= 2");
             let help = "change the frictionScaleFactor, or the friction of the material";

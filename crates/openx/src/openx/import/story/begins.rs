@@ -147,8 +147,8 @@ impl TriggerReader<'_> {
                 let name = self.scope.text(it, "storyboardElementRef")?;
                 let found = kind.map(|kind| self.parts.named(kind, &name));
                 let begun = match found.as_deref() {
-                    Some([one]) => self.begins[*one],
-                    // An unclear name is a problem of the trigger itself.
+                    Some([first, ..]) => self.begins[*first],
+                    // An unknown name is a problem of the trigger itself.
                     _ => return Ok(None),
                 };
                 // An end comes after the begin, by a time that the run decides.

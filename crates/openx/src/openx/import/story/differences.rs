@@ -16,6 +16,8 @@ const STOPPED: &str = "stops by other actions or events, which are no ends";
 const PAST: &str = "transitions before their condition was asked";
 const WAITING: &str = "stop triggers of acts that have not begun";
 const REACHED: &str = "changes of speed that may begin at their target";
+/// A choice of brakecheck, for which no sentence of the standard is quoted.
+const FOLLOWED: &str = "relative speeds that change until they are reached";
 const ALONG: &str = "distances along the route";
 const STANDING: &str = "lateral motion of agents that may stand";
 const SCALED: &str = "scaled or shifted times of trajectories";
@@ -97,6 +99,10 @@ impl StoryWriter<'_> {
                 if takes_time && (event.is_some_and(repeats) || self.is_target_twice(node)) {
                     self.note(REACHED, node);
                 }
+                let is_step = dynamics.and_then(|it| it.raw("dynamicsShape")) == Some("step");
+                if !is_step && is_read_once(node, part) {
+                    self.note(FOLLOWED, node);
+                }
             }
             "FollowTrajectoryAction" if changes_times(node, &part.scope) => {
                 self.note(SCALED, node);
@@ -138,7 +144,7 @@ impl StoryWriter<'_> {
             .zip(condition.raw("storyboardElementRef"))
             .map(|(kind, name)| self.parts.named(kind, name));
         let state = condition.raw("state").unwrap_or_default();
-        let Some([of]) = named.as_deref() else {
+        let Some([of, ..]) = named.as_deref() else {
             return;
         };
         let is_end = matches!(state, "endTransition" | "stopTransition");
@@ -185,6 +191,16 @@ fn changes_times(action: &XmlNode, scope: &ParameterScope) -> bool {
     timing.is_some_and(|it| {
         let scales = scope.number(it, "scale").is_ok_and(|scale| scale != 1.0);
         scales || scope.number(it, "offset").is_ok_and(|offset| offset != 0.0)
+    })
+}
+
+/// Returns whether the target of a speed is relative to another entity, and does not last.
+fn is_read_once(node: &XmlNode, part: &StoryPart<'_>) -> bool {
+    let target = node.child("SpeedActionTarget");
+    let relative = target.and_then(|it| it.child("RelativeTargetSpeed"));
+    relative.is_some_and(|it| {
+        let of = part.scope.text(it, "entityRef").unwrap_or_default();
+        !part.scope.is_true(it, "continuous").unwrap_or(false) && !part.actors.contains(&of)
     })
 }
 

@@ -81,8 +81,14 @@ impl StoryWriter<'_> {
                 let (distance_type, coordinate_system) = time_distance(at)?;
                 let target = it.inner("TimeToCollisionConditionTarget")?.only()?;
                 if target.raw("entityRef").is_none() {
-                    let help = "name an entity as the target";
-                    return Err(target.refused("a time to a place is not read", help));
+                    return Ok(Some(EntityCondition::TimeToPlace {
+                        position: self.position(at.at(target))?,
+                        distance_type,
+                        coordinate_system,
+                        freespace: is_true(at, "freespace")?,
+                        rule: rule(it)?,
+                        value_s: value("value")?,
+                    }));
                 }
                 let name = at.scope.text(target, "entityRef")?;
                 EntityCondition::TimeToCollision {

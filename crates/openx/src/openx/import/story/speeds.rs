@@ -303,7 +303,10 @@ impl StoryWriter<'_> {
 
     pub(super) fn synchronize(&mut self, at: StatedIn<'_>) -> Result<Effect, ImportError> {
         let it = at.node;
-        self.ground.catalogs.note(OWN_APPROACH, it);
+        // Without a last speed its own is even, and in players it changes evenly.
+        if it.child("FinalSpeed").is_none() {
+            self.ground.catalogs.note(OWN_APPROACH, it);
+        }
         let master = self.entity(it, &at.scope.text(it, "masterEntityRef")?)?;
         let end = it.child("FinalSpeed").map(XmlNode::only).transpose()?;
         // Without a steady part the speed is reached at the place itself.

@@ -13,7 +13,7 @@ use crate::opendrive::tree::XmlNode;
 use crate::opendrive::ways::OnWay;
 use crate::openx::import::entity::ImportedEntity;
 use crate::openx::import::later::{SpeedBound, TimedPath};
-use crate::openx::import::laws::{approached, gap_of};
+use crate::openx::import::laws::{OWN_APPROACH, approached, gap_of};
 use crate::openx::import::places::PositionContext;
 use crate::openx::import::still::is_still;
 
@@ -55,6 +55,9 @@ pub(in super::super) struct StorySurvey {
     /// Names of the entities to which the storyboard refers.
     pub names: BTreeSet<String>,
 }
+
+/// Kind of a trajectory of a pedestrian who then stands still.
+const STAYS: &str = "walks behind the end of a trajectory";
 
 /// Action of a storyboard that moves somebody.
 struct MovingAction<'a> {
@@ -286,6 +289,7 @@ impl<'a> EntitySurvey<'a, '_> {
                     is_approach.then(|| approached(node, scope, self.ground, self.ego_mps).ok());
                 match read.flatten() {
                     Some(approach) => {
+                        self.ground.catalogs.note(OWN_APPROACH, node);
                         self.entity.approach = Some(approach);
                         self.taken.insert(action.number, TakenAction::Approach);
                     }
@@ -448,6 +452,9 @@ impl<'a> EntitySurvey<'a, '_> {
             .collect();
         let lasts_s: f64 = legs.iter().map(|(lasts_s, _)| lasts_s).sum();
         let stops = on_foot && is_straight;
+        if stops {
+            self.ground.catalogs.note(STAYS, action.node);
+        }
         let begin = action.begin;
         // The order of the legs does not matter for the greatest speed.
         for (_, speed_mps) in &legs {

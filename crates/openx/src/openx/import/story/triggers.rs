@@ -13,6 +13,9 @@ use crate::story::values::{
     Trigger, TriggeringRule,
 };
 
+/// Kind of a reference to the first of several elements.
+const NAMESAKES: &str = "other elements of a name that several have";
+
 impl StoryWriter<'_> {
     /// Returns the trigger of an element, which is empty without conditions.
     ///
@@ -65,6 +68,11 @@ impl StoryWriter<'_> {
             "ByValueCondition" => self.by_value(at.at(kind.only()?))?,
             "ByEntityCondition" => self.by_entity(at.at(kind))?,
             _ => return Err(unread(kind)),
+        };
+        let is = if edge == ConditionEdge::None {
+            from_the_start(is)
+        } else {
+            is
         };
         Ok(Condition {
             edge,
@@ -166,10 +174,10 @@ impl StoryWriter<'_> {
         let found = kind.map(|kind| self.parts.named(kind, &name));
         let element = match found.as_deref() {
             Some([one]) => *one,
-            Some([_, ..]) => {
-                // Players take the first of several elements of a name, or none.
-                let what = format!("several elements are called `{name}`");
-                return Err(it.refused(what, "give each of them a name of its own"));
+            Some([first, ..]) => {
+                // esmini takes the first, and so does the world.
+                self.ground.catalogs.note(NAMESAKES, it);
+                *first
             }
             _ => {
                 let what = format!("there is no `{word}` called `{name}`");
@@ -226,6 +234,19 @@ impl StoryWriter<'_> {
             rule,
             condition,
         })
+    }
+}
+
+/// Returns a wait for a time after 0 as one that holds at 0 itself.
+///
+/// No time lies in between, and what begins at the start is seen in the first sample.
+fn from_the_start(is: Expression) -> Expression {
+    match is {
+        Expression::SimulationTime {
+            rule: ComparisonRule::GreaterThan,
+            value_s: StoryNumber::Number(0.0),
+        } => constant(true),
+        other => other,
     }
 }
 

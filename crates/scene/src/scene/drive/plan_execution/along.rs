@@ -1,5 +1,7 @@
 //! Speeds that follow another agent, in steps that no sample time changes.
 
+use core::f64::consts::SQRT_2;
+
 use super::super::along_law::{AlongAim, AlongLaw, AlongRun};
 use super::super::motion_profile::{SAME_S, SpeedRamp, next_step_s};
 use super::super::story_law::greatest_rate;
@@ -369,15 +371,17 @@ impl PlanRun {
         };
         let (way_m, for_s) = (own_m - steady_m, left_s - steady_s);
         let step_s = next_s - time_s;
-        // With less than a step left the polynomial below has no room.
+        // With less than a step left there is no room for a change.
         if for_s <= step_s || way_m <= 0.0 {
             return Some([end_mps, end_mps]);
         }
-        // Speed of least mean square acceleration that has both ends, after a step.
-        let rate_mps2 = (6.0 * way_m / for_s - 4.0 * now_mps - 2.0 * end_mps) / for_s;
-        let jerk_mps3 = (6.0 * (now_mps + end_mps) - 12.0 * way_m / for_s) / (for_s * for_s);
-        let after_mps = now_mps + (rate_mps2 + 0.5 * jerk_mps3 * step_s) * step_s;
-        Some([now_mps, after_mps])
+        let approach = SynchronizeRamps {
+            way_m,
+            for_s,
+            now_mps,
+            end_mps,
+        };
+        Some([now_mps, approach.after_mps(step_s)])
     }
 
     /// Returns the instant at which the other arrives, as far as it is known now.
@@ -417,6 +421,98 @@ impl PlanRun {
             own_m,
             its_m: facing * (span.network.locate(law.of, &its).s_m - on.s_m),
             its_mps: other.speed_mps,
+        }
+    }
+}
+
+/// Way and time that are left before the steady part of a meeting.
+#[derive(Clone, Copy, Debug)]
+struct SynchronizeRamps {
+    way_m: f64,
+    for_s: f64,
+    now_mps: f64,
+    end_mps: f64,
+}
+
+impl SynchronizeRamps {
+    /// Returns the speed after a step.
+    ///
+    /// It changes evenly up to an apex, and then back at the same rate. With too much
+    /// time the body stops and waits. OpenSCENARIO leaves this open, so it is as in
+    /// esmini.
+    fn after_mps(self, step_s: f64) -> f64 {
+        let SynchronizeRamps {
+            way_m,
+            for_s,
+            now_mps,
+            end_mps,
+        } = self;
+        let mean_mps = way_m / for_s;
+        let away_mps = libm::hypot(mean_mps - now_mps, mean_mps - end_mps) / SQRT_2;
+        let apex_mps = if mean_mps > 0.5 * (now_mps + end_mps) {
+            mean_mps + away_mps
+        } else {
+            mean_mps - away_mps
+        };
+        if apex_mps < 0.0 {
+            if now_mps <= 0.0 {
+                return 0.0;
+            }
+            // The ways to and from rest are as the squares of the speeds.
+            let squares = now_mps * now_mps + end_mps * end_mps;
+            let stops_s = 2.0 * now_mps * way_m / squares;
+            return (now_mps * (1.0 - step_s / stops_s)).max(0.0);
+        }
+        let (first_mps, second_mps) = ((apex_mps - now_mps).abs(), (apex_mps - end_mps).abs());
+        if first_mps + second_mps == 0.0 {
+            return now_mps;
+        }
+        let apex_s = for_s * first_mps / (first_mps + second_mps);
+        if step_s <= apex_s {
+            now_mps + (apex_mps - now_mps) * step_s / apex_s
+        } else {
+            apex_mps + (end_mps - apex_mps) * (step_s - apex_s) / (for_s - apex_s)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Speed after some time, and the way that is left then.
+    fn played(mut approach: SynchronizeRamps, until_s: f64) -> (f64, f64) {
+        const STEP_S: f64 = 0.001;
+        for _ in 0..(until_s / STEP_S).round() as usize {
+            let after_mps = approach.after_mps(STEP_S);
+            approach.way_m -= 0.5 * (approach.now_mps + after_mps) * STEP_S;
+            approach.for_s -= STEP_S;
+            approach.now_mps = after_mps;
+        }
+        (approach.now_mps, approach.way_m)
+    }
+
+    #[test]
+    fn an_approach_has_two_even_rates_or_waits_at_rest() {
+        let approach = |way_m: f64, now_mps: f64| SynchronizeRamps {
+            way_m,
+            for_s: 8.0,
+            now_mps,
+            end_mps: 10.0,
+        };
+        // Way, first speed, time, speed and the way left: faster, slower and at rest.
+        for (way_m, now_mps, until_s, mps, left_m) in [
+            (100.0, 10.0, 4.0, 15.0, 50.0),
+            (100.0, 10.0, 7.99, 10.0, 0.1),
+            (60.0, 10.0, 4.0, 5.0, 30.0),
+            (40.0, 0.0, 4.0, 5.0, 30.0),
+            (20.0, 10.0, 2.5, 0.0, 10.0),
+            (20.0, 10.0, 5.9, 0.0, 10.0),
+            (20.0, 10.0, 7.0, 5.0, 7.5),
+        ] {
+            let found = played(approach(way_m, now_mps), until_s);
+            let off = (found.0 - mps).abs().max((found.1 - left_m).abs());
+            assert!(off < 0.05, "{way_m} m from {now_mps} m/s: {found:?}");
         }
     }
 }
