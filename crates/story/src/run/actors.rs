@@ -2,7 +2,7 @@
 
 use super::{SAME_S, StoryStep};
 use crate::condition::Instant;
-use crate::tree::{Actors, CheckedEffect, CheckedExpression};
+use crate::tree::{Actors, CheckedEffect, CheckedExpression, ElementKind};
 use crate::values::ConditionEdge;
 use crate::view::{ActorAction, MotionDomain, StoryStage};
 
