@@ -85,7 +85,7 @@ impl StoryWriter<'_> {
                         position: self.position(at.at(target))?,
                         distance_type,
                         coordinate_system,
-                        freespace: is_true(at, "freespace")?,
+                        freespace: at.scope.is_true(at.node, "freespace")?,
                         rule: rule(it)?,
                         value_s: value("value")?,
                     }));
