@@ -156,19 +156,17 @@ fn printable(text: &str) -> String {
 
 /// A text in which the ends of very long numbers are left out.
 fn with_short_numbers(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
     let mut digits = 0;
-    let is_shown = |(at, c): (usize, char)| {
+    for c in text.chars() {
         digits = if c.is_ascii_digit() { digits + 1 } else { 0 };
-        let next = text[at..].chars().nth(1);
-        let is_last = !next.is_some_and(|it| it.is_ascii_digit());
-        match digits {
-            0..=MOST_DIGITS => Some(c),
-            // Of the digits that are left out, the last one is shown as their sign.
-            _ if is_last => Some('…'),
-            _ => None,
+        if digits <= MOST_DIGITS {
+            shown.push(c);
+        } else if digits == MOST_DIGITS + 1 {
+            shown.push('…');
         }
-    };
-    text.char_indices().filter_map(is_shown).collect()
+    }
+    shown
 }
 
 impl fmt::Display for Note {
