@@ -136,7 +136,7 @@ fn an_interrupted_table_says_how_to_go_on() {
         .stderr(Stdio::piped())
         .spawn()
         .expect("it runs");
-    let begun = dir.path().join("out/runs/acc-300/manifest.json");
+    let begun = dir.path().join("out/runs/acc-1000/manifest.json");
     while !begun.exists() {
         std::thread::sleep(Duration::from_millis(20));
     }
