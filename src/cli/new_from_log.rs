@@ -112,7 +112,6 @@ pub(super) fn run(
     if recorded.worlds.is_empty() {
         return Err(nothing(args, kind, &recorded));
     }
-    // An empty folder leaves a joined path as it is.
     let folder = args.output.as_deref().unwrap_or(Path::new(""));
     let files = files_of(&recorded, folder)?;
     // The directory is made after all checks, so a refusal leaves nothing behind.

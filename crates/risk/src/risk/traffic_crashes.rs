@@ -140,14 +140,14 @@ impl TrafficCrashes {
     /// most often.
     fn climb(&mut self, player: &TrafficPlayer<'_>, played: &[TrafficRun], watch: &Watch<'_>) {
         let kinds = self.likeliest.iter().take(CLIMBED_KINDS);
-        let firsts = kinds.flat_map(|crash| {
+        let of_kinds = kinds.flat_map(|crash| {
             let is_of_kind = |run: &&TrafficRun| run.kind.as_ref() == Some(&crash.likelihood.kind);
             let mut runs: Vec<&TrafficRun> = played.iter().filter(is_of_kind).collect();
             runs.sort_by(|a, b| b.logs[0].total_cmp(&a.logs[0]));
             runs.truncate(CLIMBS);
             runs
         });
-        let firsts: Vec<&TrafficRun> = firsts.collect();
+        let firsts: Vec<&TrafficRun> = of_kinds.collect();
         let worker = || player.ego.bench();
         let climbed = EpisodeLoop::uncounted(watch).each(&firsts, worker, |bench, run, _| {
             Some(player.climbed(bench, run))
