@@ -112,15 +112,7 @@ pub(super) fn run(
     if recorded.worlds.is_empty() {
         return Err(nothing(args, kind, &recorded));
     }
-    let folder = args.output.as_deref().unwrap_or(Path::new(""));
-    let files = files_of(&recorded, folder)?;
-    // The directory is made after all checks, so a refusal leaves nothing behind.
-    if args.output.is_some() {
-        make_dir(folder)?;
-    }
-    for file in &files {
-        write_file(&file.path, file.text.as_bytes())?;
-    }
+    let files = written(args, &recorded)?;
     if prints_json {
         return print_worlds(&recorded, &files);
     }
@@ -128,7 +120,22 @@ pub(super) fn run(
     Ok(Exit::Done)
 }
 
-/// File of a world that is not written yet.
+/// Writes the worlds into the directory of the arguments, or here.
+fn written(args: &FromLogArgs, recorded: &RecordedWorlds) -> Result<Vec<NewFile>, Failure> {
+    // An empty folder leaves a joined path as it is.
+    let folder = args.output.as_deref().unwrap_or(Path::new(""));
+    let files = files_of(recorded, folder)?;
+    // The directory is made after all checks, so a refusal leaves nothing behind.
+    if args.output.is_some() {
+        make_dir(folder)?;
+    }
+    for file in &files {
+        write_file(&file.path, file.text.as_bytes())?;
+    }
+    Ok(files)
+}
+
+/// File of a world.
 struct NewFile {
     path: PathBuf,
     text: String,
