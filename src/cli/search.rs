@@ -107,7 +107,6 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         egos: &egos,
         run: run.as_ref(),
         method: Method::named(args.method.name, &settings)?,
-        // Every method has a usual budget of its own.
         budget: args.budget.unwrap_or(args.method.budget),
         starts: (args.starts, args.seed),
     };
