@@ -200,25 +200,6 @@ fn a_line_of_the_greatest_length_and_a_message_of_two_kinds_are_answered_once() 
 }
 
 #[test]
-fn an_episode_that_is_decided_at_its_start_is_counted() {
-    let dir = scratch();
-    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
-    let rule = "rulebook: [Rule(name: \"fast\", stl: \"always[0, T] (ado.speed >= 90)\"),";
-    let file = path(&dir, "acc.ron");
-    std::fs::write(&file, text.replacen("rulebook: [", rule, 1)).expect("written");
-    let (output, answers) = say(&[&file], &lines(&[json!({ "reset": { "index": 0 } })]));
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert_eq!(answers[0]["done"], true, "{}", answers[0]);
-    assert_eq!(answers[0]["broken_rule"], "fast");
-    let said = stderr(&output);
-    assert!(
-        said.contains("1 judged episode, the ego failed in 0 of them, 0 kept"),
-        "{said}"
-    );
-    assert!(said.contains("0 decisions, 0 messages"), "{said}");
-}
-
-#[test]
 fn a_simulator_that_reads_no_answers_ends_it_with_3() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_brakecheck"))
         .args(["serve", "acc"])

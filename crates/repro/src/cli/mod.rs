@@ -45,7 +45,7 @@ const MOST_SEEDS: u64 = 100;
 /// Seeds are named in files: no more than nine digits.
 const MOST_SEED: u64 = 999_999_999;
 
-/// Studies in the order of `all`, with the sizes that take about two hours of processor
+/// Studies in the order of `all`, with the sizes that take one to two hours of processor
 /// time together.
 const STUDIES: [StudyPlan; 9] = [
     StudyPlan::new(What::CaseStudies, "case-studies", 3, 200, case_studies::run),
