@@ -229,9 +229,9 @@ mod tests {
     use super::*;
 
     /// Policy that draws its four actions alike, and prefers the first.
-    struct Uniform;
+    struct EvenPolicy;
 
-    impl Policy for Uniform {
+    impl Policy for EvenPolicy {
         fn act(&self, _obs: &[f32]) -> usize {
             0
         }
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_drawn_action_is_one_of_those_allowed() {
-        let mut actor = SampledPolicy::new(&Uniform, 1.0, 0);
+        let mut actor = SampledPolicy::new(&EvenPolicy, 1.0, 0);
         actor.begin(7, &Start(Vec::new()));
         let mut counts = [0; 4];
         for _ in 0..600 {
@@ -262,7 +262,7 @@ mod tests {
         assert_eq!([never, nor], [0, 0]);
         assert!(one > 240 && other > 240, "{counts:?}");
         // If all are allowed, the draws are those without a limit.
-        let mut free = SampledPolicy::new(&Uniform, 1.0, 0);
+        let mut free = SampledPolicy::new(&EvenPolicy, 1.0, 0);
         for actor in [&mut actor, &mut free] {
             actor.begin(8, &Start(Vec::new()));
         }
