@@ -8,7 +8,7 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::Aftermath;
 use serde_json::{Value, json};
 
-use super::{brakecheck, code, path, refusal, root, scratch, small_run, stderr};
+use super::{brakecheck, code, path, refusal, scratch, small_run, stderr};
 
 /// Says all lines at once, and reads what is answered.
 fn say(args: &[&str], lines: &[u8]) -> (Output, Vec<Value>) {
